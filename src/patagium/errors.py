@@ -1,0 +1,118 @@
+"""What can go wrong, as exceptions that carry the evidence.
+
+Every exception of patagium is a `PatagiumError`, and also the builtin a caller
+would catch by habit. Inside compiled numerics nothing is raised: an `Outcome`
+is returned, and turned into an exception at the door.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+
+class PatagiumError(Exception):
+    """Root of everything patagium raises on purpose."""
+
+
+class ShapeError(PatagiumError, ValueError):
+    """An array of the wrong shape.
+
+    Args:
+        name: The argument.
+        expected: Expected shape, in words or as a tuple.
+        found: Shape found.
+    """
+
+    def __init__(self, name: str, expected: object, found: object) -> None:
+        super().__init__(f"{name}: expected shape {expected}, found {found}")
+        self.name, self.expected, self.found = name, expected, found
+
+
+class ParameterError(PatagiumError, ValueError):
+    """An argument outside of what it may be.
+
+    Args:
+        name: The argument.
+        expected: What it may be, in words.
+        found: What it was.
+    """
+
+    def __init__(self, name: str, expected: str, found: object) -> None:
+        super().__init__(f"{name}: expected {expected}, found {found!r}")
+        self.name, self.expected, self.found = name, expected, found
+
+
+class RobotFileError(PatagiumError, ValueError):
+    """A robot file that does not describe a robot.
+
+    Args:
+        file: The file.
+        problems: One `(path in the file, expected, found)` a problem.
+    """
+
+    def __init__(self, file: str, problems: list[tuple[str, str, str]]) -> None:
+        lines = [
+            f"{file}: {where or 'file'}: expected {want}, found {got}"
+            for where, want, got in problems
+        ]
+        super().__init__("\n".join(lines))
+        self.file, self.problems = file, problems
+
+
+class LogError(PatagiumError, ValueError):
+    """A table or flight that cannot be used as it stands."""
+
+
+class FlightError(PatagiumError, ValueError):
+    """A flight record that misses a quantity or contradicts itself."""
+
+
+class Outcome(IntEnum):
+    """How a compiled computation ended; the integers are those of the C kernels."""
+
+    COMPLETED = 0
+    NOT_FINITE = 1
+    COVARIANCE_LOST = 2
+    LIMIT_REACHED = 3
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do about it."""
+        return {
+            Outcome.COMPLETED: "nothing to mend",
+            Outcome.NOT_FINITE: "reduce the time step, or check gait, mount and initial state",
+            Outcome.COVARIANCE_LOST: "raise measurement_deviation or add process noise",
+            Outcome.LIMIT_REACHED: "the motion left the model's range; see the named quantity",
+        }[self]
+
+
+class SimulationFailed(PatagiumError, RuntimeError):
+    """A run that stopped early.
+
+    Args:
+        message: When and why it stopped, and the remedy.
+        flight: The flight up to there (an `xarray.Dataset`).
+        outcome: Why it stopped.
+    """
+
+    def __init__(self, message: str, flight: Any, outcome: Outcome) -> None:
+        super().__init__(message)
+        self.flight, self.outcome = flight, outcome
+
+
+class FilterDiverged(PatagiumError, RuntimeError):
+    """A learner whose estimate or covariance was lost.
+
+    Args:
+        message: When and why, and the remedy.
+        outcome: Why it stopped.
+    """
+
+    def __init__(self, message: str, outcome: Outcome) -> None:
+        super().__init__(message)
+        self.outcome = outcome
+
+
+class CompilerError(PatagiumError, RuntimeError):
+    """A compiler that is there but failed; carries its output."""
