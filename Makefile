@@ -1,0 +1,58 @@
+# Everything a person needs: Python 3.11 to 3.13 with venv, and make.
+#
+#   make demo     the paper's experiment, corrected and as published: out/demo/report.html
+#   make test     the tests
+#   make check    format, lint, types, layers, spelling, and the tests
+#   make bench    times of the compiled functions, against their rivals
+#
+# The first call makes .venv from requirements.lock. PYTHON=python3.12 picks another Python.
+
+PYTHON ?= python3
+JOBS ?= 2
+TESTS ?= tests
+OUT ?= out
+UV ?= uv
+
+BIN := .venv/bin
+STAMP := .venv/installed
+
+.PHONY: install demo test lint check bench lock
+
+install: $(STAMP)
+
+$(STAMP): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || { \
+	  echo "patagium needs Python 3.11 to 3.13, and \`$(PYTHON)\` is not one: try 'make PYTHON=python3.12 ...'." >&2; \
+	  exit 1; }
+	@rm -f $@
+	@test -x $(BIN)/python || { echo "Making .venv with $(PYTHON)"; $(PYTHON) -m venv .venv; }
+	@echo "Installing requirements.lock into .venv (once)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+demo: $(STAMP)
+	@$(BIN)/patagium reproduce --out $(OUT)/demo
+
+test: $(STAMP)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(TESTS)
+
+lint: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+	@$(BIN)/codespell src tests docs README.md CHANGELOG.md
+
+check: lint test
+
+bench: $(STAMP)
+	@mkdir -p $(OUT)
+	@$(BIN)/patagium bench --json $(OUT)/bench.json
+
+# Needs uv. The lock names no index: the one pip is configured with serves it.
+lock:
+	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv, or UV=path/to/uv" >&2; exit 1; }
+	$(UV) pip compile pyproject.toml --all-extras --universal --python-version 3.11 \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
+	  --output-file requirements.lock

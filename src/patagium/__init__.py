@@ -1,0 +1,105 @@
+"""Morphing-wing robots: their equations, their flight, and what the air does to them.
+
+A robot file becomes compiled equations of motion; a gait and a model of the air
+become a flight; a flight becomes a learned model of the air. Everything is SI and
+radians; x forward, y left, z up. Names are resolved when first used, so that
+importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from patagium.aerodynamics import Air as Air
+    from patagium.aerodynamics import DrydenGust as DrydenGust
+    from patagium.aerodynamics import OneMinusCosineGust as OneMinusCosineGust
+    from patagium.aerodynamics import Published as Published
+    from patagium.aerodynamics import QuasiSteady as QuasiSteady
+    from patagium.dynamics import Dynamics as Dynamics
+    from patagium.errors import CompilerError as CompilerError
+    from patagium.errors import FilterDiverged as FilterDiverged
+    from patagium.errors import FlightError as FlightError
+    from patagium.errors import LogError as LogError
+    from patagium.errors import Outcome as Outcome
+    from patagium.errors import ParameterError as ParameterError
+    from patagium.errors import PatagiumError as PatagiumError
+    from patagium.errors import RobotFileError as RobotFileError
+    from patagium.errors import ShapeError as ShapeError
+    from patagium.errors import SimulationFailed as SimulationFailed
+    from patagium.identification import CubatureLearner as CubatureLearner
+    from patagium.identification import DenseNetwork as DenseNetwork
+    from patagium.identification import ExtendedLearner as ExtendedLearner
+    from patagium.identification import GradientLearner as GradientLearner
+    from patagium.identification import LinearLearner as LinearLearner
+    from patagium.identification import StripNetwork as StripNetwork
+    from patagium.identification import evaluate as evaluate
+    from patagium.identification import identify as identify
+    from patagium.identification import training_data as training_data
+    from patagium.robot import Robot as Robot
+    from patagium.robot import load_robot as load_robot
+    from patagium.simulation import gaits as gaits
+    from patagium.simulation import load_flight as load_flight
+    from patagium.simulation import mounts as mounts
+    from patagium.simulation import save_flight as save_flight
+    from patagium.simulation import simulate as simulate
+    from patagium.simulation import simulate_published as simulate_published
+
+_HOMES = {
+    "errors": (
+        "CompilerError",
+        "FilterDiverged",
+        "FlightError",
+        "LogError",
+        "Outcome",
+        "ParameterError",
+        "PatagiumError",
+        "RobotFileError",
+        "ShapeError",
+        "SimulationFailed",
+    ),
+    "robot": ("Robot", "load_robot"),
+    "dynamics": ("Dynamics",),
+    "aerodynamics": ("Air", "DrydenGust", "OneMinusCosineGust", "Published", "QuasiSteady"),
+    "simulation": (
+        "gaits",
+        "load_flight",
+        "mounts",
+        "save_flight",
+        "simulate",
+        "simulate_published",
+    ),
+    "identification": (
+        "CubatureLearner",
+        "DenseNetwork",
+        "ExtendedLearner",
+        "GradientLearner",
+        "LinearLearner",
+        "StripNetwork",
+        "evaluate",
+        "identify",
+        "training_data",
+    ),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = ["__version__", *sorted(_HOME_OF)]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    package = import_module(f"{__name__}.{home}")
+    value = getattr(package, name, None)
+    if value is None:  # a submodule of its home
+        value = import_module(f"{__name__}.{home}.{name}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
