@@ -1,0 +1,122 @@
+"""The mass matrix by the composite-rigid-body algorithm.
+
+Bodies are merged from the tips to the root; the momentum that a unit rate of
+each joint gives its composite body is carried on to the root, and its component
+along each joint passed is an entry of D.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from patagium.dynamics.chain import (
+    Turn,
+    cross,
+    is_identity,
+    joint_chain,
+    orientation_matrix,
+    symmetric,
+    vector,
+)
+from patagium.robot.model import Body, Robot
+
+
+class _Composite:
+    """Mass, first moment and inertia about an origin, and momenta of unit joint rates."""
+
+    def __init__(self) -> None:
+        self.mass = ca.SX(0)
+        self.first = ca.SX.zeros(3, 1)
+        self.inertia = ca.SX.zeros(3, 3)
+        self.momenta: list[tuple[int, ca.SX, ca.SX]] = []  # coordinate, linear, angular
+
+    def add_body(self, body: Body) -> None:
+        center = vector(body.center_of_mass)
+        first = center * body.mass
+        self.mass = self.mass + body.mass
+        self.first = self.first + first
+        self.inertia = self.inertia + central_inertia(body) + _shift(first, center)
+
+    def merge(self, other: _Composite) -> None:
+        self.mass = self.mass + other.mass
+        self.first = self.first + other.first
+        self.inertia = self.inertia + other.inertia
+        self.momenta += other.momenta
+
+    def turn(self, turned: Turn) -> None:
+        self.first = turned.inward(self.first)
+        self.inertia = turned.inward_inertia(self.inertia)
+        self.momenta = [(k, turned.inward(p), turned.inward(h)) for k, p, h in self.momenta]
+
+    def turn_fixed(self, matrix: ca.SX) -> None:
+        self.first = matrix @ self.first
+        self.inertia = symmetric(matrix @ self.inertia @ matrix.T)
+        self.momenta = [(k, matrix @ p, matrix @ h) for k, p, h in self.momenta]
+
+    def shift(self, offset: ca.SX) -> None:
+        """The same about an origin from which the old one is at `offset`."""
+        twice = self.first + offset * (self.mass / 2)
+        self.inertia = self.inertia + _shift(twice, offset) + _shift(offset, twice)
+        self.first = self.first + offset * self.mass
+        self.momenta = [(k, p, h + cross(offset, p)) for k, p, h in self.momenta]
+
+
+def central_inertia(body: Body) -> ca.SX:
+    """Inertia of a body about its centre of mass, body axes, (3, 3) [kg m^2]."""
+    xx, yy, zz, xy, xz, yz = body.inertia
+    return ca.SX(
+        ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    )
+
+
+def mass_matrix(robot: Robot, q: ca.SX) -> ca.SX:
+    """Generalized inertia of the robot.
+
+    D(q) = d^2 K / d v^2, the Hessian of the kinetic energy K(q, v) = 1/2 v^T D v.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+
+    Returns:
+        D, (n, n) [kg, kg m, kg m^2]: symmetric, positive definite; zero between
+        coordinates of different branches.
+
+    References:
+        Featherstone (2008), Rigid Body Dynamics Algorithms, chapter 6.
+    """
+    matrix = ca.SX(robot.dof, robot.dof)
+    composites = [_Composite() for _ in robot.bodies]
+    for index in reversed(range(len(robot.bodies))):
+        body, composite = robot.bodies[index], composites[index]
+        composite.add_body(body)
+        for joint in reversed(joint_chain(body)):
+            axis = vector(joint.axis)
+            revolute = joint.kind == "revolute"
+            if revolute:
+                linear, angular = cross(axis, composite.first), composite.inertia @ axis
+            else:
+                linear, angular = axis * composite.mass, cross(composite.first, axis)
+            composite.momenta.append((joint.dof, linear, angular))
+            for k, p, h in composite.momenta:
+                entry = ca.dot(axis, h if revolute else p)
+                if not entry.is_zero():
+                    matrix[joint.dof, k] = matrix[k, joint.dof] = entry
+            if revolute:
+                composite.turn(Turn(joint.axis, q[joint.dof]))
+            else:
+                composite.shift(axis * q[joint.dof])
+        if body.parent < 0:
+            continue
+        if not is_identity(body):
+            composite.turn_fixed(orientation_matrix(body))
+        composite.shift(vector(body.position))
+        composites[body.parent].merge(composite)
+    return matrix
+
+
+def _shift(a: ca.SX, b: ca.SX) -> ca.SX:
+    """(a . b) 1 - symmetric part of a b^T, by its upper triangle, (3, 3)."""
+    products = a @ b.T
+    out = ca.trace(products) * ca.SX.eye(3) - products
+    return symmetric(ca.SX(out))

@@ -1,0 +1,196 @@
+"""Equations of motion of a robot as CasADi expressions.
+
+D(q) a + C(q, v) v + G(q) = u1 + Q: symbols in, symbols out, for any robot whose
+numbers are floats or symbols. `Dynamics` compiles them; an optimal control
+problem may use them as they are. Neglected: elasticity, friction, contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from patagium.dynamics.chain import cross, parent_coordinates, vector
+from patagium.dynamics.composite_body import central_inertia, mass_matrix
+from patagium.dynamics.factorization import solve
+from patagium.dynamics.kinematics import body_poses, body_velocities
+from patagium.dynamics.newton_euler import newton_euler
+from patagium.robot.model import Robot
+
+__all__ = [
+    "angular_momentum",
+    "bias",
+    "center_of_mass",
+    "coriolis",
+    "damping_force",
+    "forward",
+    "forward_prescribed",
+    "gravity_force",
+    "inverse",
+    "kinetic_energy",
+    "mass_matrix",
+    "momentum",
+    "potential_energy",
+    "total_mass",
+]
+
+
+def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+    """Generalized force of a motion, D a + C v + G, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+    """
+    return newton_euler(robot, q, v, a, ca.SX(robot.gravity))
+
+
+def bias(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Coriolis and gravity force, C v + G, (n, 1) [N, N m]."""
+    return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity))
+
+
+def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Coriolis and centrifugal force, C(q, v) v, (n, 1) [N, N m].
+
+    C v = (d(D v)/dq) v - dK/dq; it does no work in excess of D's change.
+    """
+    return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(0))
+
+
+def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
+    """Gravity force, G = dU/dq, (n, 1) [N, N m]."""
+    zero = ca.SX.zeros(robot.dof, 1)
+    return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity))
+
+
+def forward(robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX) -> ca.SX:
+    """Acceleration of the free robot, a = D^-1 (f - C v - G), (n, 1) [m/s^2, rad/s^2].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        f: Every generalized force but inertia and gravity, (n,) [N, N m].
+    """
+    return solve(mass_matrix(robot, q), f - bias(robot, q, v), parent_coordinates(robot))
+
+
+def forward_prescribed(
+    robot: Robot,
+    q: ca.SX,
+    v: ca.SX,
+    a_prescribed: ca.SX,
+    f: ca.SX,
+    prescribed: Sequence[int] | None = None,
+) -> tuple[ca.SX, ca.SX]:
+    """Acceleration and constraint force where some coordinates follow a motion exactly.
+
+    With u the free and a the prescribed coordinates: D_uu a_u = f_u - h_u - D_ua a_a,
+    and the force that keeps the motion is D_au a_u + D_aa a_a + h_a - f_a, h = C v + G.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a_prescribed: Accelerations of the prescribed coordinates, (n_a,).
+        f: Every generalized force but inertia, gravity and the constraint's, (n,).
+        prescribed: Indices of the prescribed coordinates; the actuated ones by default.
+
+    Returns:
+        a, (n, 1), and the constraint force, (n, 1), zero in the free coordinates.
+    """
+    held = tuple(robot.actuated if prescribed is None else prescribed)
+    free = tuple(i for i in range(robot.dof) if i not in held)
+    a = ca.SX.zeros(robot.dof, 1)
+    for position, i in enumerate(held):
+        a[i] = a_prescribed[position]
+    residual = f - newton_euler(robot, q, v, a, ca.SX(robot.gravity))
+    force = ca.SX.zeros(robot.dof, 1)
+    for i in held:
+        force[i] = -residual[i]
+    if not free:
+        return a, force
+    matrix = mass_matrix(robot, q)
+    selected = list(free)
+    a_free = solve(matrix[selected, selected], residual[selected], _parents_among(robot, free))
+    for position, i in enumerate(free):
+        a[i] = a_free[position]
+        for k in held:
+            force[k] = force[k] + matrix[k, i] * a_free[position]
+    return a, force
+
+
+def _parents_among(robot: Robot, selected: tuple[int, ...]) -> tuple[int, ...]:
+    """Tree of the selected coordinates: each hangs on its nearest selected ancestor."""
+    parents = parent_coordinates(robot)
+    nearest = []
+    for i in selected:
+        k = parents[i]
+        while k >= 0 and k not in selected:
+            k = parents[k]
+        nearest.append(selected.index(k) if k >= 0 else -1)
+    return tuple(nearest)
+
+
+def damping_force(robot: Robot, v: ca.SX) -> ca.SX:
+    """Force of the passive dampers, -d v, (n, 1) [N, N m]."""
+    return -ca.vertcat(*[ca.SX(d) for d in robot.damping]) * v
+
+
+def total_mass(robot: Robot) -> ca.SX:
+    """Mass of all bodies, scalar [kg]."""
+    mass = ca.SX(0)
+    for body in robot.bodies:
+        mass = mass + body.mass
+    return mass
+
+
+def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
+    """Center of mass of the robot, world axes, (3, 1) [m]."""
+    moment = ca.SX.zeros(3, 1)
+    for body, pose in zip(robot.bodies, body_poses(robot, q), strict=True):
+        moment = moment + body.mass * (pose.position + pose.rotation @ vector(body.center_of_mass))
+    return moment / total_mass(robot)
+
+
+def potential_energy(robot: Robot, q: ca.SX) -> ca.SX:
+    """Potential energy of gravity, U = m g z of the center of mass, scalar [J]."""
+    return total_mass(robot) * robot.gravity * center_of_mass(robot, q)[2]
+
+
+def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Kinetic energy, the sum over bodies of m |v_c|^2 / 2 + w . I w / 2, scalar [J]."""
+    energy = ca.SX(0)
+    for body, twist in zip(robot.bodies, body_velocities(robot, q, v), strict=True):
+        velocity = twist.linear + cross(twist.angular, vector(body.center_of_mass))
+        spin = central_inertia(body) @ twist.angular
+        energy = energy + body.mass * ca.dot(velocity, velocity) / 2
+        energy = energy + ca.dot(twist.angular, spin) / 2
+    return energy
+
+
+def momentum(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Linear momentum, world axes, (3, 1) [kg m/s]."""
+    return _momenta(robot, q, v)[0]
+
+
+def angular_momentum(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Angular momentum about the world's origin, world axes, (3, 1) [kg m^2/s]."""
+    return _momenta(robot, q, v)[1]
+
+
+def _momenta(robot: Robot, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
+    linear, angular = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
+    poses, twists = body_poses(robot, q), body_velocities(robot, q, v)
+    for body, pose, twist in zip(robot.bodies, poses, twists, strict=True):
+        center = vector(body.center_of_mass)
+        velocity = pose.rotation @ (twist.linear + cross(twist.angular, center))
+        spin = pose.rotation @ (central_inertia(body) @ twist.angular)
+        linear = linear + body.mass * velocity
+        arm = pose.position + pose.rotation @ center
+        angular = angular + spin + cross(arm, body.mass * velocity)
+    return linear, angular

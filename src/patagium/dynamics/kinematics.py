@@ -1,0 +1,192 @@
+"""Where every body is and how it moves, as CasADi expressions.
+
+Poses in world axes, velocities in body axes, points, Jacobians, and the
+transposed Jacobian that maps forces on bodies to the coordinates of q.
+Observer: the inertial world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from patagium.dynamics.chain import (
+    Turn,
+    cross,
+    is_identity,
+    joint_chain,
+    orientation_matrix,
+    vector,
+)
+from patagium.robot.model import Robot
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a body is.
+
+    Attributes:
+        position: Origin in world axes, (3, 1) [m].
+        rotation: Body axes to world axes, (3, 3).
+    """
+
+    position: ca.SX
+    rotation: ca.SX
+
+
+@dataclass(frozen=True)
+class Twist:
+    """How a body moves, in its own axes.
+
+    Attributes:
+        linear: Velocity of the origin, (3, 1) [m/s].
+        angular: Angular velocity, (3, 1) [rad/s].
+    """
+
+    linear: ca.SX
+    angular: ca.SX
+
+
+def body_poses(robot: Robot, q: ca.SX) -> list[Pose]:
+    """Origin and axes of every body in the world.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+
+    Returns:
+        One pose a body; the rotations are proper.
+    """
+    poses: list[Pose] = []
+    for body in robot.bodies:
+        if body.parent >= 0:
+            position, rotation = poses[body.parent].position, poses[body.parent].rotation
+        else:
+            position, rotation = ca.SX.zeros(3, 1), ca.SX.eye(3)
+        position = position + rotation @ vector(body.position)
+        if not is_identity(body):
+            rotation = rotation @ orientation_matrix(body)
+        for joint in joint_chain(body):
+            if joint.kind == "revolute":
+                rotation = rotation @ Turn(joint.axis, q[joint.dof]).matrix
+            else:
+                position = position + rotation @ (vector(joint.axis) * q[joint.dof])
+        poses.append(Pose(position, rotation))
+    return poses
+
+
+def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
+    """Velocity of the origin and angular velocity of every body, in body axes.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+
+    Returns:
+        One twist a body.
+    """
+    twists: list[Twist] = []
+    for body in robot.bodies:
+        if body.parent >= 0:
+            linear, angular = twists[body.parent].linear, twists[body.parent].angular
+        else:
+            linear, angular = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
+        linear = linear + cross(angular, vector(body.position))
+        if not is_identity(body):
+            turn = orientation_matrix(body).T
+            linear, angular = turn @ linear, turn @ angular
+        for joint in joint_chain(body):
+            axis = vector(joint.axis)
+            if joint.kind == "revolute":
+                turned = Turn(joint.axis, q[joint.dof])
+                linear = turned.outward(linear)
+                angular = turned.outward(angular) + axis * v[joint.dof]
+            else:
+                linear = linear + cross(angular, axis * q[joint.dof]) + axis * v[joint.dof]
+        twists.append(Twist(linear, angular))
+    return twists
+
+
+def point_position(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
+    """Position of a point fixed to a body, world axes, (3, 1) [m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        body: Index of the body.
+        offset: The point from the body's origin, body axes, (3, 1) [m].
+    """
+    pose = body_poses(robot, q)[body]
+    return pose.position + pose.rotation @ offset
+
+
+def point_velocity(robot: Robot, q: ca.SX, v: ca.SX, body: int, offset: ca.SX) -> ca.SX:
+    """Velocity of a point fixed to a body, world axes, (3, 1) [m/s].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        body: Index of the body.
+        offset: The point from the body's origin, body axes, (3, 1) [m].
+    """
+    twist = body_velocities(robot, q, v)[body]
+    return body_poses(robot, q)[body].rotation @ (twist.linear + cross(twist.angular, offset))
+
+
+def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
+    """Jacobian of a point's world position with respect to q, (3, n) [1, m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        body: Index of the body.
+        offset: The point from the body's origin, body axes, (3, 1) [m].
+    """
+    v = ca.SX.sym("v", robot.dof)  # type: ignore[arg-type]
+    return ca.jacobian(point_velocity(robot, q, v, body, offset), v)
+
+
+def generalized_force(
+    robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX, ca.SX]]
+) -> ca.SX:
+    """Generalized force of forces and moments on the bodies, (n, 1) [N, N m].
+
+    Q = sum_b J_b^T f_b + Jw_b^T m_b, gathered from the tips to the root.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        wrenches: For a body's index the force (3, 1) [N] and the moment about the
+            body's origin (3, 1) [N m], both in body axes.
+
+    References:
+        Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3 (backward pass).
+    """
+    zero = ca.SX.zeros(3, 1)
+    forces = [wrenches[b][0] if b in wrenches else zero for b in range(len(robot.bodies))]
+    moments = [wrenches[b][1] if b in wrenches else zero for b in range(len(robot.bodies))]
+    generalized = ca.SX.zeros(robot.dof, 1)
+    for index in reversed(range(len(robot.bodies))):
+        body = robot.bodies[index]
+        force, moment = forces[index], moments[index]
+        for joint in reversed(joint_chain(body)):
+            axis = vector(joint.axis)
+            if joint.kind == "revolute":
+                generalized[joint.dof] = ca.dot(axis, moment)
+                turned = Turn(joint.axis, q[joint.dof])
+                force, moment = turned.inward(force), turned.inward(moment)
+            else:
+                generalized[joint.dof] = ca.dot(axis, force)
+                moment = moment + cross(axis * q[joint.dof], force)
+        if body.parent < 0:
+            continue
+        if not is_identity(body):
+            turn = orientation_matrix(body)
+            force, moment = turn @ force, turn @ moment
+        forces[body.parent] = forces[body.parent] + force
+        moments[body.parent] = moments[body.parent] + moment + cross(vector(body.position), force)
+    return generalized

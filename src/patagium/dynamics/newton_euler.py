@@ -1,0 +1,105 @@
+"""Inverse dynamics by the recursive Newton-Euler algorithm.
+
+Conventional accelerations are carried outwards in body axes, forces inwards.
+The velocity of the root never enters (Galilean invariance). A body's inertia
+enters through its mass, first moment h = m c and second moment
+S = integral r r^T dm about its origin, with which force and moment of the
+acceleration field a + W r, W = [dw]x + [w]x^2, are m a + W h and
+h x a + integral r x (W r) dm.
+
+Neglected: friction, elasticity; passive damping is a force, not part of this.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from patagium.dynamics.chain import (
+    Turn,
+    cross,
+    is_identity,
+    joint_chain,
+    orientation_matrix,
+    vector,
+)
+from patagium.dynamics.kinematics import generalized_force
+from patagium.robot.model import Body, Robot
+
+
+def newton_euler(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Generalized force of a motion, D a + C v + G.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        gravity: Acceleration of free fall along -z, scalar [m/s^2].
+
+    Returns:
+        Generalized force, (n, 1) [N, N m]; linear in a.
+
+    References:
+        Luh, Walker and Paul (1980); Featherstone (2008), section 5.3.
+    """
+    states: list[tuple[ca.SX, ca.SX, ca.SX]] = []
+    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+    ground = (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1), ca.vertcat(0, 0, gravity))
+    for index, body in enumerate(robot.bodies):
+        w, dw, acceleration = states[body.parent] if body.parent >= 0 else ground
+        if body.parent >= 0:
+            acceleration = acceleration + _field(w, dw) @ vector(body.position)
+        if not is_identity(body):
+            turn = orientation_matrix(body).T
+            w, dw, acceleration = turn @ w, turn @ dw, turn @ acceleration
+        for joint in joint_chain(body):
+            axis = vector(joint.axis)
+            if joint.kind == "revolute":
+                turned = Turn(joint.axis, q[joint.dof])
+                w, dw = turned.outward(w), turned.outward(dw)
+                acceleration = turned.outward(acceleration)
+                spin = axis * v[joint.dof]
+                dw = dw + axis * a[joint.dof] + cross(w, spin)
+                w = w + spin
+            else:
+                acceleration = (
+                    acceleration
+                    + _field(w, dw) @ (axis * q[joint.dof])
+                    + cross(w, axis * (2 * v[joint.dof]))
+                    + axis * a[joint.dof]
+                )
+        states.append((w, dw, acceleration))
+        wrenches[index] = _inertial_wrench(body, _field(w, dw), acceleration)
+    return generalized_force(robot, q, wrenches)
+
+
+def _field(w: ca.SX, dw: ca.SX) -> ca.SX:
+    """Gradient W of the acceleration field of a turning body, (3, 3) [1/s^2]."""
+    xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+    return ca.vertcat(
+        ca.horzcat(-yy - zz, xy - dw[2], xz + dw[1]),
+        ca.horzcat(xy + dw[2], -xx - zz, yz - dw[0]),
+        ca.horzcat(xz - dw[1], yz + dw[0], -xx - yy),
+    )
+
+
+def _inertial_wrench(body: Body, field: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
+    first = vector(body.center_of_mass) * body.mass
+    moment = field @ second_moment(body)
+    turning = ca.vertcat(
+        moment[2, 1] - moment[1, 2], moment[0, 2] - moment[2, 0], moment[1, 0] - moment[0, 1]
+    )
+    return acceleration * body.mass + field @ first, cross(first, acceleration) + turning
+
+
+def second_moment(body: Body) -> ca.SX:
+    """Second moment of mass about the body's origin, integral r r^T dm, (3, 3) [kg m^2]."""
+    xx, yy, zz, xy, xz, yz = body.inertia
+    central = ca.vertcat(
+        ca.horzcat((yy + zz - xx) / 2, -xy, -xz),
+        ca.horzcat(-xy, (xx + zz - yy) / 2, -yz),
+        ca.horzcat(-xz, -yz, (xx + yy - zz) / 2),
+    )
+    center = vector(body.center_of_mass)
+    return ca.SX(central) + (center * body.mass) @ center.T
