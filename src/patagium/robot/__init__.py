@@ -1,0 +1,15 @@
+"""What the machine is: bodies, joints, wings and linkages as validated, frozen models."""
+
+from patagium.robot.files import load_robot, load_robot_text, preset_names, preset_text
+from patagium.robot.model import Body, Joint, Robot, Strip
+
+__all__ = [
+    "Body",
+    "Joint",
+    "Robot",
+    "Strip",
+    "load_robot",
+    "load_robot_text",
+    "preset_names",
+    "preset_text",
+]

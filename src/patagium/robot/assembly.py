@@ -1,0 +1,308 @@
+"""From a robot file's parts to the frozen robot.
+
+Mirrors what is to be mirrored, orders parents before children, numbers the
+coordinates, and cuts the wings into strips.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from patagium.errors import ParameterError
+from patagium.robot.model import FLOATING_COORDINATES, Body, Joint, Robot, Strip
+from patagium.robot.schema import BodyPart, RobotFile
+from patagium.robot.strips import cut_wing
+
+_REFLECTION = np.diag([1.0, -1.0, 1.0])
+
+
+class AssemblyError(ValueError):
+    """Parts that are each valid but do not make a robot.
+
+    Args:
+        problems: One `(path in the file, expected, found)` a problem.
+    """
+
+    def __init__(self, *problems: tuple[str, str, str]) -> None:
+        super().__init__(problems)
+        self.problems = list(problems)
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A body before its parents and coordinates have numbers."""
+
+    name: str
+    parent: str | None
+    part: BodyPart
+    joints: tuple[tuple[str, str, tuple[float, float, float]], ...]
+    orientation: Any
+    reflected: bool
+    path: str
+
+
+def assemble(file: RobotFile, source: str) -> Robot:
+    """The robot that a file describes.
+
+    Args:
+        file: Parts of the file, in SI.
+        source: Text of the file; travels with the robot.
+
+    Raises:
+        AssemblyError: If the parts contradict each other.
+    """
+    drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in file.bodies.items()]))
+    units, damping, limits, actuated = _coordinates(drafts)
+    order = _ordered(file, tuple(units))
+    dof = {name: i for i, name in enumerate(order)}
+    index = {draft.name: i for i, draft in enumerate(drafts)}
+    robot = Robot(
+        name=file.name,
+        bodies=tuple(_body(draft, index, dof) for draft in drafts),
+        strips=_strips(file, index),
+        dof_names=order,
+        dof_units=tuple(units[k] for k in order),
+        actuated=tuple(i for i, k in enumerate(order) if k in actuated),
+        damping=tuple(damping[k] for k in order),
+        lower=tuple(limits[k][0] for k in order),
+        upper=tuple(limits[k][1] for k in order),
+        gravity=file.gravity,
+        source=source,
+    )
+    return _with_parameters(robot, file)
+
+
+def _draft(name: str, part: BodyPart) -> _Draft:
+    joints = tuple((k.name, k.type, k.axis) for k in part.joints)
+    orientation = _rotation(*part.orientation)
+    return _Draft(name, part.parent, part, joints, orientation, False, f"bodies.{name}")
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> Any:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
+    known = {draft.name for draft in drafts}
+    everything = list(drafts)
+    for i, mirror in enumerate(file.mirror):
+        path = f"mirror.{i}"
+        originals = [draft for draft in drafts if draft.name.startswith(mirror.source)]
+        wings = [wing for wing in file.wings if wing.name.startswith(mirror.source)]
+        if not originals and not wings:
+            raise AssemblyError(
+                (f"{path}.from", "the beginning of some body's or wing's name", mirror.source)
+            )
+        for draft in originals:
+            image = _image(draft, mirror.source, mirror.target)
+            if image.name in known:
+                raise AssemblyError((path, "names that are not taken yet", f"body {image.name}"))
+            known.add(image.name)
+            everything.append(image)
+    return everything
+
+
+def _image(draft: _Draft, source: str, target: str) -> _Draft:
+    if draft.part.floating:
+        raise AssemblyError((draft.path, "a body that does not float, to be mirrored", "floating"))
+    for name, _, _ in draft.joints:
+        if not name.startswith(source):
+            raise AssemblyError(
+                (f"{draft.path}.joints", f"names that begin with {source!r}, to be mirrored", name)
+            )
+    return _Draft(
+        name=_renamed(draft.name, source, target),
+        parent=_renamed(draft.parent, source, target) if draft.parent else None,
+        part=draft.part,
+        joints=tuple(
+            (_renamed(name, source, target), kind, _reflected_axis(kind, axis))
+            for name, kind, axis in draft.joints
+        ),
+        orientation=_REFLECTION @ draft.orientation @ _REFLECTION,
+        reflected=True,
+        path=draft.path,
+    )
+
+
+def _renamed(name: str, source: str, target: str) -> str:
+    return target + name[len(source) :] if name.startswith(source) else name
+
+
+def _reflected_axis(kind: str, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Reflection in y: polar for a slide, axial for a turn."""
+    x, y, z = axis
+    signed = (x, -y, z) if kind == "prismatic" else (-x, y, -z)
+    return (signed[0] + 0.0, signed[1] + 0.0, signed[2] + 0.0)
+
+
+def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
+    names = {draft.name for draft in drafts}
+    for draft in drafts:
+        if draft.parent is not None and draft.parent not in names:
+            raise AssemblyError(
+                (f"{draft.path}.parent", f"one of {', '.join(sorted(names))}", draft.parent)
+            )
+    ordered: list[_Draft] = []
+    placed: set[str | None] = {None}
+    waiting = drafts
+    while waiting:
+        ready = [draft for draft in waiting if draft.parent in placed]
+        if not ready:
+            loop = ", ".join(draft.name for draft in waiting)
+            raise AssemblyError(("bodies", "a tree that starts at the world", f"a loop: {loop}"))
+        first = ready[0]
+        ordered.append(first)
+        placed.add(first.name)
+        waiting = [draft for draft in waiting if draft is not first]
+    return ordered
+
+
+def _coordinates(
+    drafts: list[_Draft],
+) -> tuple[dict[str, str], dict[str, float], dict[str, tuple[float, float]], set[str]]:
+    """Unit, damping and limits of each coordinate, and which are actuated."""
+    units: dict[str, str] = {}
+    damping: dict[str, float] = {}
+    limits: dict[str, tuple[float, float]] = {}
+    actuated: set[str] = set()
+    for draft in drafts:
+        for name, unit, resistance, bounds, driven in _coordinates_of(draft):
+            if name in units:
+                raise AssemblyError((draft.path, "coordinates named once", f"{name} again"))
+            units[name], damping[name] = unit, resistance
+            limits[name] = bounds
+            if driven:
+                actuated.add(name)
+    if not units:
+        raise AssemblyError(("bodies", "a floating body or at least one joint", "none"))
+    return units, damping, limits, actuated
+
+
+def _coordinates_of(draft: _Draft) -> list[tuple[str, str, float, tuple[float, float], bool]]:
+    free = (-np.inf, np.inf)
+    if draft.part.floating:
+        resistance = dict(draft.part.damping or ())
+        return [
+            (k, "m" if k in "xyz" else "rad", resistance.get(k, 0.0), free, False)
+            for k in FLOATING_COORDINATES
+        ]
+    return [
+        (
+            name,
+            "m" if kind == "prismatic" else "rad",
+            part.damping,
+            part.limits or free,
+            not part.passive,
+        )
+        for (name, kind, _), part in zip(draft.joints, draft.part.joints, strict=True)
+    ]
+
+
+def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:
+    if file.coordinates is None:
+        return names
+    if sorted(file.coordinates) != sorted(names):
+        missing = [k for k in names if k not in file.coordinates]
+        extra = [k for k in file.coordinates if k not in names]
+        found = f"missing {missing or 'none'}, unknown {extra or 'none'}"
+        if not missing and not extra:
+            found = "one of them twice"
+        raise AssemblyError(("coordinates", f"each of {', '.join(names)} once", found))
+    return file.coordinates
+
+
+def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
+    side = -1.0 if draft.reflected else 1.0
+    tensor = draft.part.tensor()
+    x, y, z = draft.part.at
+    cx, cy, cz = draft.part.center_of_mass
+    return Body(
+        name=draft.name,
+        parent=index[draft.parent] if draft.parent is not None else -1,
+        position=(x, side * y + 0.0, z),
+        orientation=tuple(tuple(float(k) + 0.0 for k in row) for row in draft.orientation),  # type: ignore[arg-type]
+        joints=tuple(
+            Joint(name=name, kind=kind, axis=axis, dof=dof[name])  # type: ignore[arg-type]
+            for name, kind, axis in draft.joints
+        ),
+        floating_dofs=(
+            tuple(dof[k] for k in FLOATING_COORDINATES) if draft.part.floating else None
+        ),
+        mass=draft.part.mass,
+        center_of_mass=(cx, side * cy + 0.0, cz),
+        inertia=tuple(
+            float(k) + 0.0
+            for k in (
+                *np.diag(tensor),
+                side * tensor[0, 1],
+                tensor[0, 2],
+                side * tensor[1, 2],
+            )
+        ),  # type: ignore[arg-type]
+    )
+
+
+def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
+    names = [wing.name for wing in file.wings]
+    strips: list[Strip] = []
+    for i, wing in enumerate(file.wings):
+        if names.index(wing.name) != i:
+            raise AssemblyError((f"wings.{i}.name", "a name that is not taken yet", wing.name))
+        for j, segment in enumerate(wing.segments):
+            if segment.body not in index:
+                raise AssemblyError(
+                    (
+                        f"wings.{i}.segments.{j}.body",
+                        f"one of {', '.join(index)}",
+                        segment.body,
+                    )
+                )
+        strips.extend(cut_wing(wing, index))
+    bodies = list(index)
+    for i, mirror in enumerate(file.mirror):
+        for strip in tuple(s for s in strips if not s.mirrored):
+            if not strip.wing.startswith(mirror.source):
+                continue
+            name = _renamed(strip.wing, mirror.source, mirror.target)
+            if name in names:
+                raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
+            strips.append(_reflected_strip(strip, name, bodies, index, mirror))
+    return tuple(strips)
+
+
+def _reflected_strip(
+    strip: Strip, wing: str, bodies: list[str], index: dict[str, int], mirror: Any
+) -> Strip:
+    def reflect(vector: Any) -> Any:
+        return (vector[0], -vector[1] + 0.0, vector[2])
+
+    return replace(
+        strip,
+        name=wing + strip.name[len(strip.wing) :],
+        wing=wing,
+        body=index[_renamed(bodies[strip.body], mirror.source, mirror.target)],
+        mirrored=True,
+        quarter_chord=reflect(strip.quarter_chord),
+        forward=reflect(strip.forward),
+        normal=reflect(strip.normal),
+    )
+
+
+def _with_parameters(robot: Robot, file: RobotFile) -> Robot:
+    try:
+        changed = robot.with_parameters(file.parameters) if file.parameters else robot
+    except ParameterError as error:
+        raise AssemblyError((f"parameters.{error.name}", error.expected, "no such parameter")) from None
+    return replace(changed, source=robot.source)

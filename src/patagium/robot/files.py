@@ -1,0 +1,159 @@
+"""Robot files: YAML in, a validated robot out, every fault with its place.
+
+A preset is a robot file that comes with the package. Aliases (`&a`, `*a`) and
+duplicate keys are refused: a robot is written once, in the open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from patagium.errors import RobotFileError
+from patagium.robot.assembly import AssemblyError, assemble
+from patagium.robot.model import Robot
+from patagium.robot.schema import RobotFile
+
+Problem = tuple[str, str, str]
+_LARGEST_FILE = 1_000_000
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """Robot from a preset's name or a robot file.
+
+    Args:
+        name_or_path: A preset, such as "aerobat", or the path of a YAML file.
+
+    Returns:
+        The robot; its `source` is the text of the file.
+
+    Raises:
+        RobotFileError: If there is no such file, or it describes no robot.
+    """
+    name = str(name_or_path)
+    if name in preset_names():
+        return load_robot_text(preset_text(name), name)
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml") and not path.exists():
+        known = ", ".join(preset_names())
+        raise RobotFileError(
+            name, [("", f"a preset ({known}) or the path of a robot file (.yaml)", repr(name))]
+        )
+    return load_robot_text(_text(path), str(path))
+
+
+def load_robot_text(text: str, name: str = "robot text") -> Robot:
+    """Robot from the text of a robot file, as a flight carries it.
+
+    Args:
+        text: YAML.
+        name: What to call it in errors.
+
+    Raises:
+        RobotFileError: If it describes no robot.
+    """
+    try:
+        file = RobotFile.model_validate(_parsed(text, name))
+        return assemble(file, text)
+    except ValidationError as error:
+        raise RobotFileError(name, [_problem(k) for k in error.errors()]) from None
+    except AssemblyError as error:
+        raise RobotFileError(name, error.problems) from None
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the robots that come with the package, sorted."""
+    folder = resources.files("patagium.robot") / "presets"
+    files = (entry.name for entry in folder.iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+
+
+def preset_text(name: str) -> str:
+    """Text of a preset's robot file."""
+    return (resources.files("patagium.robot") / "presets" / f"{name}.yaml").read_text("utf-8")
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise RobotFileError(
+                str(path), [("", f"at most {_LARGEST_FILE} bytes", f"{path.stat().st_size}")]
+            )
+        return path.read_text("utf-8")
+    except OSError as error:
+        found = error.strerror or type(error).__name__
+        raise RobotFileError(str(path), [("", "a file that can be read", found)]) from None
+    except ValueError:  # not UTF-8, or a null byte in the path
+        raise RobotFileError(str(path), [("", "text in UTF-8", "other bytes")]) from None
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases and duplicate keys."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark
+            raise yaml.composer.ComposerError(None, None, "values written out, no alias", mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in getattr(node, "value", ()):
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "keys that are names, found a collection", key_node.start_mark
+                )
+            if key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"each key once, found {key!r} again", key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def _parsed(text: str, name: str) -> Any:
+    try:
+        return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
+    except yaml.MarkedYAMLError as error:
+        raise RobotFileError(name, [_yaml_problem(error)]) from None
+    except (yaml.YAMLError, ValueError, RecursionError, AttributeError, TypeError) as error:
+        found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise RobotFileError(name, [("", "readable YAML", found)]) from None
+
+
+def _yaml_problem(error: yaml.MarkedYAMLError) -> Problem:
+    mark = error.problem_mark or error.context_mark
+    where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return where, "readable YAML", str(error.problem or error.context)
+
+
+def _problem(error: ErrorDetails) -> Problem:
+    context = error.get("ctx", {})
+    where = [str(k) for k in error["loc"]]
+    if error["type"] == "mismatch":
+        if context["at"]:
+            where.append(context["at"])
+        return ".".join(where), context["expected"], context["found"]
+    found = "nothing" if error["type"] == "missing" else _shown(error["input"])
+    expected = {
+        "missing": "this key",
+        "extra_forbidden": "no such key (is it misspelled?)",
+    }.get(error["type"], error["msg"])
+    if error["type"] == "extra_forbidden":
+        found = repr(where[-1])
+    return ".".join(where), expected, found
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # a number of thousands of digits
+        text = type(value).__name__
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,356 @@
+"""What a robot file may say: its keys, units and ranges, and nothing else.
+
+Mirrors the file, not the machine: `patagium.robot.assembly` turns it into a
+`Robot`. All numbers are SI here already. Neglected: springs, flexible bodies,
+contact and actuator dynamics.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictBool,
+    model_validator,
+)
+
+from patagium.robot import inertia as shapes
+from patagium.robot.units import (
+    Acceleration,
+    Angle,
+    Inertia,
+    Length,
+    Mass,
+    PureNumber,
+    UnitMismatch,
+    in_si,
+    mismatch,
+)
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def _positive(value: float) -> float:
+    if not value > 0:
+        raise mismatch("a positive quantity", f"{value:g}")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if not value >= 0:
+        raise mismatch("a quantity that is not negative", f"{value:g}")
+    return value
+
+
+def _unit_vector(written: object) -> object:
+    """Axis as a letter with a sign ("x", "-z") or as three numbers, made a unit vector."""
+    if isinstance(written, str):
+        sign, letter = (-1.0, written[1:]) if written.startswith("-") else (1.0, written)
+        if letter not in ("x", "y", "z"):
+            raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
+        return tuple(sign if letter == k else 0.0 for k in "xyz")
+    if not isinstance(written, (list, tuple)) or len(written) != 3:
+        raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
+    try:
+        vector = np.array([in_si(k, "", "a pure number") for k in written])
+    except UnitMismatch as error:
+        raise mismatch("an axis of three numbers", str(error)) from None
+    length = float(np.linalg.norm(vector))
+    if not (np.isfinite(length) and length > 1e-12):
+        raise mismatch("an axis of some length", repr(written)[:40])
+    return tuple(float(k) for k in vector / length)
+
+
+Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Point: TypeAlias = tuple[Length, Length, Length]
+Direction: TypeAlias = Annotated[tuple[float, float, float], BeforeValidator(_unit_vector)]
+PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
+_ORIGIN = (0.0, 0.0, 0.0)
+
+
+class Cylinder(_Part):
+    """Solid cylinder along `axis`."""
+
+    type: Literal["cylinder"]
+    axis: Direction
+    radius: PositiveLength
+    length: PositiveLength
+
+    def tensor(self, mass: float) -> shapes.Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return shapes.cylinder(mass, np.array(self.axis), self.radius, self.length)
+
+
+class Box(_Part):
+    """Box with its edges along the body axes."""
+
+    type: Literal["box"]
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]
+
+    def tensor(self, mass: float) -> shapes.Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return shapes.box(mass, self.size)
+
+
+class Plate(_Part):
+    """Flat rectangular wing, chord along x; `axis` is spanwise, y or z."""
+
+    type: Literal["plate"]
+    axis: Literal["y", "z"] = "y"
+    chord: PositiveLength
+    span: PositiveLength
+    thickness: PositiveLength
+
+    def tensor(self, mass: float) -> shapes.Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return shapes.plate(mass, self.axis, self.chord, self.span, self.thickness)
+
+
+class Ellipsoid(_Part):
+    """Solid ellipsoid along the body axes."""
+
+    type: Literal["ellipsoid"]
+    semi_axes: tuple[PositiveLength, PositiveLength, PositiveLength]
+
+    def tensor(self, mass: float) -> shapes.Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return shapes.ellipsoid(mass, self.semi_axes)
+
+
+class PointMass(_Part):
+    """All mass in the centre of mass."""
+
+    type: Literal["point"]
+
+    def tensor(self, mass: float) -> shapes.Tensor:  # noqa: ARG002 - one signature for all shapes
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return shapes.point()
+
+
+Shape: TypeAlias = Annotated[
+    Cylinder | Box | Plate | Ellipsoid | PointMass, Field(discriminator="type")
+]
+
+
+class Moments(_Part):
+    """Inertia given directly, about the centre of mass, in body axes [kg m^2]."""
+
+    xx: Inertia
+    yy: Inertia
+    zz: Inertia
+    xy: Inertia = 0.0
+    xz: Inertia = 0.0
+    yz: Inertia = 0.0
+
+    @model_validator(mode="after")
+    def _physical(self) -> Moments:
+        if not shapes.is_physical(self.tensor(0.0)):
+            raise mismatch(
+                "principal moments of a real body (none negative, none above the sum of the others)",
+                f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}",
+            )
+        return self
+
+    def tensor(self, mass: float) -> shapes.Tensor:  # noqa: ARG002 - one signature for all shapes
+        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
+        return np.array(
+            [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]]
+        )
+
+
+def _joint_unit(kind: object) -> tuple[str, str, str]:
+    if kind == "prismatic":
+        return "m", "N s/m", "a length"
+    return "rad", "N m s/rad", "an angle"
+
+
+class JointPart(_Part):
+    """One coordinate of a body's chain of joints."""
+
+    name: Name
+    type: Literal["revolute", "prismatic"] = "revolute"
+    axis: Direction
+    limits: tuple[float, float] | None = None
+    damping: float = 0.0
+    passive: StrictBool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, written: Any) -> Any:
+        """Limits and damping have the unit of the joint's kind."""
+        if not isinstance(written, dict):
+            return written
+        unit, damping_unit, noun = _joint_unit(written.get("type", "revolute"))
+        converted = dict(written)
+        if isinstance(written.get("limits"), list):
+            converted["limits"] = tuple(
+                _converted(k, unit, noun, f"limits.{i}") for i, k in enumerate(written["limits"])
+            )
+        if "damping" in written:
+            converted["damping"] = _converted(
+                written["damping"], damping_unit, "a damping", "damping"
+            )
+        return converted
+
+    @model_validator(mode="after")
+    def _ordered(self) -> JointPart:
+        if self.limits is not None and not self.limits[0] < self.limits[1]:
+            raise mismatch("the lower before the upper", str(list(self.limits)), "limits")
+        if self.damping < 0:
+            raise mismatch("a quantity that is not negative", f"{self.damping:g}", "damping")
+        return self
+
+
+def _converted(written: object, unit: str, noun: str, key: str) -> float:
+    try:
+        return in_si(written, unit, noun)
+    except UnitMismatch as error:
+        raise mismatch(error.expected, error.found, key) from None
+
+
+class FloatingDamping(_Part):
+    """Passive damping of a floating body's coordinates: force = -damping v."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, written: Any) -> Any:
+        if not isinstance(written, dict):
+            return written
+        return {
+            key: _converted(value, "N s/m" if key in ("x", "y", "z") else "N m s/rad",
+                            "a damping", str(key)[:40])
+            for key, value in written.items()
+        }
+
+    @model_validator(mode="after")
+    def _dissipates(self) -> FloatingDamping:
+        for key, value in self:
+            if value < 0:
+                raise mismatch("a quantity that is not negative", f"{value:g}", key)
+        return self
+
+
+class BodyPart(_Part):
+    """A rigid body: how it hangs on its parent, and its mass."""
+
+    parent: Name | None = None
+    at: Point = _ORIGIN
+    orientation: tuple[Angle, Angle, Angle] = _ORIGIN
+    floating: StrictBool = False
+    joints: tuple[JointPart, ...] = ()
+    damping: FloatingDamping | None = None
+    mass: Annotated[Mass, AfterValidator(_positive)]
+    center_of_mass: Point = _ORIGIN
+    inertia: Moments | None = None
+    shape: Shape | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> BodyPart:
+        if (self.inertia is None) == (self.shape is None):
+            both = "both" if self.shape is not None else "neither"
+            raise mismatch("either inertia or shape", both)
+        if self.floating and (self.joints or self.parent or any(self.at) or any(self.orientation)):
+            raise mismatch(
+                "a floating body without parent, at, orientation and joints",
+                "at least one of them",
+            )
+        if self.damping is not None and not self.floating:
+            raise mismatch(
+                "damping on a floating body (a joint carries its own)", "a body that is not floating"
+            )
+        return self
+
+    def tensor(self) -> shapes.Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2], body axes."""
+        form = self.inertia if self.inertia is not None else self.shape
+        return form.tensor(self.mass)  # type: ignore[union-attr]
+
+
+class Station(_Part):
+    """Where a wing's outline is known: a span position and the two edges along x."""
+
+    span: Length
+    leading: Length
+    trailing: Length
+    incidence: Angle = 0.0
+
+    @model_validator(mode="after")
+    def _chord(self) -> Station:
+        if self.leading < self.trailing:
+            raise mismatch(
+                "a leading edge ahead of the trailing edge",
+                f"leading {self.leading:g} m, trailing {self.trailing:g} m",
+            )
+        return self
+
+
+class Segment(_Part):
+    """The part of a wing that one body carries, cut into strips of equal width."""
+
+    body: Name
+    strips: Annotated[int, Field(ge=1, le=200, strict=True)]
+    at: Point = _ORIGIN
+    span_axis: Direction = (0.0, 1.0, 0.0)
+    stations: Annotated[tuple[Station, ...], Field(min_length=2)]
+
+    @model_validator(mode="after")
+    def _outline(self) -> Segment:
+        spans = [k.span for k in self.stations]
+        if any(b - a <= 0 for a, b in zip(spans, spans[1:], strict=False)):
+            raise mismatch("span positions that increase", str(spans)[:60], "stations")
+        chords = [k.leading - k.trailing for k in self.stations]
+        if any(max(pair) <= 0 for pair in zip(chords, chords[1:], strict=False)):
+            raise mismatch("some chord between any two", str(chords)[:60], "stations")
+        if abs(self.span_axis[0]) > 1e-9:
+            raise mismatch("an axis across x (the chord lies along x)", str(self.span_axis), "span_axis")
+        return self
+
+
+class WingPart(_Part):
+    """A wing from the root outwards, on one or more bodies."""
+
+    name: Name
+    segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
+
+
+class Mirror(_Part):
+    """Repeats in y all that is named `source`..., renamed `target`...."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, validate_by_alias=True, validate_by_name=False
+    )
+    source: Name = Field(alias="from")
+    target: Name = Field(alias="to")
+
+    @model_validator(mode="after")
+    def _different(self) -> Mirror:
+        if self.source == self.target:
+            raise mismatch("two different names", self.source)
+        return self
+
+
+class RobotFile(_Part):
+    """All of a robot file."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$")]
+    gravity: Annotated[Acceleration, AfterValidator(_not_negative)]
+    coordinates: tuple[Name, ...] | None = None
+    bodies: Annotated[dict[Name, BodyPart], Field(min_length=1)]
+    wings: tuple[WingPart, ...] = ()
+    mirror: tuple[Mirror, ...] = ()
+    parameters: dict[str, PureNumber] = {}

@@ -1,0 +1,156 @@
+"""Quantities as a person writes them: numbers with a unit, or bare SI numbers.
+
+Units live at the border only: inside the package every number is SI and every
+angle is in radians. Neglected: offset units (degrees Celsius) and logarithmic ones.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+_WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_UNIT = re.compile(r"[A-Za-zµμ°·*/^() 0-9-]{1,40}")
+_POWER = re.compile(r"(?:\^|\*\*)\s*\(?\s*-?\d{2,}")
+
+
+class UnitMismatch(ValueError):
+    """A quantity of another kind than the one wanted.
+
+    Args:
+        expected: What was wanted, in words.
+        found: What was written.
+    """
+
+    def __init__(self, expected: str, found: str) -> None:
+        super().__init__(f"expected {expected}, found {found}")
+        self.expected, self.found = expected, found
+
+
+def in_si(written: object, unit: str, noun: str) -> float:
+    """The SI value of a quantity as written in a file.
+
+    Args:
+        written: A number (already SI) or text such as "12 cm".
+        unit: SI unit wanted, such as "kg m^2"; "" for a pure number.
+        noun: What it is, for the message.
+
+    Returns:
+        Value [unit].
+
+    Raises:
+        UnitMismatch: If it is no finite number, or has another dimension.
+    """
+    expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}, or a number [{unit or '-'}]"
+    if isinstance(written, bool) or not isinstance(written, (int, float, str)):
+        raise UnitMismatch(expected, _shown(written))
+    value, label = _parts(written, expected)
+    if label:
+        value *= _factor(label, unit, expected, _shown(written))
+    if not math.isfinite(value):
+        raise UnitMismatch(f"a finite {expected}", _shown(written))
+    return value
+
+
+def _parts(written: float | str, expected: str) -> tuple[float, str]:
+    if not isinstance(written, str):
+        try:
+            return float(written), ""
+        except OverflowError:
+            raise UnitMismatch(expected, "a number too large for a float") from None
+    match = _WRITTEN.fullmatch(written)
+    if match is None:
+        raise UnitMismatch(expected, _shown(written))
+    return float(match[1]), match[2]
+
+
+def _factor(label: str, unit: str, expected: str, found: str) -> float:
+    if not _UNIT.fullmatch(label) or _POWER.search(label):
+        raise UnitMismatch(expected, found)
+    if not unit:
+        raise UnitMismatch(expected, found)
+    return _conversion(label, unit, expected, found)
+
+
+def _conversion(label: str, unit: str, expected: str, found: str) -> float:
+    registry = _registry()
+    try:
+        # "1/s" is the only unit that starts with a number
+        parsed = registry.Quantity(1.0, registry.parse_units(re.sub(r"^1\s*/", "1/", label)))
+        base = parsed.to_base_units()
+        wanted = registry.Quantity(1.0, registry.parse_units(unit)).to_base_units()
+    except Exception:
+        raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
+    is_angle = str(wanted.units) == "radian"
+    if base.dimensionality != wanted.dimensionality or (
+        is_angle and str(base.units) != str(wanted.units)
+    ):
+        raise UnitMismatch(expected, f"{found}, {_dimension(base)}")
+    return float(base.magnitude) / float(wanted.magnitude)
+
+
+def _dimension(quantity: Any) -> str:
+    return f"of dimension {quantity.dimensionality:~}" if quantity.dimensionality else "a pure number"
+
+
+@cache
+def _registry() -> Any:
+    import pint  # a fifth of a second: only where a unit is written
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+
+
+def _shown(written: object) -> str:
+    text = repr(written)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+_EXAMPLES = {
+    "m": "12 cm",
+    "kg": "20 g",
+    "rad": "5 deg",
+    "Hz": "15 Hz",
+    "m/s": "3 m/s",
+    "m/s^2": "9.8 m/s^2",
+    "kg m^2": "4.8 g cm^2",
+    "N m s/rad": "0.01 N m s/rad",
+    "N s/m": "0.1 N s/m",
+    "": "0.5",
+}
+
+
+def quantity_type(unit: str, noun: str) -> Any:
+    """Pydantic field type of a quantity: text with a unit in, an SI float out."""
+
+    def convert(written: object) -> float:
+        try:
+            return in_si(written, unit, noun)
+        except UnitMismatch as error:
+            raise mismatch(error.expected, error.found) from None
+
+    return Annotated[float, BeforeValidator(convert)]
+
+
+def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
+    """The error that pydantic carries to the message of a robot file.
+
+    Args:
+        expected: What was wanted, in words.
+        found: What was there.
+        at: Path below the part that noticed it.
+    """
+    evidence = {"expected": expected, "found": found, "at": at}
+    return PydanticCustomError("mismatch", "expected {expected}, found {found}", evidence)
+
+
+Length: TypeAlias = quantity_type("m", "a length")  # type: ignore[valid-type]
+Mass: TypeAlias = quantity_type("kg", "a mass")  # type: ignore[valid-type]
+Angle: TypeAlias = quantity_type("rad", "an angle")  # type: ignore[valid-type]
+Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")  # type: ignore[valid-type]
+Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")  # type: ignore[valid-type]
+PureNumber: TypeAlias = quantity_type("", "a pure number")  # type: ignore[valid-type]
