@@ -1,0 +1,104 @@
+"""The robot as a MuJoCo model with the coordinates of q: oracle and rival.
+
+A floating base is three slides and three hinges (yaw, pitch, roll), so that D and the
+bias compare entry by entry. Damping, contacts and limits are left out. Needs `mujoco`;
+every moving body needs a mass and inertia above MuJoCo's smallest.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.dynamics.chain import joint_chain
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+
+def mujoco_xml(robot: Robot) -> str:
+    """The robot as MJCF text.
+
+    Args:
+        robot: Machine with numbers, not symbols.
+    """
+    root = ElementTree.Element("mujoco", model=robot.name)
+    ElementTree.SubElement(root, "compiler", angle="radian", balanceinertia="false")
+    option = ElementTree.SubElement(root, "option", gravity=f"0 0 {-float(robot.gravity)!r}")
+    ElementTree.SubElement(option, "flag", contact="disable", constraint="disable")
+    elements = [ElementTree.SubElement(root, "worldbody")]
+    for body in robot.bodies:
+        orientation = np.array(body.orientation, float)
+        element = ElementTree.SubElement(
+            elements[body.parent + 1],
+            "body",
+            name=body.name,
+            pos=_text(body.position),
+            xyaxes=_text([*orientation[:, 0], *orientation[:, 1]]),
+        )
+        elements.append(element)
+        for joint in joint_chain(body):
+            kind = "hinge" if joint.kind == "revolute" else "slide"
+            name = f"coordinate {joint.dof}"
+            ElementTree.SubElement(element, "joint", name=name, type=kind, axis=_text(joint.axis))
+        ElementTree.SubElement(
+            element,
+            "inertial",
+            pos=_text(body.center_of_mass),
+            mass=repr(float(body.mass)),
+            fullinertia=_text(body.inertia),
+        )
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class MujocoModel:
+    """A robot's dynamics by MuJoCo, called from Python.
+
+    Args:
+        robot: Machine with numbers, not symbols.
+
+    Attributes:
+        model: The `mujoco.MjModel`.
+        order: Index in q of each coordinate of the model, (n,).
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        import mujoco
+
+        self.mujoco: Any = mujoco
+        self.model: Any = mujoco.MjModel.from_xml_string(mujoco_xml(robot))
+        self.data: Any = mujoco.MjData(self.model)
+        names = [self.model.joint(k).name for k in range(self.model.njnt)]
+        self.order = np.array([int(name.split()[-1]) for name in names], dtype=np.intp)
+
+    def mass_matrix(self, q: Array) -> Array:
+        """D by the composite-rigid-body algorithm, (n, n) [kg, kg m, kg m^2]."""
+        self._place(q, np.zeros(len(q)))
+        self.mujoco.mj_crb(self.model, self.data)
+        found = np.zeros((len(q), len(q)))
+        self.mujoco.mj_fullM(self.model, self.data, found)
+        matrix = np.empty_like(found)
+        matrix[np.ix_(self.order, self.order)] = found
+        return matrix
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """C v + G by the recursive Newton-Euler algorithm, (n,) [N, N m]."""
+        self._place(q, v)
+        found = np.zeros(len(q))
+        self.mujoco.mj_comVel(self.model, self.data)
+        self.mujoco.mj_rne(self.model, self.data, 0, found)
+        vector = np.empty_like(found)
+        vector[self.order] = found
+        return vector
+
+    def _place(self, q: Array, v: Array) -> None:
+        self.data.qpos[:], self.data.qvel[:] = q[self.order], v[self.order]
+        self.mujoco.mj_kinematics(self.model, self.data)
+        self.mujoco.mj_comPos(self.model, self.data)
+
+
+def _text(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)
