@@ -60,6 +60,27 @@ class RobotFileError(PatagiumError, ValueError):
         self.file, self.problems = file, problems
 
 
+class LinkageError(PatagiumError, ValueError):
+    """A linkage whose bars cannot meet.
+
+    Args:
+        loop: The loop that stays open, by its two members.
+        phase: Crank phase where it first does [rad].
+        lengths: The two bars that would have to meet [m].
+        distance: Between their far ends [m].
+    """
+
+    def __init__(
+        self, loop: str, phase: float, lengths: tuple[float, float], distance: float
+    ) -> None:
+        first, second = (1e3 * k for k in lengths)
+        super().__init__(
+            f"linkage: at phase {phase:.4g} rad the loop of {loop} cannot close: expected bars that "
+            f"span {1e3 * distance:.4g} mm with a bend, found {first:.4g} mm and {second:.4g} mm"
+        )
+        self.loop, self.phase, self.lengths, self.distance = loop, phase, lengths, distance
+
+
 class LogError(PatagiumError, ValueError):
     """A table or flight that cannot be used as it stands."""
 

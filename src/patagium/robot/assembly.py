@@ -70,9 +70,8 @@ def assemble(file: RobotFile, source: str) -> Robot:
         lower=tuple(limits[k][0] for k in order),
         upper=tuple(limits[k][1] for k in order),
         gravity=file.gravity,
-        source=source,
     )
-    return _with_parameters(robot, file)
+    return replace(_with_parameters(robot, file), source=source)
 
 
 def _draft(name: str, part: BodyPart) -> _Draft:
@@ -301,8 +300,10 @@ def _reflected_strip(
 
 
 def _with_parameters(robot: Robot, file: RobotFile) -> Robot:
+    if not file.parameters:
+        return robot
     try:
-        changed = robot.with_parameters(file.parameters) if file.parameters else robot
+        return robot.with_parameters(file.parameters)
     except ParameterError as error:
-        raise AssemblyError((f"parameters.{error.name}", error.expected, "no such parameter")) from None
-    return replace(changed, source=robot.source)
+        path = f"parameters.{error.name}"
+        raise AssemblyError((path, error.expected, "no such parameter")) from None

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
+from patagium.robot.amendment import amended_source
 
 Number: TypeAlias = "float | ca.SX"
 Vector: TypeAlias = tuple[Any, Any, Any]
@@ -159,23 +160,34 @@ class Robot:
         """
         return np.array([value for _, value in _leaves(self) if _is_parameter(value)], float)
 
+    @property
+    def structure(self) -> str:
+        """Everything the generated equations depend on but the parameters' values."""
+        same = self._with(dict.fromkeys(self.parameter_names, 1.0))
+        return repr(replace(same, name="", lower=(), upper=()))
+
     def symbolic(self) -> tuple[Robot, ca.SX]:
         """The same robot with a symbol for each run-time parameter, and the symbols (n_p,)."""
         names = self.parameter_names
-        symbols = ca.SX.sym("p", len(names))  # type: ignore[arg-type]
+        symbols = ca.SX.sym("p", len(names))
         return self._with(dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
 
+        Its source says what was changed, so that a flight carries it too.
+
         Raises:
-            ParameterError: If a name is not in `parameter_names`.
+            ParameterError: If a name is not in `parameter_names`, or a value not finite.
         """
         known = set(self.parameter_names)
-        for name in values:
+        for name, value in values.items():
             if name not in known:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name)
-        return self._with(values)
+            if not np.isfinite(value):
+                raise ParameterError(name, "a finite number", value)
+        source = amended_source(self.source, values) if self.source else ""
+        return replace(self._with(values), source=source)
 
     def coordinates(self, **values: float) -> NDArray[np.float64]:
         """A vector over the coordinates, zero but for those named, (n,).
@@ -211,9 +223,7 @@ class Robot:
 
     def _with(self, values: Mapping[str, Any]) -> Robot:
         def vector(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:
-            return tuple(
-                values.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True)
-            )
+            return tuple(values.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True))
 
         bodies = tuple(
             replace(

@@ -154,7 +154,7 @@ class Moments(_Part):
     def _physical(self) -> Moments:
         if not shapes.is_physical(self.tensor(0.0)):
             raise mismatch(
-                "principal moments of a real body (none negative, none above the sum of the others)",
+                "principal moments of a real body (none below 0 or above the sum of the others)",
                 f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}",
             )
         return self
@@ -232,8 +232,12 @@ class FloatingDamping(_Part):
         if not isinstance(written, dict):
             return written
         return {
-            key: _converted(value, "N s/m" if key in ("x", "y", "z") else "N m s/rad",
-                            "a damping", str(key)[:40])
+            key: _converted(
+                value,
+                "N s/m" if key in ("x", "y", "z") else "N m s/rad",
+                "a damping",
+                str(key)[:40],
+            )
             for key, value in written.items()
         }
 
@@ -271,7 +275,8 @@ class BodyPart(_Part):
             )
         if self.damping is not None and not self.floating:
             raise mismatch(
-                "damping on a floating body (a joint carries its own)", "a body that is not floating"
+                "damping on a floating body (a joint carries its own)",
+                "a body that is not floating",
             )
         return self
 
@@ -317,7 +322,9 @@ class Segment(_Part):
         if any(max(pair) <= 0 for pair in zip(chords, chords[1:], strict=False)):
             raise mismatch("some chord between any two", str(chords)[:60], "stations")
         if abs(self.span_axis[0]) > 1e-9:
-            raise mismatch("an axis across x (the chord lies along x)", str(self.span_axis), "span_axis")
+            raise mismatch(
+                "an axis across x (the chord lies along x)", str(self.span_axis), "span_axis"
+            )
         return self
 
 
