@@ -1,0 +1,91 @@
+"""The air a robot flies in: density, uniform wind, gusts.
+
+Wind and gusts are the same everywhere at one time, in world axes. Neglected:
+shear, gradients across the robot, ground, compressibility.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.gusts import Gust, gust_from_description
+from patagium.errors import ParameterError, ShapeError
+
+
+@dataclass(frozen=True)
+class Air:
+    """Density and velocity of the air.
+
+    wind(t) = steady wind + gust(t).
+
+    Args:
+        density: Density [kg/m^3].
+        wind: Steady velocity of the air, world axes, (3,) [m/s]; a head wind of
+            3 m/s on a robot that looks along x is (-3, 0, 0).
+        gust: Velocity added to the steady wind, or None.
+
+    Raises:
+        ParameterError: If the density is not positive or the wind not finite.
+        ShapeError: If the wind is not (3,).
+    """
+
+    density: float = 1.225
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust: Gust | None = None
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.density) and self.density > 0):
+            raise ParameterError("density", "a positive number [kg/m^3]", self.density)
+        wind = np.asarray(self.wind, float)
+        if wind.shape != (3,):
+            raise ShapeError("wind", (3,), wind.shape)
+        if not np.isfinite(wind).all():
+            raise ParameterError("wind", "three finite numbers [m/s]", self.wind)
+        object.__setattr__(self, "density", float(self.density))
+        object.__setattr__(self, "wind", tuple(wind.tolist()))
+
+    def wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Velocity of the air, world axes, (N, 3) [m/s].
+
+        Args:
+            time: Times, (N,) [s].
+
+        Raises:
+            ShapeError: If `time` is not (N,).
+        """
+        times = np.asarray(time, float)
+        if times.ndim != 1:
+            raise ShapeError("time", "(N,)", times.shape)
+        wind = np.tile(self.wind, (times.size, 1))
+        return wind if self.gust is None else wind + self.gust.velocity_at(times)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        return {
+            "density": self.density,
+            "wind": list(self.wind),
+            "gust": None if self.gust is None else self.gust.describe(),
+        }
+
+
+def air_from_description(description: Mapping[str, Any]) -> Air:
+    """The air of `Air.describe()`.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    known = {"density", "wind", "gust"}
+    if set(description) != known:
+        raise ParameterError("air", f"the keys {sorted(known)}", sorted(description))
+    gust = description["gust"]
+    return Air(
+        density=description["density"],
+        wind=tuple(description["wind"]),
+        gust=None if gust is None else gust_from_description(gust),
+    )

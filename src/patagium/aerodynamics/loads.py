@@ -1,0 +1,104 @@
+"""From the loads on strips to the force on the robot.
+
+Loads act at points of the strips, in the planes of their sections; the generalized
+force is the sum over strips of (dp_i/dq)^T f_i. Neglected: section moments about
+those points, and air forces on anything but strips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from patagium.aerodynamics.local_flow import StripMotion
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.robot.model import Robot
+
+
+@dataclass(frozen=True)
+class AeroExpressions:
+    """What the air does to a robot, as CasADi expressions.
+
+    Attributes:
+        generalized_force: Q = sum_i (dp_i/dq)^T f_i, (n, 1) [N, N m].
+        strip_force: Force on each strip, world axes, (3, n_strips) [N].
+        strip_point: Where it acts, world axes, (3, n_strips) [m].
+        angle_of_attack: Incidence at that point, (n_strips, 1) [rad].
+        strip_airspeed: Speed of that point across the span, relative to the air,
+            (n_strips, 1) [m/s].
+        power: Sum of force times velocity of its point relative to the air, scalar [W];
+            in still air the power of the air on the robot.
+        state_derivative: Rate of the model's own states, (n_z, 1).
+    """
+
+    generalized_force: ca.SX
+    strip_force: ca.SX
+    strip_point: ca.SX
+    angle_of_attack: ca.SX
+    strip_airspeed: ca.SX
+    power: ca.SX
+    state_derivative: ca.SX
+
+
+@dataclass(frozen=True)
+class StripLoad:
+    """Force of the air on one strip, in the plane of its section.
+
+    Attributes:
+        motion: How the strip moves relative to the air.
+        forward: Force along the chord to the leading edge [N].
+        normal: Force out of the upper surface [N].
+        ahead: Where it acts, ahead of the quarter chord [m].
+        angle_of_attack: Incidence that made it [rad].
+    """
+
+    motion: StripMotion
+    forward: Any
+    normal: Any
+    ahead: Any
+    angle_of_attack: Any
+
+
+def assemble(
+    robot: Robot, q: ca.SX, loads: Sequence[StripLoad], state_derivative: ca.SX
+) -> AeroExpressions:
+    """Loads of strips as forces on the robot.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        loads: One load a strip, in the order of `robot.strips`.
+        state_derivative: Rate of the model's own states, (n_z, 1).
+    """
+    poses = body_poses(robot, q)
+    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+    forces, points = [ca.SX(3, 0)], [ca.SX(3, 0)]
+    incidences, speeds = [ca.SX(0, 1)], [ca.SX(0, 1)]
+    power = ca.SX(0)
+    for load in loads:
+        motion, strip = load.motion, load.motion.strip
+        forward, normal = vector(strip.forward), vector(strip.normal)
+        force = forward * load.forward + normal * load.normal
+        point = vector(strip.quarter_chord) + forward * load.ahead
+        total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
+        wrenches[strip.body] = (total + force, moment + cross(point, force))
+        pose = poses[strip.body]
+        forces.append(pose.rotation @ force)
+        points.append(pose.position + pose.rotation @ point)
+        normal_velocity = motion.normal_ahead(load.ahead)
+        incidences.append(load.angle_of_attack)
+        speeds.append(ca.sqrt(motion.forward**2 + normal_velocity**2))
+        power = power + load.forward * motion.forward + load.normal * normal_velocity
+    return AeroExpressions(
+        generalized_force=generalized_force(robot, q, wrenches),
+        strip_force=ca.horzcat(*forces),
+        strip_point=ca.horzcat(*points),
+        angle_of_attack=ca.vertcat(*incidences),
+        strip_airspeed=ca.vertcat(*speeds),
+        power=power,
+        state_derivative=state_derivative,
+    )

@@ -1,0 +1,184 @@
+"""How each strip of wing moves through the air.
+
+The velocity of a strip is that of the wing *relative to the air*, in strip axes:
+forward (along the chord to the leading edge), spanwise (normal x forward),
+normal (out of the upper surface). Neglected: what the wings do to the air
+(induced velocity), and any variation of the wind across the robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.dynamics.chain import (
+    Turn,
+    cross,
+    is_identity,
+    joint_chain,
+    orientation_matrix,
+    vector,
+)
+from patagium.dynamics.kinematics import body_poses, body_velocities
+from patagium.native import load_functions
+from patagium.robot.model import Robot, Strip
+
+
+@dataclass(frozen=True)
+class StripMotion:
+    """Motion of one strip's quarter-chord point relative to the air.
+
+    Attributes:
+        strip: The strip.
+        forward: Velocity to the leading edge, the same along the chord [m/s].
+        spanwise: Velocity along normal x forward [m/s].
+        normal: Velocity out of the upper surface [m/s].
+        pitch_rate: Rate at which the leading edge rises, about the span [rad/s].
+    """
+
+    strip: Strip
+    forward: ca.SX
+    spanwise: ca.SX
+    normal: ca.SX
+    pitch_rate: ca.SX
+
+    def normal_ahead(self, distance: Any) -> Any:
+        """Normal velocity of the chord point ahead of the quarter chord, scalar [m/s].
+
+        Args:
+            distance: Ahead of the quarter chord, negative behind [m].
+        """
+        return self.normal + distance * self.pitch_rate
+
+
+def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMotion]:
+    """Motion of every strip relative to the air.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: Velocity of the air, world axes, (3,) [m/s].
+
+    Returns:
+        One motion a strip.
+    """
+    twists = body_velocities(robot, q, v)
+    winds = _wind_in_bodies(robot, q, wind)
+    motions = []
+    for strip in robot.strips:
+        twist = twists[strip.body]
+        forward, normal = vector(strip.forward), vector(strip.normal)
+        span = cross(normal, forward)
+        velocity = twist.linear + cross(twist.angular, vector(strip.quarter_chord))
+        velocity = velocity - winds[strip.body]
+        motions.append(
+            StripMotion(
+                strip,
+                ca.dot(forward, velocity),
+                ca.dot(span, velocity),
+                ca.dot(normal, velocity),
+                -ca.dot(span, twist.angular),
+            )
+        )
+    return motions
+
+
+def strip_flow(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, chord_fraction: Any = 0.25) -> ca.SX:
+    """Velocity of a chord point of every strip relative to the air, strip axes.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: Velocity of the air, world axes, (3,) [m/s].
+        chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
+
+    Returns:
+        Forward, spanwise and normal velocity, (3, n_strips) [m/s].
+    """
+    columns = [
+        ca.vertcat(m.forward, m.spanwise, m.normal_ahead((0.25 - chord_fraction) * m.strip.chord))
+        for m in strip_motions(robot, q, v, wind)
+    ]
+    return ca.horzcat(*columns) if columns else ca.SX(3, 0)
+
+
+def strip_points(robot: Robot, q: ca.SX) -> ca.SX:
+    """Quarter-chord point of every strip, world axes, (3, n_strips) [m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+    """
+    poses = body_poses(robot, q)
+    columns = [
+        poses[s.body].position + poses[s.body].rotation @ vector(s.quarter_chord)
+        for s in robot.strips
+    ]
+    return ca.horzcat(*columns) if columns else ca.SX(3, 0)
+
+
+def _wind_in_bodies(robot: Robot, q: ca.SX, wind: ca.SX) -> list[ca.SX]:
+    """Velocity of the air in the axes of every body, (3, 1) each [m/s]."""
+    winds: list[ca.SX] = []
+    for body in robot.bodies:
+        local = winds[body.parent] if body.parent >= 0 else wind
+        if not is_identity(body):
+            local = orientation_matrix(body).T @ local
+        for joint in joint_chain(body):
+            if joint.kind == "revolute":
+                local = Turn(joint.axis, q[joint.dof]).outward(local)
+        winds.append(local)
+    return winds
+
+
+class LocalFlow:
+    """Velocity of the strips relative to the air, compiled.
+
+    Args:
+        robot: The machine.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._parameters = robot.parameters
+        symbolic, _ = robot.symbolic()
+        functions = load_functions(
+            f"local flow {symbolic!r}", self._build, label=f"local flow of {robot.name}"
+        )
+        self._flow = functions["local_flow"]
+
+    def __call__(
+        self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
+    ) -> NDArray[np.float64]:
+        """Forward, spanwise and normal velocity, (n_strips, 3) [m/s], strip axes.
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            wind: Velocity of the air, world axes, (3,) [m/s].
+            chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
+        """
+        flow = self._flow(q, v, wind, chord_fraction, self._parameters)
+        return np.swapaxes(np.asarray(flow).reshape(3, -1), 0, 1)
+
+    def batch(
+        self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
+    ) -> NDArray[np.float64]:
+        """The same over many states: q, v (N, n), wind (3,) or (N, 3) -> (N, n_strips, 3)."""
+        flow = self._flow.batch(q, v, wind, chord_fraction, self._parameters)
+        return np.swapaxes(np.asarray(flow).reshape(len(flow), 3, -1), 1, 2)
+
+    def _build(self) -> list[ca.Function]:
+        robot, parameters = self._robot.symbolic()
+        q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+        wind, fraction = ca.SX.sym("wind", 3), ca.SX.sym("chord_fraction")
+        inputs = [q, v, wind, fraction, parameters]
+        names = ["q", "v", "wind", "chord_fraction", "robot_parameters"]
+        flow = strip_flow(robot, q, v, wind, fraction)
+        return [ca.Function("local_flow", inputs, [flow], names, ["flow"])]

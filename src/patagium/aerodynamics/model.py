@@ -1,0 +1,227 @@
+"""What every model of the air has in common: the protocol and its compiled methods.
+
+A model writes its equations as expressions; the protocol compiles them and adds
+the methods a user calls with arrays. The robot's and the model's parameters stay
+run-time inputs of the compiled functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.loads import AeroExpressions
+from patagium.errors import ShapeError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+
+class Aerodynamics(Protocol):
+    """A model of the air around a robot.
+
+    A model gives its description, parameters and expressions; the compiled methods
+    follow. They use the robot's and the model's own numbers, and the wind at t = 0
+    unless another is given.
+    """
+
+    name: ClassVar[str]
+    robot: Robot
+    air: Air
+
+    @property
+    def state_size(self) -> int:
+        """Number of the model's own states, n_z."""
+        ...
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        ...
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        ...
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the model's parameters, (n_c,)."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make the model again, as JSON-able values."""
+        ...
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model.
+
+        Args:
+            robot: The model's robot, its numbers floats or symbols.
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            state: The model's own states, (n_z,).
+            wind: Velocity of the air, world axes, (3,) [m/s].
+            parameters: The model's parameters, (n_c,).
+        """
+        ...
+
+    def generalized_force(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Generalized aerodynamic force B2 u2, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            state: The model's own states, (n_z,); zero by default.
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0
+                by default.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+        """
+        return self._compiled.generalized_force(q, v, state, wind)
+
+    def strips(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> dict[str, Any]:
+        """What each strip meets and makes; arguments as for `generalized_force`.
+
+        Returns:
+            strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
+            angle_of_attack (n_strips,) [rad], strip_airspeed (n_strips,) [m/s], power [W].
+        """
+        return self._compiled.strips(q, v, state, wind)
+
+    def state_derivative(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Rate of the model's own states, (n_z,); arguments as for `generalized_force`."""
+        return self._compiled.state_derivative(q, v, state, wind)
+
+    @cached_property
+    def batch(self) -> CompiledAero:
+        """The same three methods over many states: every array has a leading axis N.
+
+        An argument without it (a wind, a state) holds for all.
+        """
+        return CompiledAero(self, batch=True)
+
+    @cached_property
+    def _compiled(self) -> CompiledAero:
+        return CompiledAero(self, batch=False)
+
+
+class CompiledAero:
+    """The compiled methods of a model of the air, for one state or for many.
+
+    Args:
+        model: The model.
+        batch: Whether arguments and results have a leading axis N.
+    """
+
+    def __init__(self, model: Aerodynamics, batch: bool) -> None:
+        self._model, self._batch = model, batch
+        self._wind = model.air.wind_at([0.0])[0]
+        self._state = np.zeros(model.state_size)
+        self._constants = (model.robot.parameters, model.parameters)
+        self._functions = compile_aero(model)
+
+    def generalized_force(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Generalized aerodynamic force, ([N,] n) [N, N m]."""
+        return self._column(self._call("generalized_force", q, v, state, wind))
+
+    def strips(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> dict[str, Any]:
+        """What each strip meets and makes, as `Aerodynamics.strips`, each ([N,] ...)."""
+        force, point, incidence, speed, power = self._call("strips", q, v, state, wind)
+        return {
+            "strip_force": self._vectors(force),
+            "strip_point": self._vectors(point),
+            "angle_of_attack": self._column(incidence),
+            "strip_airspeed": self._column(speed),
+            "power": power,
+        }
+
+    def state_derivative(
+        self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
+    ) -> Array:
+        """Rate of the model's own states, ([N,] n_z)."""
+        return self._column(self._call("state_derivative", q, v, state, wind))
+
+    def _call(self, name: str, q: Any, v: Any, state: Any, wind: Any) -> Any:
+        arguments = {
+            "q": (q, self._model.robot.dof),
+            "v": (v, self._model.robot.dof),
+            "state": (self._state if state is None else state, self._model.state_size),
+            "wind": (self._wind if wind is None else wind, 3),
+        }
+        arrays = [self._checked(k, value, n) for k, (value, n) in arguments.items()]
+        function = self._functions[name]
+        call = function.batch if self._batch else function
+        return call(*arrays, *self._constants)
+
+    def _checked(self, name: str, value: Any, size: int) -> Array:
+        array = np.asarray(value, float)
+        if array.shape[-1:] != (size,) or array.ndim > 1 + self._batch:
+            raise ShapeError(name, f"(N, {size})" if self._batch else (size,), array.shape)
+        return array[..., 0] if size == 1 else array  # compiled code takes it as a scalar
+
+    def _vectors(self, value: Any) -> Array:
+        """One vector a strip, ([N,] n_strips, 3)."""
+        array = np.asarray(value, float)
+        matrices = array.reshape(*array.shape[: int(self._batch)], 3, -1)
+        return np.swapaxes(matrices, -1, -2)
+
+    def _column(self, value: Any) -> Array:
+        """A column of one number comes back from compiled code as a scalar."""
+        array = np.asarray(value, float)
+        return array[..., None] if array.ndim == int(self._batch) else array
+
+
+def compile_aero(model: Aerodynamics) -> dict[str, NativeFunction]:
+    """Compiled functions of a model: generalized_force, strips, state_derivative.
+
+    Inputs of each: q, v, state, wind, robot_parameters, aero_parameters.
+    """
+    symbolic, _ = model.robot.symbolic()
+    key = f"aerodynamics {model.structure} {symbolic!r}"
+    label = f"aerodynamics of {model.robot.name}"
+    return load_functions(key, lambda: aero_functions(model), label=label)
+
+
+def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
+    """The same as CasADi functions, not compiled."""
+    robot, robot_parameters = model.robot.symbolic()
+    inputs = {
+        "q": ca.SX.sym("q", robot.dof),
+        "v": ca.SX.sym("v", robot.dof),
+        "state": ca.SX.sym("state", model.state_size),
+        "wind": ca.SX.sym("wind", 3),
+        "robot_parameters": robot_parameters,
+        "aero_parameters": ca.SX.sym("c", len(model.parameter_names)),
+    }
+    q, v, state, wind, _, parameters = inputs.values()
+    air = model.expressions(robot, q, v, state, wind, parameters)
+    outputs = {
+        "generalized_force": ["generalized_force"],
+        "strips": ["strip_force", "strip_point", "angle_of_attack", "strip_airspeed", "power"],
+        "state_derivative": ["state_derivative"],
+    }
+    return [
+        ca.Function(name, [*inputs.values()], [getattr(air, k) for k in keys], [*inputs], keys)
+        for name, keys in outputs.items()
+    ]

@@ -1,0 +1,202 @@
+"""Lift and drag coefficients of a section, as expressions with named parameters.
+
+Coefficients depend on the angle of attack alone. Neglected: Reynolds number,
+aspect ratio, history of the flow (dynamic stall), pitching moment about the
+point where the force acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from math import isfinite, radians
+from typing import Any, ClassVar, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class SectionFlow:
+    """Velocity of a section relative to the air, in its own plane.
+
+    Attributes:
+        forward: Velocity to the leading edge [m/s].
+        normal: Velocity out of the upper surface [m/s].
+        speed: Norm of the two, smooth and positive [m/s].
+        forward_sign: Smooth sign of `forward`.
+    """
+
+    forward: Any
+    normal: Any
+    speed: Any
+    forward_sign: Any
+
+    @property
+    def angle_of_attack(self) -> Any:
+        """Incidence a = atan2(-normal, |forward|), -pi/2 to pi/2, scalar [rad].
+
+        As twice the angle of the half tangent, smooth at rest too.
+        """
+        return 2 * ca.atan(-self.normal / (self.speed + self.forward * self.forward_sign))
+
+
+def section_flow(forward: Any, normal: Any) -> SectionFlow:
+    """Flow of a section from its two components of velocity relative to the air [m/s]."""
+    speed = smooth_norm(forward * forward + normal * normal)
+    return SectionFlow(forward, normal, speed, smooth_sign(forward))
+
+
+class Polar(Protocol):
+    """Section coefficients: a frozen dataclass whose fields are its parameters.
+
+    The parameters are run-time inputs of the equations, so that they can be calibrated.
+    """
+
+    name: ClassVar[str]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the parameters, (n,)."""
+        return np.array([getattr(self, name) for name in self.parameter_names], float)
+
+    def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
+        """Coefficient of lift along (-normal, forward) velocity, and of drag.
+
+        The first is sgn(a) C_L(|a|) sgn(forward), so that lift is
+        1/2 rho A |v| C (-v_normal, v_forward) in (forward, normal) axes.
+
+        Args:
+            flow: How the section moves.
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        values = zip(self.parameter_names, self.parameters.tolist(), strict=True)
+        return {"name": self.name, **dict(values)}
+
+    def require(self, possible: bool, expected: str) -> None:
+        """Raise unless every number is finite and the polar takes energy out of the robot.
+
+        Raises:
+            ParameterError: If not.
+        """
+        if not (possible and all(map(isfinite, self.parameters))):
+            raise ParameterError(f"polar {self.name}", expected, self.describe())
+
+
+@dataclass(frozen=True)
+class DickinsonPolar(Polar):
+    """The published polar of a flapping wing at low Reynolds number.
+
+    C_L = lift_offset + lift_amplitude sin(lift_rate a - lift_phase),
+    C_D = drag_offset - drag_amplitude cos(drag_rate a - drag_phase), 0 <= a <= pi/2;
+    for other incidences C_L(|a|) sgn(a) and C_D(|a|), the signs smoothed.
+
+    Args:
+        lift_offset: Constant of C_L.
+        lift_amplitude: Amplitude of C_L.
+        lift_rate: Cycles of C_L in one turn.
+        lift_phase: Phase of C_L [rad].
+        drag_offset: Constant of C_D.
+        drag_amplitude: Amplitude of C_D.
+        drag_rate: Cycles of C_D in one turn.
+        drag_phase: Phase of C_D [rad].
+
+    References:
+        Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
+    """
+
+    lift_offset: float = 0.225
+    lift_amplitude: float = 1.58
+    lift_rate: float = 2.13
+    lift_phase: float = radians(7.2)
+    drag_offset: float = 1.92
+    drag_amplitude: float = 1.55
+    drag_rate: float = 2.04
+    drag_phase: float = radians(9.82)
+
+    name = "dickinson"
+
+    def __post_init__(self) -> None:
+        possible = self.drag_offset >= abs(self.drag_amplitude)
+        self.require(possible, "finite numbers, drag_offset >= |drag_amplitude|")
+
+    def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
+        """Coefficient of lift along (-normal, forward) velocity, and of drag."""
+        normal_sign = smooth_sign(flow.normal)
+        magnitude = -flow.angle_of_attack * normal_sign
+        lift = -normal_sign * flow.forward_sign * self.lift(magnitude, parameters)
+        return lift, self.drag(magnitude, parameters)
+
+    def lift(self, angle: Any, parameters: Any) -> Any:
+        """C_L as fitted, of an angle of attack [rad]; not odd: C_L(0) = .027."""
+        offset, amplitude, rate, phase = (parameters[i] for i in range(4))
+        return offset + amplitude * ca.sin(rate * angle - phase)
+
+    def drag(self, angle: Any, parameters: Any) -> Any:
+        """C_D as fitted, of an angle of attack [rad]; not even."""
+        offset, amplitude, rate, phase = (parameters[i] for i in range(4, 8))
+        return offset - amplitude * ca.cos(rate * angle - phase)
+
+
+@dataclass(frozen=True)
+class SmoothPolar(Polar):
+    """A polar of three numbers to calibrate, without trigonometry.
+
+    C_L = lift_amplitude sin 2a, C_D = zero_lift_drag + drag_rise sin^2 a.
+    The values given are the least-squares fit of the published polar over 0 to 90 degrees.
+
+    Args:
+        lift_amplitude: Largest lift coefficient, at 45 degrees.
+        zero_lift_drag: Drag coefficient along the chord.
+        drag_rise: Further drag coefficient across the chord.
+    """
+
+    lift_amplitude: float = 1.81
+    zero_lift_drag: float = 0.24
+    drag_rise: float = 3.10
+
+    name = "smooth"
+
+    def __post_init__(self) -> None:
+        possible = self.zero_lift_drag >= 0 and self.zero_lift_drag + self.drag_rise >= 0
+        self.require(possible, "finite numbers, a drag coefficient >= 0 at every incidence")
+
+    def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
+        """Coefficient of lift along (-normal, forward) velocity, and of drag."""
+        sine, cosine = flow.normal / flow.speed, flow.forward / flow.speed
+        lift = -2 * parameters[0] * sine * cosine
+        return lift, parameters[1] + parameters[2] * sine * sine
+
+
+def polar_from_description(description: Mapping[str, Any]) -> Polar:
+    """The polar of `describe()`.
+
+    Raises:
+        ParameterError: If the name is unknown, or a key is missing or unknown.
+    """
+    kinds: dict[str, type[DickinsonPolar] | type[SmoothPolar]] = {
+        "dickinson": DickinsonPolar,
+        "smooth": SmoothPolar,
+    }
+    values = dict(description)
+    name = values.pop("name", None)
+    if name not in kinds:
+        raise ParameterError("polar", f"one of {', '.join(kinds)}", name)
+    kind = kinds[name]
+    names = {field.name for field in fields(kind)}
+    if set(values) != names:
+        raise ParameterError(f"polar {name}", f"the keys {sorted(names)}", sorted(values))
+    return kind(**values)

@@ -1,0 +1,121 @@
+"""Quasi-steady blade elements: the air answers the present motion of each strip.
+
+Lift is perpendicular to the velocity of the point where it acts and drag opposes
+it, so the air never does work on a robot in still air. Neglected: history of the
+flow (Wagner, dynamic stall), induced velocity, added mass, flow along the span.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
+from patagium.aerodynamics.smooth import smooth_sign
+from patagium.robot.model import Robot
+
+ROTATIONAL_COEFFICIENT = pi / 2
+"""C_rot = pi (3/4 - x0) at x0 = 1/4 of the chord, where the incidence is taken."""
+
+
+@dataclass(frozen=True)
+class QuasiSteady(Aerodynamics):
+    """Quasi-steady blade elements with a polar.
+
+    With v = (v_f, v_n) the velocity of the force point relative to the air, forward
+    along the chord and normal to it, a = atan2(-v_n, |v_f|), A = chord x width:
+
+        drag = -1/2 rho A |v| C_D(|a|) v,
+        lift = 1/2 rho A |v| sgn(a) C_L(|a|) sgn(v_f) (-v_n, v_f),
+
+    so F . v = -1/2 rho A |v|^3 C_D <= 0. The force point is a quarter chord ahead of
+    mid-chord moving forward, behind it moving backward. Signs and |v| are smoothed
+    within `smooth.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
+    term adds circulation C_rot c^2 w of the pitching strip by Kutta-Joukowski,
+    rho C_rot c^2 w width (-v_n, v_f) (leading edge rising at w): perpendicular to v,
+    it does no work either.
+
+    Args:
+        robot: The machine.
+        air: Density, wind and gusts.
+        polar: Section coefficients.
+        rotational: Whether pitching adds circulation.
+
+    References:
+        Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
+        Sane & Dickinson (2002), J. Exp. Biol. 205, 1087-1096 (rotational term).
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    polar: Polar = field(default_factory=DickinsonPolar)
+    rotational: bool = False
+
+    name = "quasi_steady"
+
+    @property
+    def state_size(self) -> int:
+        """No states of its own."""
+        return 0
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        return f"{self.name} {self.polar.name} rotational={self.rotational}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        names = ("density", *(f"polar.{name}" for name in self.polar.parameter_names))
+        return (*names, "rotational_coefficient") if self.rotational else names
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the model's parameters, (n_c,)."""
+        rotational = [ROTATIONAL_COEFFICIENT] if self.rotational else []
+        return np.array([self.air.density, *self.polar.parameters, *rotational])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make the model again, as JSON-able values."""
+        return {
+            "model": self.name,
+            "air": self.air.describe(),
+            "polar": self.polar.describe(),
+            "rotational": self.rotational,
+        }
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        motions = strip_motions(robot, q, v, wind)
+        loads = [self._load(motion, parameters) for motion in motions]
+        return assemble(robot, q, loads, ca.SX(0, 1))
+
+    def _load(self, motion: StripMotion, parameters: ca.SX) -> StripLoad:
+        strip, density = motion.strip, parameters[0]
+        polar = parameters[1 : 1 + len(self.polar.parameter_names)]
+        ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
+        flow = section_flow(motion.forward, motion.normal_ahead(ahead))
+        lift, drag = self.polar.coefficients(flow, polar)
+        mass_flow = density * strip.width * strip.chord * flow.speed / 2
+        across, along = mass_flow * lift, mass_flow * drag
+        if self.rotational:
+            circulation = parameters[-1] * strip.chord**2 * motion.pitch_rate
+            across = across + density * strip.width * circulation
+        return StripLoad(
+            motion=motion,
+            forward=-across * flow.normal - along * flow.forward,
+            normal=across * flow.forward - along * flow.normal,
+            ahead=ahead,
+            angle_of_attack=flow.angle_of_attack,
+        )
