@@ -64,9 +64,7 @@ class _Composite:
 def central_inertia(body: Body) -> ca.SX:
     """Inertia of a body about its centre of mass, body axes, (3, 3) [kg m^2]."""
     xx, yy, zz, xy, xz, yz = body.inertia
-    return ca.SX(
-        ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    )
+    return ca.SX(ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz)))
 
 
 def mass_matrix(robot: Robot, q: ca.SX) -> ca.SX:

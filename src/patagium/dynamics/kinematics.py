@@ -150,9 +150,7 @@ def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
     return ca.jacobian(point_velocity(robot, q, v, body, offset), v)
 
 
-def generalized_force(
-    robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX, ca.SX]]
-) -> ca.SX:
+def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX, ca.SX]]) -> ca.SX:
     """Generalized force of forces and moments on the bodies, (n, 1) [N, N m].
 
     Q = sum_b J_b^T f_b + Jw_b^T m_b, gathered from the tips to the root.

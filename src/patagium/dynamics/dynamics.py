@@ -1,0 +1,279 @@
+"""The equations of one robot as compiled functions of NumPy arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.dynamics import equations, kinematics
+from patagium.errors import ShapeError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+
+def _build(robot: Robot) -> list[ca.Function]:
+    machine, p = robot.symbolic()
+    n, n_a = robot.dof, len(robot.actuated)
+    q, v, a, f = (ca.SX.sym(name, n) for name in ("q", "v", "a", "f"))
+    a_a = ca.SX.sym("a_actuated", n_a)
+    mass, bias = equations.mass_matrix(machine, q), equations.bias(machine, q, v)
+    a_all, u = equations.forward_prescribed(machine, q, v, a_a, f)
+    u1 = u[list(robot.actuated)] if n_a else ca.SX(0, 1)
+    named: dict[str, tuple[dict[str, ca.SX], dict[str, ca.SX]]] = {
+        "mass_matrix": ({"q": q}, {"mass_matrix": mass}),
+        "coriolis": ({"q": q, "v": v}, {"force": equations.coriolis(machine, q, v)}),
+        "gravity": ({"q": q}, {"force": equations.gravity_force(machine, q)}),
+        "bias": ({"q": q, "v": v}, {"force": bias}),
+        "mass_matrix_and_bias": ({"q": q, "v": v}, {"mass_matrix": mass, "bias": bias}),
+        "inverse": ({"q": q, "v": v, "a": a}, {"force": equations.inverse(machine, q, v, a)}),
+        "forward": ({"q": q, "v": v, "f": f}, {"a": equations.forward(machine, q, v, f)}),
+        "forward_prescribed": (
+            {"q": q, "v": v, "a_actuated": a_a, "f": f},
+            {"a": a_all, "u1": u1},
+        ),
+        "kinetic_energy": ({"q": q, "v": v}, {"energy": equations.kinetic_energy(machine, q, v)}),
+        "potential_energy": ({"q": q}, {"energy": equations.potential_energy(machine, q)}),
+        "momentum": ({"q": q, "v": v}, {"momentum": equations.momentum(machine, q, v)}),
+        "angular_momentum": (
+            {"q": q, "v": v},
+            {"momentum": equations.angular_momentum(machine, q, v)},
+        ),
+        "center_of_mass": ({"q": q}, {"position": equations.center_of_mass(machine, q)}),
+    }
+    return [
+        ca.Function(name, [*i.values(), p], [*o.values()], [*i, "parameters"], [*o])
+        for name, (i, o) in named.items()
+    ]
+
+
+class _Methods:
+    """The equations as methods; one body for single states and for batches."""
+
+    def __init__(self, call: Callable[..., Any]) -> None:
+        self._call = call
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Generalized inertia D(q), (n, n) [kg, kg m, kg m^2]; symmetric, positive definite.
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+        """
+        return self._call("mass_matrix", q)  # type: ignore[no-any-return]
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Coriolis and centrifugal force C(q, v) v, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("coriolis", q, v)  # type: ignore[no-any-return]
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Gravity force G(q) = dU/dq, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+        """
+        return self._call("gravity", q)  # type: ignore[no-any-return]
+
+    def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """C v + G, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("bias", q, v)  # type: ignore[no-any-return]
+
+    def mass_matrix_and_bias(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """D, (n, n), and C v + G, (n,), in one call that shares their common terms.
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("mass_matrix_and_bias", q, v)  # type: ignore[no-any-return]
+
+    def inverse(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Generalized force of a motion, D a + C v + G, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        """
+        return self._call("inverse", q, v, a)  # type: ignore[no-any-return]
+
+    def forward(self, q: ArrayLike, v: ArrayLike, f: ArrayLike) -> Array:
+        """Acceleration of the free robot, D^-1 (f - C v - G), (n,) [m/s^2, rad/s^2].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            f: Every generalized force but inertia and gravity, (n,) [N, N m].
+        """
+        return self._call("forward", q, v, f)  # type: ignore[no-any-return]
+
+    def forward_prescribed(
+        self, q: ArrayLike, v: ArrayLike, a_actuated: ArrayLike, f: ArrayLike
+    ) -> tuple[Array, Array]:
+        """Acceleration and joint forces where the actuated joints follow a motion exactly.
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            a_actuated: Accelerations of the actuated coordinates, (n_a,).
+            f: Aerodynamic, damping and other given forces, (n,) [N, N m].
+
+        Returns:
+            a, (n,), and u1, (n_a,): the force or torque each actuator must give.
+        """
+        return self._call("forward_prescribed", q, v, a_actuated, f)  # type: ignore[no-any-return]
+
+    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> Any:
+        """Kinetic energy, 1/2 v^T D v, scalar [J].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("kinetic_energy", q, v)
+
+    def potential_energy(self, q: ArrayLike) -> Any:
+        """Potential energy of gravity, zero at the world's origin, scalar [J].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+        """
+        return self._call("potential_energy", q)
+
+    def momentum(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Linear momentum, world axes, (3,) [kg m/s].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("momentum", q, v)  # type: ignore[no-any-return]
+
+    def angular_momentum(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Angular momentum about the world's origin, world axes, (3,) [kg m^2/s].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("angular_momentum", q, v)  # type: ignore[no-any-return]
+
+    def center_of_mass(self, q: ArrayLike) -> Array:
+        """Center of mass of the robot, world axes, (3,) [m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+        """
+        return self._call("center_of_mass", q)  # type: ignore[no-any-return]
+
+
+class Dynamics(_Methods):
+    """Equations of motion of a robot, compiled and cached.
+
+    D(q) a + C(q, v) v + G(q) = u1 + Q. Every method takes one state; `batch` has
+    the same methods over a leading axis of N states (eight at a time).
+    The symbolic functions are in `expressions`.
+
+    Args:
+        robot: The machine. Its parameters are inputs of the compiled functions: a
+            robot that differs only in values (`with_parameters`) compiles nothing.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._parameters = robot.parameters
+        self._functions = load_functions(
+            robot.structure, lambda: _build(robot), label=f"{robot.name} dynamics"
+        )
+        super().__init__(lambda name, *args: self._functions[name](*args, self._parameters))
+        self.batch = _Methods(
+            lambda name, *args: self._functions[name].batch(*args, self._parameters)
+        )
+
+    @property
+    def functions(self) -> dict[str, NativeFunction]:
+        """The compiled functions by name; each takes the robot's parameters last."""
+        return dict(self._functions)
+
+    @property
+    def expressions(self) -> dict[str, ca.Function]:
+        """The CasADi functions by name; each takes the robot's parameters last."""
+        return {name: function.expression for name, function in self._functions.items()}
+
+    def point(self, body: str, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Point:
+        """A point fixed to a body.
+
+        Args:
+            body: Name of the body.
+            offset: From the body's origin, body axes, (3,) [m].
+
+        Raises:
+            ParameterError: If there is no such body.
+            ShapeError: If `offset` is not (3,).
+        """
+        return Point(self.robot, self.robot.body_index(body), np.asarray(offset, float))
+
+
+class Point:
+    """A point fixed to a body: where it is, how it moves, what moves it.
+
+    Args:
+        robot: The machine.
+        body: Index of the body.
+        offset: From the body's origin, body axes, (3,) [m].
+
+    Raises:
+        ShapeError: If `offset` is not (3,).
+    """
+
+    def __init__(self, robot: Robot, body: int, offset: Array) -> None:
+        if offset.shape != (3,):
+            raise ShapeError("offset", (3,), offset.shape)
+        self.robot, self.body, self.offset = robot, body, offset
+
+        def build() -> list[ca.Function]:
+            machine, p = robot.symbolic()
+            q, v, r = (ca.SX.sym(s, k) for s, k in (("q", robot.dof), ("v", robot.dof), ("r", 3)))
+            position = kinematics.point_position(machine, q, body, r)
+            velocity = kinematics.point_velocity(machine, q, v, body, r)
+            jacobian = kinematics.point_jacobian(machine, q, body, r)
+            names = ["q", "offset_parameters", "parameters"]
+            return [
+                ca.Function("position", [q, r, p], [position], names, ["position"]),
+                ca.Function(
+                    "velocity", [q, v, r, p], [velocity], ["q", "v", *names[1:]], ["velocity"]
+                ),
+                ca.Function("jacobian", [q, r, p], [jacobian], names, ["jacobian"]),
+            ]
+
+        name = robot.bodies[body].name
+        self._functions = load_functions(
+            f"{robot.structure} point {body}", build, label=f"{robot.name} point on {name}"
+        )
+        self._parameters = robot.parameters
+
+    def position(self, q: ArrayLike) -> Array:
+        """Position in world axes, (3,) [m]."""
+        return self._functions["position"](q, self.offset, self._parameters)  # type: ignore[no-any-return]
+
+    def velocity(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Velocity in world axes, (3,) [m/s]."""
+        return self._functions["velocity"](q, v, self.offset, self._parameters)  # type: ignore[no-any-return]
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Jacobian of the position with respect to q, (3, n) [1, m]."""
+        return self._functions["jacobian"](q, self.offset, self._parameters)  # type: ignore[no-any-return]

@@ -1,0 +1,10 @@
+"""From a CasADi expression to a compiled, cached function, and C kernels by hand.
+
+Without a C compiler everything still runs, on CasADi's virtual machine.
+"""
+
+from patagium.native.compiler import compiler_name, load_kernel
+from patagium.native.function import NativeFunction
+from patagium.native.library import load_functions
+
+__all__ = ["NativeFunction", "compiler_name", "load_functions", "load_kernel"]

@@ -1,0 +1,194 @@
+"""The user's C compiler, and the cache of what it built.
+
+A build is a folder of the cache, named by the hash of everything it depends on,
+made beside its place and renamed into it: parallel processes may build the same
+thing, and an interrupted build leaves nothing. Environment: `CC` chooses the
+compiler, `PATAGIUM_COMPILER=none` does without, `PATAGIUM_CACHE` moves the cache.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from patagium.errors import CompilerError
+
+KERNELS = Path(__file__).parent / "kernels"
+_COMMON = ("-std=gnu11", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+_NATIVE = () if platform.machine().startswith(("arm", "aarch")) else ("-march=native",)
+STRAIGHT_LINE = ("-O2", *_COMMON, *_NATIVE)
+LOOPS = ("-O3", *_COMMON, *_NATIVE)
+
+
+@functools.cache
+def _compiler(choice: str, preferred: str) -> str | None:
+    if choice == "none":
+        return None
+    for name in filter(None, (preferred, "cc", "gcc", "clang")):
+        path = shutil.which(name)
+        if path and _works(path):
+            return path
+    return None
+
+
+def _works(path: str) -> bool:
+    """Whether the compiler links a library with the vector types the kernels use."""
+    identity = hashlib.sha256(f"{machine_identity(path)}{kernel_digest()}".encode()).hexdigest()[
+        :32
+    ]
+    known = cache_folder() / f"works-{identity}"
+    if known.exists():
+        return True
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder, "probe.c")
+        source.write_text('#include "operations.h"\nint probe(void) { return LANES; }\n')
+        command = [path, *STRAIGHT_LINE, f"-I{KERNELS}", "-shared", str(source)]
+        done = subprocess.run(
+            [*command, "-o", str(source.with_suffix(".so")), "-lm"], capture_output=True
+        )
+    if done.returncode == 0:
+        known.touch()
+    return done.returncode == 0
+
+
+def compiler_path() -> str | None:
+    """The C compiler in use, or None; the first None of a process is announced."""
+    choice = os.environ.get("PATAGIUM_COMPILER", "")
+    path = _compiler(choice, os.environ.get("CC", ""))
+    if path is None:
+        _announce_fallback(choice)
+    return path
+
+
+def compiler_name() -> str | None:
+    """The C compiler in use as a short name, or None where there is none."""
+    path = compiler_path()
+    return Path(path).name if path else None
+
+
+@functools.cache
+def _announce_fallback(choice: str) -> None:
+    reason = "as PATAGIUM_COMPILER=none asks" if choice == "none" else "none was found that works"
+    print(
+        f"patagium: no C compiler ({reason}): running on CasADi's virtual machine, "
+        "the same numbers, several times slower",
+        file=sys.stderr,
+    )
+
+
+def cache_folder() -> Path:
+    """Where builds are kept; made when missing."""
+    chosen = os.environ.get("PATAGIUM_CACHE")
+    if chosen:
+        folder = Path(chosen)
+    elif sys.platform == "darwin":
+        folder = Path.home() / "Library" / "Caches" / "patagium"
+    elif sys.platform == "win32":
+        folder = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "patagium"
+    else:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "patagium"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@functools.cache
+def machine_identity(path: str) -> str:
+    """What a binary depends on beside its source: compiler and processor."""
+    status = os.stat(path)
+    text = f"{os.path.realpath(path)} {status.st_size} {status.st_mtime_ns} {platform.machine()}"
+    cpu = Path("/proc/cpuinfo")
+    if cpu.exists():
+        flags = next((x for x in cpu.read_text().splitlines() if x.startswith("flags")), "")
+        text += flags
+    return text
+
+
+def build(path: str, sources: Mapping[str, str], flags: Sequence[str]) -> Path:
+    """Folder of the cache that holds `library.so` and whatever else the sources bring.
+
+    Args:
+        path: The compiler.
+        sources: File name to text; `.c` files are compiled side by side, others
+            are kept as they are.
+        flags: Compiler flags.
+
+    Raises:
+        CompilerError: With the compiler's own words.
+    """
+    identity = "\n".join(
+        [kernel_digest(), machine_identity(path), *flags, *map(repr, sources.items())]
+    )
+    folder = cache_folder() / hashlib.sha256(identity.encode()).hexdigest()[:32]
+    if (folder / "library.so").exists():
+        return folder
+    with tempfile.TemporaryDirectory(
+        dir=folder.parent, prefix="building-", ignore_cleanup_errors=True
+    ) as scratch:
+        work = Path(scratch)
+        units = []
+        for name, text in sources.items():
+            (work / name).write_text(text)
+            if name.endswith(".c"):
+                units.append(work / name)
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            objects = list(pool.map(lambda unit: _compile(path, unit, flags), units))
+        library = work / "library.so"
+        _run([path, "-shared", *map(str, objects), "-o", str(library), "-lm"])
+        for leftover in objects:
+            leftover.unlink()
+        try:
+            work.rename(folder)
+        except OSError:
+            if not (folder / "library.so").exists():
+                raise
+    return folder
+
+
+def _compile(path: str, unit: Path, flags: Sequence[str]) -> Path:
+    target = unit.with_suffix(".o")
+    _run([path, *flags, f"-I{KERNELS}", "-c", str(unit), "-o", str(target)])
+    return target
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise CompilerError(f"{' '.join(command)}\nfailed:\n{done.stderr.strip()[-4000:]}")
+
+
+@functools.cache
+def kernel_digest() -> str:
+    """Hash of the hand-written C."""
+    digest = hashlib.sha256()
+    for file in sorted(KERNELS.iterdir()):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ctypes.CDLL | None:
+    """A hand-written kernel, compiled and cached; None without a compiler.
+
+    Args:
+        name: `kernels/<name>.c`.
+        defines: Macros set for this build, such as sizes or the type of a number.
+
+    Raises:
+        CompilerError: If the compiler refuses it.
+    """
+    path = compiler_path()
+    if path is None:
+        return None
+    macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
+    sources = {f"{name}.c": (KERNELS / f"{name}.c").read_text()}
+    folder = build(path, sources, (*LOOPS, *macros))
+    return ctypes.CDLL(str(folder / "library.so"))

@@ -1,0 +1,223 @@
+"""A compiled function as a Python callable over NumPy arrays.
+
+One call copies its arguments into fixed buffers, makes one foreign call and
+copies the results out: a few microseconds. Hot loops use `address` from C or
+`batch`, never a Python call a sample.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ParameterError, ShapeError
+from patagium.native.emit import SHARED_SUFFIX
+
+Shape = tuple[int, int]
+Array = NDArray[np.float64]
+_LANES = 8
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Names and shapes of a function's arguments and results."""
+
+    name: str
+    names_in: tuple[str, ...]
+    sizes_in: tuple[Shape, ...]
+    names_out: tuple[str, ...]
+    sizes_out: tuple[Shape, ...]
+
+    def as_list(self) -> list[Any]:
+        """The same as JSON-able lists."""
+        return [self.name, self.names_in, self.sizes_in, self.names_out, self.sizes_out]
+
+    @classmethod
+    def from_list(cls, entry: list[Any]) -> Signature:
+        """Inverse of `as_list`."""
+        name, names_in, sizes_in, names_out, sizes_out = entry
+        return cls(
+            name,
+            tuple(names_in),
+            tuple((r, c) for r, c in sizes_in),
+            tuple(names_out),
+            tuple((r, c) for r, c in sizes_out),
+        )
+
+
+class NativeFunction:
+    """A function of arrays, compiled, or on CasADi's virtual machine without a compiler.
+
+    Args:
+        signature: Names and shapes.
+        expression: Gives the CasADi function behind it.
+        library: Compiled library that holds `<name>` and `<name>_batch`, or None.
+    """
+
+    def __init__(
+        self,
+        signature: Signature,
+        expression: Callable[[], ca.Function],
+        library: ctypes.CDLL | None,
+    ) -> None:
+        self.signature, self.name = signature, signature.name
+        self.size_in, self.size_out = signature.sizes_in, signature.sizes_out
+        self._expression, self._library = expression, library
+        self._lock = threading.Lock()
+        self._inputs = [_buffer(size) for size in self.size_in]
+        self._outputs = [_buffer(size) for size in self.size_out]
+        self._single = len(self._outputs) == 1
+        self._scalar = [size == (1, 1) for size in self.size_out]
+        self._run: Callable[[], Any]
+        if library is not None:
+            function = getattr(library, self.name)
+            self.address: int | None = ctypes.cast(function, ctypes.c_void_p).value
+            arguments, results = _pointers(self._inputs), _pointers(self._outputs)
+            self._run = lambda: function(arguments, results)
+        else:
+            self.address = None
+            self._run = _virtual_machine(expression(), self._inputs, self._outputs)
+
+    @property
+    def expression(self) -> ca.Function:
+        """The CasADi function behind it, to differentiate or put into a program."""
+        return self._expression()
+
+    def __call__(self, *arguments: ArrayLike) -> Any:
+        """Results as fresh arrays: (n, 1) as (n,), (1, 1) as float; a tuple when several.
+
+        Raises:
+            ShapeError: If an argument has the wrong shape.
+            ParameterError: If the number of arguments is wrong.
+        """
+        self._check_count(arguments)
+        with self._lock:
+            for position, (buffer, argument) in enumerate(
+                zip(self._inputs, arguments, strict=True)
+            ):
+                array = np.asarray(argument, float)
+                if array.shape != buffer.shape:
+                    raise ShapeError(self.signature.names_in[position], buffer.shape, array.shape)
+                buffer[...] = array
+            self._run()
+            if self._single:
+                return float(self._outputs[0]) if self._scalar[0] else self._outputs[0].copy()
+            return tuple(
+                float(out) if scalar else out.copy()
+                for out, scalar in zip(self._outputs, self._scalar, strict=True)
+            )
+
+    def batch(self, *arguments: ArrayLike) -> Any:
+        """Results over a leading axis of N states, as views of one block each.
+
+        Arguments named `...parameters` are the same for all states; any other
+        without a leading axis is repeated.
+
+        Returns:
+            (N, ...) arrays; a tuple when several.
+
+        Raises:
+            ShapeError: If an argument has the wrong shape, or leading axes differ.
+        """
+        self._check_count(arguments)
+        arrays = [np.asarray(argument, float) for argument in arguments]
+        count = self._batch_count(arrays)
+        if self._library is None:
+            return self._batch_in_python(arrays, count)
+        padded = _padded(count)
+        blocks = []
+        for position, array in enumerate(arrays):
+            if self._is_shared(position):
+                blocks.append(np.ascontiguousarray(array.T).reshape(-1))
+                continue
+            rows, columns = self.size_in[position]
+            block = np.empty((columns, rows, padded))
+            whole = np.broadcast_to(array, (count, *self._inputs[position].shape))
+            block[:, :, :count] = whole.reshape(count, rows, columns).transpose(2, 1, 0)
+            block[:, :, count:] = block[:, :, count - 1 : count]
+            blocks.append(block)
+        results = [np.empty((columns, rows, padded)) for rows, columns in self.size_out]
+        function = getattr(self._library, f"{self.name}_batch")
+        function(_pointers(blocks), _pointers(results), ctypes.c_long(padded))
+        shaped = [
+            result[:, :, :count].transpose(2, 1, 0).reshape(count, *buffer.shape)
+            for result, buffer in zip(results, self._outputs, strict=True)
+        ]
+        return shaped[0] if self._single else tuple(shaped)
+
+    def _is_shared(self, position: int) -> bool:
+        return self.signature.names_in[position].endswith(SHARED_SUFFIX)
+
+    def _check_count(self, arguments: tuple[ArrayLike, ...]) -> None:
+        if len(arguments) != len(self._inputs):
+            expected = ", ".join(self.signature.names_in)
+            raise ParameterError(
+                self.name, f"{len(self._inputs)} arguments ({expected})", len(arguments)
+            )
+
+    def _batch_count(self, arrays: list[Array]) -> int:
+        counts = set()
+        for position, (buffer, array) in enumerate(zip(self._inputs, arrays, strict=True)):
+            leading = array.ndim - buffer.ndim
+            fits = array.shape[leading:] == buffer.shape and leading in (0, 1)
+            if not fits or (leading and self._is_shared(position)):
+                name = self.signature.names_in[position]
+                expected = buffer.shape if self._is_shared(position) else ("N", *buffer.shape)
+                raise ShapeError(name, expected, array.shape)
+            if leading:
+                counts.add(array.shape[0])
+        if len(counts) != 1 or 0 in counts:
+            raise ShapeError(self.name, "one common leading axis N > 0", sorted(counts))
+        return int(counts.pop())
+
+    def _batch_in_python(self, arrays: list[Array], count: int) -> Any:
+        results = [np.empty((count, *buffer.shape)) for buffer in self._outputs]
+        with self._lock:
+            for k in range(count):
+                for buffer, array in zip(self._inputs, arrays, strict=True):
+                    buffer[...] = array if array.ndim == buffer.ndim else array[k]
+                self._run()
+                for result, buffer in zip(results, self._outputs, strict=True):
+                    result[k] = buffer
+        return results[0] if self._single else tuple(results)
+
+
+def _padded(count: int) -> int:
+    """Multiple of the lanes, odd in cache lines so that columns do not share cache sets."""
+    lines = -(-count // _LANES)
+    return _LANES * (lines + 1 - lines % 2 if lines > _LANES else lines)
+
+
+def _buffer(size: Shape) -> Array:
+    rows, columns = size
+    if size == (1, 1):
+        return np.zeros(())
+    return np.zeros(rows) if columns == 1 else np.zeros((rows, columns), order="F")
+
+
+def _pointers(arrays: list[Array]) -> ctypes.Array[ctypes.c_void_p]:
+    return (ctypes.c_void_p * max(len(arrays), 1))(*[array.ctypes.data for array in arrays])
+
+
+def _virtual_machine(
+    function: ca.Function, inputs: list[Array], outputs: list[Array]
+) -> Callable[[], Any]:
+    dense = ca.Function(
+        function.name(),
+        function.sx_in(),
+        [ca.densify(out) for out in function.call(function.sx_in(), True, False)],
+    )
+    buffer, run = dense.buffer()
+    for k, array in enumerate(inputs):
+        buffer.set_arg(k, memoryview(array.ravel(order="K")))
+    for k, array in enumerate(outputs):
+        buffer.set_res(k, memoryview(array.ravel(order="K")))
+    keep = (dense, buffer)
+    return lambda: run() and keep

@@ -1,0 +1,127 @@
+"""A set of symbolic functions as one compiled library, built once per key.
+
+On a second call with the same key no expression is built at all: shapes and
+names come from the cache, the code from the library.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import casadi as ca
+
+from patagium.native.compiler import (
+    STRAIGHT_LINE,
+    build,
+    cache_folder,
+    compiler_path,
+    machine_identity,
+)
+from patagium.native.emit import emit
+from patagium.native.function import NativeFunction, Signature
+
+_SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
+
+
+def load_functions(
+    key: str, build_functions: Callable[[], Sequence[ca.Function]], *, label: str
+) -> dict[str, NativeFunction]:
+    """Functions by name, compiled where there is a compiler.
+
+    Args:
+        key: Everything the functions depend on beside patagium's own source,
+            such as the text of the robot file.
+        build_functions: Makes the SX functions; called on a cache miss, and when
+            somebody asks for the expression behind a compiled function.
+        label: What is being compiled, for the progress line.
+
+    Returns:
+        Name of each function to the function to call with arrays.
+
+    Raises:
+        CompilerError: If the compiler refuses the generated text.
+    """
+    expressions = _Expressions(build_functions)
+    path = compiler_path()
+    if path is None:
+        return {
+            name: NativeFunction(_signature(f), expressions.getter(name), None)
+            for name, f in expressions.by_name().items()
+        }
+
+    identity = "\n".join([label, key, source_digest(), machine_identity(path)])
+    index = cache_folder() / f"index-{hashlib.sha256(identity.encode()).hexdigest()[:32]}"
+    folder = cache_folder() / index.read_text() if index.exists() else None
+    if folder is None or not (folder / "library.so").exists():
+        folder = _compile(path, expressions.by_name(), label)
+        scratch = index.with_suffix(f".{os.getpid()}")
+        scratch.write_text(folder.name)
+        scratch.replace(index)
+    library = ctypes.CDLL(str(folder / "library.so"))
+    functions = {}
+    for entry in json.loads((folder / "signatures.json").read_text()):
+        signature = Signature.from_list(entry)
+        name = signature.name
+        functions[name] = NativeFunction(signature, expressions.getter(name), library)
+    return functions
+
+
+def _compile(path: str, functions: dict[str, ca.Function], label: str) -> Path:
+    started = time.perf_counter()
+    print(
+        f"patagium: compiling {label} (kept for next time) ...", end="", file=sys.stderr, flush=True
+    )
+    texts: dict[str, str] = {}
+    for name, function in functions.items():
+        texts[f"{name}.c"], texts[f"{name}_batch.c"] = emit(function)
+    signatures = [_signature(function).as_list() for function in functions.values()]
+    texts["signatures.json"] = json.dumps(signatures)
+    folder = build(path, texts, STRAIGHT_LINE)
+    print(f" {time.perf_counter() - started:.1f} s", file=sys.stderr)
+    return folder
+
+
+@functools.cache
+def source_digest() -> str:
+    """Hash of the modules that make expressions and code."""
+    digest = hashlib.sha256(ca.CasadiMeta.version().encode())
+    root = Path(__file__).parents[1]
+    for layer in _SOURCES:
+        for file in sorted((root / layer).rglob("*.[pch]*")):
+            if file.suffix in (".py", ".c", ".h"):
+                digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _signature(function: ca.Function) -> Signature:
+    return Signature(
+        function.name(),
+        tuple(function.name_in()),
+        tuple(tuple(function.size_in(k)) for k in range(function.n_in())),
+        tuple(function.name_out()),
+        tuple(tuple(function.size_out(k)) for k in range(function.n_out())),
+    )
+
+
+class _Expressions:
+    """The symbolic functions, made on demand and once."""
+
+    def __init__(self, build_functions: Callable[[], Sequence[ca.Function]]) -> None:
+        self._build = build_functions
+        self._functions: dict[str, ca.Function] | None = None
+
+    def by_name(self) -> dict[str, ca.Function]:
+        if self._functions is None:
+            self._functions = {function.name(): function for function in self._build()}
+        return self._functions
+
+    def getter(self, name: str) -> Callable[[], ca.Function]:
+        return lambda: self.by_name()[name]
