@@ -1,0 +1,139 @@
+"""A robot on paper: planform, joints, strips, centers of mass; and its facts in words.
+
+Strips are drawn as the rectangles the aerodynamics sees. Neglected: the solid
+shapes of the bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ShapeError
+from patagium.report.views import machine
+from patagium.robot.model import Body, Robot, Strip
+
+Array = NDArray[np.float64]
+
+
+def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
+    """Figure of the robot from above and from ahead.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad]; zero when None.
+
+    Raises:
+        ShapeError: If `q` is not (n,).
+    """
+    poses = _poses(robot, q)
+    strips: dict[str, list[Array]] = {}
+    for strip in robot.strips:
+        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], _corners(strip)))
+    jointed = [(b, pose) for b, pose in zip(robot.bodies, poses, strict=True) if b.joints]
+    return machine(
+        robot.name,
+        strips={wing: np.array(corners) for wing, corners in strips.items()},
+        joints={b.name: position for b, (position, _) in jointed},
+        centers={
+            b.name: _placed(pose, np.array(b.center_of_mass, float))
+            for b, pose in zip(robot.bodies, poses, strict=True)
+        },
+        links=[
+            np.array([poses[b.parent][0], position])
+            for b, (position, _) in jointed
+            if b.parent >= 0
+        ],
+    )
+
+
+def describe_robot(robot: Robot) -> dict[str, str | int | float]:
+    """Facts of a robot for a listing, by name with the unit in brackets.
+
+    The span is that of the strips at zero coordinates, tip to tip along y.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
+    mass = sum(float(b.mass) for b in robot.bodies)
+    joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]
+    return {
+        "robot": robot.name,
+        "base": "floating" if robot.floating else "fixed",
+        "coordinates": robot.dof,
+        "joints": len(joints),
+        "passive joints": sum(robot.index(k) not in robot.actuated for k in joints),
+        "bodies": len(robot.bodies),
+        "wings": len({s.wing for s in robot.strips}),
+        "strips": len(robot.strips),
+        "mass [kg]": round(mass, 9),
+        "span [m]": round(wing_span(robot), 9),
+        "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
+        "parameters": len(robot.parameter_names),
+    }
+
+
+def wing_span(robot: Robot) -> float:
+    """Tip to tip distance of the strips along y, at zero coordinates [m]."""
+    poses = _poses(robot, None)
+    sides = [_placed(poses[s.body], _corners(s))[:, 1] for s in robot.strips]
+    return float(np.ptp(np.concatenate(sides))) if sides else 0.0
+
+
+def _poses(robot: Robot, q: ArrayLike | None) -> list[tuple[Array, Array]]:
+    """Position (3,) [m] and rotation to the world (3, 3) of every body."""
+    coordinates = np.zeros(robot.dof) if q is None else np.asarray(q, float)
+    if coordinates.shape != (robot.dof,):
+        raise ShapeError("q", (robot.dof,), coordinates.shape)
+    poses: list[tuple[Array, Array]] = []
+    for body in robot.bodies:
+        position, rotation = np.zeros(3), np.eye(3)
+        if body.parent >= 0:
+            position, rotation = poses[body.parent]
+        position = position + rotation @ np.array(body.position, float)
+        rotation = rotation @ np.array(body.orientation)
+        for kind, axis, value in _motions(body, coordinates):
+            if kind == "revolute":
+                rotation = rotation @ _turn(axis, value)
+            else:
+                position = position + rotation @ axis * value
+        poses.append((position, rotation))
+    return poses
+
+
+def _motions(body: Body, q: Array) -> Iterator[tuple[str, Array, float]]:
+    """Kind, axis and coordinate of each joint, from the parent on."""
+    unit = np.eye(3)
+    if body.floating_dofs is not None:
+        x, y, z, roll, pitch, yaw = (float(q[i]) for i in body.floating_dofs)
+        for axis, value in zip(unit, (x, y, z), strict=True):
+            yield "prismatic", axis, value
+        for axis, value in zip(unit[::-1], (yaw, pitch, roll), strict=True):
+            yield "revolute", axis, value
+    for joint in body.joints:
+        yield joint.kind, np.array(joint.axis), float(q[joint.dof])
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    """Rotation about a unit axis (Rodrigues), (3, 3)."""
+    cross = np.cross(np.eye(3), axis)
+    turned = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return np.asarray(turned)
+
+
+def _corners(strip: Strip) -> Array:
+    """Corners of a strip in body axes, in order around it, (4, 3) [m]."""
+    forward = np.array(strip.forward)
+    half = np.cross(np.array(strip.normal), forward) * float(strip.width) / 2
+    leading = np.array(strip.quarter_chord, float) + forward * float(strip.chord) / 4
+    trailing = leading - forward * float(strip.chord)
+    return np.array([leading - half, leading + half, trailing + half, trailing - half])
+
+
+def _placed(pose: tuple[Array, Array], points: Array) -> Array:
+    """Points of a body in world axes, (..., 3) [m]."""
+    position, rotation = pose
+    return np.asarray(position + points @ rotation.T)
