@@ -146,7 +146,7 @@ def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
         body: Index of the body.
         offset: The point from the body's origin, body axes, (3, 1) [m].
     """
-    v = ca.SX.sym("v", robot.dof)  # type: ignore[arg-type]
+    v = ca.SX.sym("v", robot.dof)
     return ca.jacobian(point_velocity(robot, q, v, body, offset), v)
 
 

@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -43,10 +44,7 @@ def _compiler(choice: str, preferred: str) -> str | None:
 
 def _works(path: str) -> bool:
     """Whether the compiler links a library with the vector types the kernels use."""
-    identity = hashlib.sha256(f"{machine_identity(path)}{kernel_digest()}".encode()).hexdigest()[
-        :32
-    ]
-    known = cache_folder() / f"works-{identity}"
+    known = cache_folder() / f"works-{short_hash(machine_identity(path), header_digest())}"
     if known.exists():
         return True
     with tempfile.TemporaryDirectory() as folder:
@@ -86,6 +84,25 @@ def _announce_fallback(choice: str) -> None:
     )
 
 
+def short_hash(*texts: str) -> str:
+    """Name of a cache entry that depends on all the texts."""
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def _writable(folder: Path) -> Path:
+    """The folder, made when missing; a private temporary one where that is refused."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass
+    fallback = Path(tempfile.mkdtemp(prefix="patagium-"))
+    print(f"patagium: {folder} is not writable, builds go to {fallback}", file=sys.stderr)
+    return fallback
+
+
 def cache_folder() -> Path:
     """Where builds are kept; made when missing."""
     chosen = os.environ.get("PATAGIUM_CACHE")
@@ -97,8 +114,7 @@ def cache_folder() -> Path:
         folder = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "patagium"
     else:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "patagium"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    return _writable(folder)
 
 
 @functools.cache
@@ -113,7 +129,7 @@ def machine_identity(path: str) -> str:
     return text
 
 
-def build(path: str, sources: Mapping[str, str], flags: Sequence[str]) -> Path:
+def build(path: str, sources: Mapping[str, str], flags: Sequence[str], label: str) -> Path:
     """Folder of the cache that holds `library.so` and whatever else the sources bring.
 
     Args:
@@ -121,16 +137,17 @@ def build(path: str, sources: Mapping[str, str], flags: Sequence[str]) -> Path:
         sources: File name to text; `.c` files are compiled side by side, others
             are kept as they are.
         flags: Compiler flags.
+        label: What is being compiled, for the progress line.
 
     Raises:
         CompilerError: With the compiler's own words.
     """
-    identity = "\n".join(
-        [kernel_digest(), machine_identity(path), *flags, *map(repr, sources.items())]
-    )
-    folder = cache_folder() / hashlib.sha256(identity.encode()).hexdigest()[:32]
+    texts = [f"{name}\n{text}" for name, text in sources.items()]
+    folder = cache_folder() / short_hash(header_digest(), machine_identity(path), *flags, *texts)
     if (folder / "library.so").exists():
         return folder
+    started = time.perf_counter()
+    print(f"patagium: compiling {label}, kept for next time", end="", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory(
         dir=folder.parent, prefix="building-", ignore_cleanup_errors=True
     ) as scratch:
@@ -151,6 +168,7 @@ def build(path: str, sources: Mapping[str, str], flags: Sequence[str]) -> Path:
         except OSError:
             if not (folder / "library.so").exists():
                 raise
+    print(f" ... {time.perf_counter() - started:.1f} s", file=sys.stderr)
     return folder
 
 
@@ -167,12 +185,9 @@ def _run(command: list[str]) -> None:
 
 
 @functools.cache
-def kernel_digest() -> str:
-    """Hash of the hand-written C."""
-    digest = hashlib.sha256()
-    for file in sorted(KERNELS.iterdir()):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
+def header_digest() -> str:
+    """Hash of the headers that every build may include."""
+    return short_hash(*[file.read_text() for file in sorted(KERNELS.glob("*.h"))])
 
 
 def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ctypes.CDLL | None:
@@ -190,5 +205,5 @@ def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ct
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
     sources = {f"{name}.c": (KERNELS / f"{name}.c").read_text()}
-    folder = build(path, sources, (*LOOPS, *macros))
+    folder = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
     return ctypes.CDLL(str(folder / "library.so"))

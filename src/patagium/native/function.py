@@ -132,13 +132,13 @@ class NativeFunction:
         if self._library is None:
             return self._batch_in_python(arrays, count)
         padded = _padded(count)
-        blocks = []
+        blocks: list[Array] = []
         for position, array in enumerate(arrays):
             if self._is_shared(position):
                 blocks.append(np.ascontiguousarray(array.T).reshape(-1))
                 continue
             rows, columns = self.size_in[position]
-            block = np.empty((columns, rows, padded))
+            block: Array = np.empty((columns, rows, padded))
             whole = np.broadcast_to(array, (count, *self._inputs[position].shape))
             block[:, :, :count] = whole.reshape(count, rows, columns).transpose(2, 1, 0)
             block[:, :, count:] = block[:, :, count - 1 : count]
@@ -216,8 +216,8 @@ def _virtual_machine(
     )
     buffer, run = dense.buffer()
     for k, array in enumerate(inputs):
-        buffer.set_arg(k, memoryview(array.ravel(order="K")))
+        buffer.set_arg(k, array.ravel(order="K").data)
     for k, array in enumerate(outputs):
-        buffer.set_res(k, memoryview(array.ravel(order="K")))
+        buffer.set_res(k, array.ravel(order="K").data)
     keep = (dense, buffer)
     return lambda: run() and keep

@@ -11,8 +11,6 @@ import functools
 import hashlib
 import json
 import os
-import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -24,6 +22,7 @@ from patagium.native.compiler import (
     cache_folder,
     compiler_path,
     machine_identity,
+    short_hash,
 )
 from patagium.native.emit import emit
 from patagium.native.function import NativeFunction, Signature
@@ -57,8 +56,8 @@ def load_functions(
             for name, f in expressions.by_name().items()
         }
 
-    identity = "\n".join([label, key, source_digest(), machine_identity(path)])
-    index = cache_folder() / f"index-{hashlib.sha256(identity.encode()).hexdigest()[:32]}"
+    name = short_hash(key, source_digest(), machine_identity(path))
+    index = cache_folder() / f"index-{name}"
     folder = cache_folder() / index.read_text() if index.exists() else None
     if folder is None or not (folder / "library.so").exists():
         folder = _compile(path, expressions.by_name(), label)
@@ -69,24 +68,18 @@ def load_functions(
     functions = {}
     for entry in json.loads((folder / "signatures.json").read_text()):
         signature = Signature.from_list(entry)
-        name = signature.name
-        functions[name] = NativeFunction(signature, expressions.getter(name), library)
+        expression = expressions.getter(signature.name)
+        functions[signature.name] = NativeFunction(signature, expression, library)
     return functions
 
 
 def _compile(path: str, functions: dict[str, ca.Function], label: str) -> Path:
-    started = time.perf_counter()
-    print(
-        f"patagium: compiling {label} (kept for next time) ...", end="", file=sys.stderr, flush=True
-    )
     texts: dict[str, str] = {}
     for name, function in functions.items():
         texts[f"{name}.c"], texts[f"{name}_batch.c"] = emit(function)
     signatures = [_signature(function).as_list() for function in functions.values()]
     texts["signatures.json"] = json.dumps(signatures)
-    folder = build(path, texts, STRAIGHT_LINE)
-    print(f" {time.perf_counter() - started:.1f} s", file=sys.stderr)
-    return folder
+    return build(path, texts, STRAIGHT_LINE, label)
 
 
 @functools.cache
