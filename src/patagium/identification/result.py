@@ -1,0 +1,87 @@
+"""What identification hands back: scores, the predictions they came from, the learner.
+
+An `Identification` saves itself as one netCDF file and draws itself as one page.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from patagium.errors import LogError, Outcome
+from patagium.identification.scores import json_ready
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A model of the air as learned from a flight or a log, with its scores.
+
+    Attributes:
+        scores: NMSE and the rest by name; see `stream`. Nested once: score by output name.
+        prediction: Dataset over time, output, update_time and check_time: measurement,
+            prediction, persistence, innovation, weights_norm, largest_variance,
+            predicted_deviation.
+        learner: What learned, with its last weights; None when loaded from a file.
+        outcome: COMPLETED, or why the learner stopped.
+        message: When and why it stopped; empty if it did not.
+    """
+
+    scores: dict[str, Any]
+    prediction: xr.Dataset
+    learner: Any = field(default=None, repr=False)
+    outcome: Outcome = Outcome.COMPLETED
+    message: str = ""
+
+    def save(self, path: str | Path) -> None:
+        """Scores and predictions as one netCDF file, written whole or not at all.
+
+        Args:
+            path: The file.
+        """
+        record = self.prediction.copy()
+        record.attrs = {**record.attrs, "scores": json.dumps(json_ready(self.scores))}
+        record.attrs["format"] = "patagium identification 1"
+        file = Path(path)
+        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        os.close(handle)
+        try:
+            record.to_netcdf(name, engine="netcdf4")
+            os.replace(name, file)
+        finally:
+            Path(name).unlink(missing_ok=True)
+
+    def report(self, path: str | Path, title: str = "Identification") -> None:
+        """A self-contained HTML page: the scores, and predictions against measurements.
+
+        Args:
+            path: The file.
+            title: Its heading.
+        """
+        from patagium.identification.page import write_identification
+
+        write_identification(self, path, title)
+
+
+def load_identification(path: str | Path) -> Identification:
+    """Scores and predictions from a file that `Identification.save` wrote.
+
+    Raises:
+        LogError: If the file is not one.
+    """
+    file = Path(path)
+    try:
+        with xr.open_dataset(file, engine="netcdf4") as opened:
+            record = opened.load()
+    except (OSError, ValueError) as problem:
+        raise LogError(f"{file}: expected an identification, found: {problem}") from problem
+    if "scores" not in record.attrs:
+        raise LogError(f"{file}: expected an identification, found a file without scores")
+    scores = json.loads(record.attrs.pop("scores"))
+    outcome = Outcome[scores.get("outcome", "COMPLETED")]
+    return Identification(scores, record, None, outcome, scores.get("message", ""))

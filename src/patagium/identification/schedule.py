@@ -1,0 +1,144 @@
+"""When a stream learns and what it may know then: hold intervals and horizons.
+
+Sample k is predicted before it is used, by weights that saw earlier samples only. With
+one sample in `every` used, the weights hold for the `every` samples that follow, and all of
+them count. A gap in time ends a hold interval, and no horizon reaches across one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ParameterError
+
+Indices = NDArray[np.int64]
+
+MOST_WINDOWS = 40
+"""Horizons are scored from at most this many instants, spread evenly."""
+MOST_CHECKS = 500
+"""The predicted interval is checked in at most this many hold intervals, spread evenly."""
+
+
+class Hold(NamedTuple):
+    """Samples `begin` to `end - 1`, predicted by the same weights.
+
+    Attributes:
+        begin: First sample.
+        end: One past the last sample.
+        learns: Whether the last sample is then used for an update.
+    """
+
+    begin: int
+    end: int
+    learns: bool
+
+
+def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
+    """Samples that are used for an update: one in `every`, counted anew after each gap.
+
+    Args:
+        count: Number of samples N.
+        every: 1 for each sample, 100 for one in 100.
+        gaps: First sample after each gap.
+
+    Raises:
+        ParameterError: If `every` is below one.
+    """
+    if every < 1:
+        raise ParameterError("every", "a whole number of at least 1", every)
+    starts = [0, *np.asarray(gaps, int).tolist(), count]
+    spans = [np.arange(a, b, every) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    return np.concatenate(spans).astype(np.int64)
+
+
+def holds(used: Indices, count: int) -> Iterator[Hold]:
+    """The hold intervals in order; together they hold each sample once.
+
+    Args:
+        used: Samples used for an update, increasing.
+        count: Number of samples N.
+    """
+    begin = 0
+    for index in used.tolist():
+        yield Hold(begin, index + 1, learns=True)
+        begin = index + 1
+    if begin < count:
+        yield Hold(begin, count, learns=False)
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """A span over which frozen weights are asked to predict.
+
+    Attributes:
+        label: Its name in the scores.
+        duration: Asked for [s].
+        length: Number of samples.
+        begins: First sample of each window.
+    """
+
+    label: str
+    duration: float
+    length: int
+    begins: Indices
+
+
+def plan_horizons(
+    durations: Mapping[str, float], time: NDArray[np.float64], used: Indices, gaps: Indices
+) -> tuple[Horizon, ...]:
+    """Windows that begin right after an update, do not cross a gap, and fit in the log.
+
+    Args:
+        durations: Label and length of each horizon [s].
+        time: (N,) [s].
+        used: Samples used for an update.
+        gaps: First sample after each gap.
+
+    Raises:
+        ParameterError: If a duration is not positive.
+    """
+    step = float(np.median(np.diff(time)))
+    planned = []
+    for label, duration in durations.items():
+        if not duration > 0:
+            raise ParameterError(f"horizon {label!r}", "a positive time [s]", duration)
+        length = max(1, round(duration / step))
+        begins = used + 1
+        begins = begins[begins + length <= len(time)]
+        inside = np.searchsorted(gaps, begins + length) - np.searchsorted(gaps, begins)
+        begins = begins[inside == 0]
+        planned.append(Horizon(label, duration, length, thin(begins, MOST_WINDOWS)))
+    return tuple(planned)
+
+
+def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
+    """Samples at which the predicted interval is checked, for each hold interval.
+
+    Its last sample (farthest from the last update), and one inside it that wanders
+    from interval to interval, so that every distance to the update is seen.
+
+    Args:
+        intervals: The hold intervals in order.
+    """
+    chosen = set(thin(np.arange(len(intervals)), MOST_CHECKS).tolist())
+    golden = 0.6180339887498949
+    checks: list[tuple[int, ...]] = []
+    for number, hold in enumerate(intervals):
+        if number not in chosen:
+            checks.append(())
+            continue
+        inside = hold.begin + int((number * golden) % 1.0 * (hold.end - hold.begin))
+        checks.append(tuple(sorted({inside, hold.end - 1})))
+    return checks
+
+
+def thin(indices: Indices, most: int) -> Indices:
+    """At most `most` of the indices, evenly spread, first and last kept."""
+    if len(indices) <= most:
+        return indices
+    return indices[np.linspace(0, len(indices) - 1, most).round().astype(int)]

@@ -1,0 +1,290 @@
+"""Samples through a learner in order, each predicted before it may be learned from.
+
+The one loop behind `identify`, tables and studies. It scores what a user would have had
+at that time: predictions over the whole hold interval, over longer horizons with frozen
+weights and true states in, the predicted interval, and beside them the last used sample held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
+from patagium.identification.result import Identification
+from patagium.identification.schedule import (
+    Hold,
+    Horizon,
+    Indices,
+    check_samples,
+    holds,
+    plan_horizons,
+    thin,
+    used_samples,
+)
+from patagium.identification.scores import (
+    coverage,
+    error_scores,
+    persistence,
+    silent_outputs,
+)
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+MOST_VARIANCES = 200
+"""The covariance of the weights is looked at after at most this many updates."""
+
+
+def stream(
+    learner: Any,
+    time: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    every: int,
+    horizons: Mapping[str, float] | None = None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+    gaps: ArrayLike = (),
+    progress: Progress | None = None,
+) -> Identification:
+    """A log learned online, and how well each sample was foreseen.
+
+    One sample in `every` is used. Each sample is predicted by the weights known after the
+    last used sample before it; the first one by the initial weights.
+
+    Args:
+        learner: What learns; it goes on from where it stands, and is changed.
+        time: Increasing, (N,) [s].
+        x: What the network sees, (N, n_x).
+        y: What it predicts, (N, n_y).
+        every: 1 to use each sample, 100 to use one in 100.
+        horizons: Label and length [s] of the spans to predict with frozen weights.
+        names: Names of the outputs; None for the network's.
+        units: Units of the outputs, for axes of figures; None for "1".
+        gaps: First sample after each gap in time; see `find_gaps`.
+        progress: Called now and then with samples done and samples in all.
+
+    Returns:
+        Scores and predictions. If the learner diverged, those up to there, with `outcome`
+        and `message` saying when and why.
+
+    Raises:
+        ShapeError: If the arrays do not fit each other or the network.
+        LogError: If a sample is not finite or time does not advance.
+    """
+    run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
+    labels = tuple(names) if names is not None else tuple(learner.network.output_names)
+    measures = tuple(units) if units is not None else ("1",) * len(labels)
+    for word, given in (("names", labels), ("units", measures)):
+        if len(given) != run.y.shape[1]:
+            raise ShapeError(word, (run.y.shape[1],), (len(given),))
+    run.go(progress)
+    result = run.result(labels)
+    result.prediction.coords["unit"] = ("output", list(measures))
+    return result
+
+
+class _Stream:
+    """The state of a run: what was predicted so far, and what the learner said of itself."""
+
+    def __init__(
+        self,
+        learner: Any,
+        time: Array,
+        x: Array,
+        y: Array,
+        every: int,
+        durations: Mapping[str, float],
+        gaps: ArrayLike,
+    ) -> None:
+        self.learner, self.time, self.x, self.y, self.every = learner, time, x, y, every
+        self.gaps: Indices = np.asarray(gaps, np.int64)
+        self.used = used_samples(len(time), every, self.gaps)
+        self.horizons = plan_horizons(durations, time, self.used, self.gaps)
+        self.prediction = np.full_like(y, np.nan)
+        self.innovation = np.full((len(self.used), y.shape[1]), np.nan)
+        self.weights_norm = np.full(len(self.used), np.nan)
+        self.largest_variance = np.full(len(self.used), np.nan)
+        self.checks: list[tuple[int, Array, Array]] = []
+        self.windows: dict[str, list[tuple[int, Array]]] = {h.label: [] for h in self.horizons}
+        self.updates = 0
+        self.reached = 0
+        self.outcome, self.message = Outcome.COMPLETED, ""
+
+    def go(self, progress: Progress | None) -> None:
+        intervals = list(holds(self.used, len(self.time)))
+        checks = check_samples(intervals)
+        starts = {h.label: set(h.begins.tolist()) for h in self.horizons}
+        looked = set(thin(np.arange(len(self.used)), MOST_VARIANCES).tolist())
+        told = max(1, len(intervals) // 200)
+        for number, hold in enumerate(intervals):
+            try:
+                self._foresee(hold, checks[number], starts)
+                if hold.learns:
+                    self._learn(hold.end - 1, self.updates in looked)
+            except FilterDiverged as problem:
+                self._stop(hold, problem.outcome, str(problem))
+                break
+            if progress is not None and (number % told == 0 or hold.end == len(self.time)):
+                progress(hold.end, len(self.time))
+
+    def _foresee(self, hold: Hold, checks: tuple[int, ...], starts: dict[str, set[int]]) -> None:
+        network, weights = self.learner.network, self.learner.weights
+        guess = network.evaluate(self.x[hold.begin : hold.end], weights)
+        if not np.isfinite(guess).all():
+            raise FilterDiverged("the prediction is not finite", Outcome.NOT_FINITE)
+        self.prediction[hold.begin : hold.end] = guess
+        self.reached = hold.end
+        for index in checks:
+            mean, covariance = self.learner.predict(self.x[index])
+            deviation = np.sqrt(np.diagonal(np.atleast_2d(covariance)))
+            self.checks.append((index, self.y[index] - mean, deviation))
+        for horizon in self.horizons:
+            if hold.begin in starts[horizon.label]:
+                end = hold.begin + horizon.length
+                ahead = network.evaluate(self.x[hold.begin : end], weights)
+                self.windows[horizon.label].append((hold.begin, ahead))
+
+    def _learn(self, index: int, look: bool) -> None:
+        innovation = self.learner.update(self.x[index], self.y[index])
+        weights = self.learner.weights
+        if not (np.isfinite(innovation).all() and np.isfinite(weights).all()):
+            raise FilterDiverged("the weights are not finite", Outcome.NOT_FINITE)
+        self.innovation[self.updates] = innovation
+        self.weights_norm[self.updates] = np.linalg.norm(weights)
+        if look and self.learner.covariance is not None:
+            self.largest_variance[self.updates] = np.diagonal(self.learner.covariance).max()
+        self.updates += 1
+
+    def _stop(self, hold: Hold, outcome: Outcome, reason: str) -> None:
+        self.outcome = outcome
+        self.message = (
+            f"the learner diverged at t = {self.time[hold.end - 1]:.6g} s (sample "
+            f"{hold.end - 1} of {len(self.time)}, update {self.updates + 1}): {reason}; "
+            f"{outcome.remedy}"
+        )
+
+    def result(self, names: tuple[str, ...]) -> Identification:
+        held = persistence(self.y, self.used)
+        span = slice(0, self.reached)
+        truth, guess = self.y[span], self.prediction[span]
+        silent = silent_outputs(truth) if self.reached else np.zeros(len(names), bool)
+        scores: dict[str, Any] = {
+            "samples": len(self.time),
+            "samples_predicted": self.reached,
+            "every": self.every,
+            "updates": self.updates,
+            "median_step": float(np.median(np.diff(self.time))),
+            "gaps": len(self.gaps),
+            "outcome": self.outcome.name,
+            "message": self.message,
+            "silent": [name for name, mute in zip(names, silent, strict=True) if mute],
+        }
+        if self.reached > 1:
+            scores |= error_scores(truth, guess, names)
+            scores |= error_scores(truth, held[span], names, "persistence")
+        for horizon in self.horizons:
+            scores |= self._horizon_scores(horizon, names)
+        scores |= self._interval_scores(names, ~silent)
+        variance = self.largest_variance[np.isfinite(self.largest_variance)]
+        scores["largest_variance"] = float(variance[-1]) if len(variance) else float("nan")
+        scores["time_per_update"] = float(self.learner.time_per_update)
+        return Identification(
+            scores, self._record(names, held), self.learner, self.outcome, self.message
+        )
+
+    def _horizon_scores(self, horizon: Horizon, names: tuple[str, ...]) -> dict[str, Any]:
+        windows = self.windows[horizon.label]
+        key = f"horizon_{horizon.label}"
+        scores: dict[str, Any] = {
+            f"{key}_seconds": horizon.duration,
+            f"{key}_samples": horizon.length,
+            f"{key}_windows": len(windows),
+        }
+        if not windows:
+            return scores
+        rows = [np.arange(begin, begin + horizon.length) for begin, _ in windows]
+        truth = self.y[np.concatenate(rows)]
+        ahead = np.concatenate([guess for _, guess in windows])
+        held = np.repeat(self.y[[begin - 1 for begin, _ in windows]], horizon.length, axis=0)
+        return {
+            **scores,
+            **error_scores(truth, ahead, names, f"{key}_nmse"),
+            **error_scores(truth, held, names, f"{key}_persistence"),
+        }
+
+    def _interval_scores(self, names: tuple[str, ...], heard: NDArray[np.bool_]) -> dict[str, Any]:
+        if not self.checks:
+            return {"coverage": float("nan"), "coverage_checks": 0}
+        error = np.array([miss for _, miss, _ in self.checks])
+        deviation = np.array([sigma for _, _, sigma in self.checks])
+        each = coverage(error, deviation, heard)
+        late = np.array([index for index, _, _ in self.checks]) >= self.reached // 2
+        second = coverage(error[late], deviation[late], heard)
+        return {
+            "coverage": _mean(each),
+            "coverage_second_half": _mean(second),
+            "coverage_checks": len(self.checks),
+            "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
+        }
+
+    def _record(self, names: tuple[str, ...], held: Array) -> xr.Dataset:
+        checked = [index for index, _, _ in self.checks]
+        deviation = np.array([sigma for _, _, sigma in self.checks]).reshape(-1, len(names))
+        used = self.used[: self.updates]
+        record = xr.Dataset(
+            {
+                "measurement": (("time", "output"), self.y),
+                "prediction": (("time", "output"), self.prediction),
+                "persistence": (("time", "output"), held),
+                "innovation": (("update_time", "output"), self.innovation[: self.updates]),
+                "weights_norm": (("update_time",), self.weights_norm[: self.updates]),
+                "largest_variance": (("update_time",), self.largest_variance[: self.updates]),
+                "predicted_deviation": (("check_time", "output"), deviation),
+            },
+            coords={
+                "time": ("time", self.time, {"units": "s"}),
+                "output": list(names),
+                "update_time": ("update_time", self.time[used], {"units": "s"}),
+                "check_time": ("check_time", self.time[checked], {"units": "s"}),
+            },
+        )
+        return record
+
+
+def _checked(
+    learner: Any, time: ArrayLike, x: ArrayLike, y: ArrayLike
+) -> tuple[Array, Array, Array]:
+    stamps, inputs, outputs = (np.ascontiguousarray(a, float) for a in (time, x, y))
+    network = learner.network
+    if stamps.ndim != 1 or len(stamps) < 2:
+        raise ShapeError("time", "(N,) with N >= 2", stamps.shape)
+    if inputs.shape != (len(stamps), network.inputs):
+        raise ShapeError("x", (len(stamps), network.inputs), inputs.shape)
+    if outputs.shape != (len(stamps), network.outputs):
+        raise ShapeError("y", (len(stamps), network.outputs), outputs.shape)
+    for name, array in (("time", stamps), ("x", inputs), ("y", outputs)):
+        bad = np.argwhere(~np.isfinite(array))
+        if len(bad):
+            raise LogError(
+                f"{name}: expected finite numbers, found {len(bad)} that are not, the "
+                f"first in sample {int(bad[0][0])}"
+            )
+    if (np.diff(stamps) <= 0).any():
+        row = int(np.flatnonzero(np.diff(stamps) <= 0)[0]) + 1
+        raise LogError(
+            f"time: expected to advance, found {stamps[row]:.9g} s after "
+            f"{stamps[row - 1]:.9g} s at sample {row}"
+        )
+    return stamps, inputs, outputs
+
+
+def _mean(values: Array) -> float:
+    heard = values[~np.isnan(values)]
+    return float(heard.mean()) if heard.size else float("nan")

@@ -1,0 +1,67 @@
+"""What the air did to a robot, by inverse dynamics of a recorded flight.
+
+B2 u2 = D(q) a + C(q, v) v + G(q) - B1 u1 - damping - mount: whatever the modeled forces
+do not explain is ascribed to the air. Neglected: errors of the recorded accelerations and
+of the robot's parameters; they end up in the force.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.dynamics import Dynamics
+from patagium.errors import FlightError, LogError
+from patagium.robot import Robot
+from patagium.simulation import robot_of
+
+Array = NDArray[np.float64]
+
+
+def training_data(flight: xr.Dataset, robot: Robot | None = None) -> tuple[Array, Array, Array]:
+    """States of a flight and the generalized force of the air at each of them.
+
+    y = D a + C v + G - u1 - damping - mount [paper, eq. training_data].
+
+    Args:
+        flight: Record with q, v, a, u1 (time, dof); `damping_force` is computed from the
+            robot and `mount_force` is zero where the record has none.
+        robot: The machine; None for the one the flight carries.
+
+    Returns:
+        Time (N,) [s]; x = [q, v], (N, 2n); y = B2 u2, (N, n) [N, N m].
+
+    Raises:
+        FlightError: If a quantity is missing or of another robot.
+        LogError: If a number is missing.
+    """
+    machine = robot_of(flight) if robot is None else robot
+    q, v, a, u1 = (_recorded(flight, name, machine) for name in ("q", "v", "a", "u1"))
+    force = Dynamics(machine).batch.inverse(q, v, a) - u1
+    if "damping_force" in flight:
+        force = force - _recorded(flight, "damping_force", machine)
+    else:
+        force = force + np.asarray(machine.damping, float) * v
+    if "mount_force" in flight:
+        force = force - _recorded(flight, "mount_force", machine)
+    return np.asarray(flight["time"].values, float), np.hstack([q, v]), force
+
+
+def _recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
+    if name not in flight:
+        held = ", ".join(map(str, flight.data_vars))
+        raise FlightError(f"flight: expected {name} (time, dof), but it holds {held}")
+    values = np.asarray(flight[name].transpose("time", "dof").values, float)
+    if values.shape[1] != robot.dof:
+        raise FlightError(
+            f"{name}: expected {robot.dof} coordinates of robot {robot.name!r}, "
+            f"found {values.shape[1]}"
+        )
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if len(bad):
+        raise LogError(
+            f"{name}: expected finite numbers, found {len(bad)} samples that are not, "
+            f"the first at t = {float(flight['time'][bad[0]]):.6g} s"
+        )
+    return values
