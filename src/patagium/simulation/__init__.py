@@ -1,0 +1,19 @@
+"""What happens next: gaits, mounts, integration, and the record of a flight."""
+
+from patagium.simulation import gaits, mounts
+from patagium.simulation.flight import QUANTITIES, aero_of, audits, robot_of
+from patagium.simulation.flight_files import check_flight, load_flight, save_flight
+from patagium.simulation.simulate import simulate
+
+__all__ = [
+    "QUANTITIES",
+    "aero_of",
+    "audits",
+    "check_flight",
+    "gaits",
+    "load_flight",
+    "mounts",
+    "robot_of",
+    "save_flight",
+    "simulate",
+]

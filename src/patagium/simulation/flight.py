@@ -1,0 +1,244 @@
+"""The record of a flight: one named, united array per quantity, and its audits.
+
+A flight is an `xarray.Dataset`; its attributes hold the robot, the air and the gait
+it was flown with. The audits compare what energy and momentum did with the works
+and impulses that should explain it. Neglected: sensors; all values are the true ones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium import __version__
+from patagium.aerodynamics import Aerodynamics, aero_from_description
+from patagium.errors import FlightError, Outcome, PatagiumError
+from patagium.robot import Robot, load_robot_text
+from patagium.simulation.stage import WORKS
+
+Array: TypeAlias = NDArray[np.float64]
+
+AXES = ("x", "y", "z")
+WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A variable of a flight.
+
+    Attributes:
+        dims: Dimensions after time.
+        units: SI units; of coordinates that turn after those of coordinates that slide.
+        meaning: What it is.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    meaning: str
+
+
+_FORCE = "N or N m"
+QUANTITIES: dict[str, Quantity] = {
+    "q": Quantity(("dof",), "m or rad", "generalized coordinates"),
+    "v": Quantity(("dof",), "m/s or rad/s", "generalized velocities"),
+    "a": Quantity(("dof",), "m/s^2 or rad/s^2", "generalized accelerations"),
+    "u1": Quantity(("dof",), _FORCE, "force of the actuated joints"),
+    "aero_force": Quantity(("dof",), _FORCE, "generalized aerodynamic force B2 u2"),
+    "damping_force": Quantity(("dof",), _FORCE, "force of the passive dampers"),
+    "mount_force": Quantity(("dof",), _FORCE, "generalized force of the mount"),
+    "mount_wrench": Quantity(
+        ("component",), _FORCE, "force of the mount on the robot, moment about the world's origin"
+    ),
+    "strip_force": Quantity(("strip", "axis"), "N", "force on each strip, world axes"),
+    "strip_point": Quantity(("strip", "axis"), "m", "where it acts, world axes"),
+    "angle_of_attack": Quantity(("strip",), "rad", "incidence of each strip"),
+    "strip_airspeed": Quantity(("strip",), "m/s", "speed of each strip relative to the air"),
+    "wind": Quantity(("axis",), "m/s", "velocity of the air, world axes"),
+    "kinetic_energy": Quantity((), "J", "kinetic energy"),
+    "potential_energy": Quantity((), "J", "potential energy of gravity"),
+    "joint_work": Quantity((), "J", "work of the actuated joints since the start"),
+    "air_work": Quantity((), "J", "work of the air since the start"),
+    "damping_work": Quantity((), "J", "work of the passive dampers since the start"),
+    "mount_work": Quantity((), "J", "work of the mount since the start"),
+    "energy_residual": Quantity((), "J", "change of energy less all works"),
+    "aero_power": Quantity((), "W", "force of the air times velocity relative to the air"),
+    "momentum": Quantity(("axis",), "kg m/s", "linear momentum, world axes"),
+    "momentum_residual": Quantity(
+        ("axis",), "kg m/s", "change of momentum less the impulse of external forces"
+    ),
+    "aero_state": Quantity(("lag",), "1", "states of the aerodynamic model"),
+}
+"""Every variable of a flight."""
+
+ATTRIBUTES = ("robot", "robot_name", "robot_parameters", "aero", "gait", "mount", "time_step")
+"""What a flight must carry to be used again."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a flight was flown with.
+
+    Attributes:
+        robot: The machine.
+        aero: What the air did to it.
+        gait: Description of the gait.
+        mount: How it was held.
+        time_step: Step of the integrator [s].
+        stepping: The integrator, in words.
+    """
+
+    robot: Robot
+    aero: Aerodynamics
+    gait: Mapping[str, Any]
+    mount: str
+    time_step: float
+    stepping: str
+
+
+def flight_record(
+    origin: Origin, time: Array, samples: Mapping[str, Array], outcome: Outcome, message: str
+) -> xr.Dataset:
+    """Flight from the samples of a run, audits included.
+
+    Args:
+        origin: What it was flown with.
+        time: Times of the samples, (N,) [s].
+        samples: What `stage.RECORDED` names, and `wind`, (N, ...).
+        outcome: How the run ended.
+        message: The same in words.
+    """
+    scalars = [name for name, kind in QUANTITIES.items() if not kind.dims]
+    values = dict(samples) | {k: samples[k][:, 0] for k in scalars if k in samples}
+    values |= dict(zip(WORKS, values.pop("works").T, strict=True))
+    impulse = values.pop("impulse")
+    energy = values["kinetic_energy"] + values["potential_energy"]
+    works = sum((values[name] for name in WORKS), np.zeros(len(time)))
+    values["energy_residual"] = (energy - energy[0]) - works
+    values["momentum_residual"] = values["momentum"] - values["momentum"][0] - impulse
+    flight = xr.Dataset(
+        {
+            name: (("time", *kind.dims), np.ascontiguousarray(values[name]), _attributes(kind))
+            for name, kind in QUANTITIES.items()
+        },
+        coords=_coordinates(origin.robot, time),
+        attrs=_origin_attributes(origin),
+    )
+    flight.attrs |= {"outcome": outcome.name, "message": message, **audits(flight, origin.robot)}
+    return flight
+
+
+def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
+    """Largest residuals of a flight, as its attributes hold them.
+
+    Args:
+        flight: The flight.
+        robot: Its machine.
+
+    Returns:
+        energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount
+        and weight. impulse_exchanged [N s]: integral of the absolute forces of air, dampers,
+        mount and weight. energy_audit, momentum_audit: largest residuals relative to them.
+        aero_power_largest [W]: not above zero if the air opposes motion relative to it.
+    """
+    time = flight["time"].to_numpy()
+    velocity = flight["v"].to_numpy()
+    forces = [flight[k].to_numpy() for k in ("u1", "aero_force", "damping_force", "mount_force")]
+    powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
+    gravity = float(robot.gravity)
+    weight_power = gravity * np.abs(flight["momentum"].to_numpy()[:, 2])
+    energy = float(np.trapezoid(weight_power + sum(powers), time))
+    pushes = [
+        flight["strip_force"].to_numpy().sum(axis=1),
+        flight["mount_wrench"].to_numpy()[:, :3],
+    ]
+    weight = gravity * sum(float(body.mass) for body in robot.bodies)
+    impulse = float(np.trapezoid(weight + sum(np.linalg.norm(f, axis=1) for f in pushes), time))
+    residual = np.abs(flight["energy_residual"].to_numpy()).max()
+    drift = np.linalg.norm(flight["momentum_residual"].to_numpy(), axis=1).max()
+    return {
+        "energy_exchanged": energy,
+        "impulse_exchanged": impulse,
+        "energy_audit": float(residual / energy) if energy else float(residual),
+        "momentum_audit": float(drift / impulse) if impulse else float(drift),
+        "aero_power_largest": float(flight["aero_power"].to_numpy().max()),
+    }
+
+
+def robot_of(flight: xr.Dataset) -> Robot:
+    """The robot a flight was flown with, its parameters as they were.
+
+    Raises:
+        FlightError: If the flight does not carry it.
+    """
+    _require(flight, ("robot", "robot_name", "robot_parameters"))
+    try:
+        robot = load_robot_text(flight.attrs["robot"], str(flight.attrs["robot_name"]))
+        return robot.with_parameters(json.loads(flight.attrs["robot_parameters"]))
+    except (PatagiumError, ValueError) as error:
+        raise FlightError(f"the flight's robot cannot be made again: {error}") from None
+
+
+def aero_of(flight: xr.Dataset) -> Aerodynamics:
+    """The aerodynamic model a flight was flown with.
+
+    Raises:
+        FlightError: If the flight does not carry it.
+    """
+    robot = robot_of(flight)
+    _require(flight, ("aero",))
+    try:
+        return aero_from_description(robot, json.loads(flight.attrs["aero"]))
+    except (PatagiumError, ValueError) as error:
+        raise FlightError(f"the flight's air cannot be made again: {error}") from None
+
+
+def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
+    missing = [name for name in names if name not in flight.attrs]
+    if missing:
+        raise FlightError(f"the flight has no attribute {', '.join(missing)}")
+
+
+def _attributes(kind: Quantity) -> dict[str, str]:
+    return {"units": kind.units, "long_name": kind.meaning}
+
+
+def _coordinates(robot: Robot, time: Array) -> dict[str, Any]:
+    return {
+        "time": ("time", time, {"units": "s", "long_name": "time"}),
+        "dof": ("dof", list(robot.dof_names)),
+        "dof_unit": ("dof", list(robot.dof_units)),
+        "strip": ("strip", [strip.name for strip in robot.strips]),
+        "axis": ("axis", list(AXES)),
+        "component": ("component", list(WRENCH)),
+    }
+
+
+def _origin_attributes(origin: Origin) -> dict[str, Any]:
+    robot = origin.robot
+    return {
+        "robot": robot.source,
+        "robot_name": robot.name,
+        "robot_parameters": json.dumps(_changed_parameters(robot)),
+        "aero": json.dumps(origin.aero.describe()),
+        "gait": json.dumps(origin.gait),
+        "mount": origin.mount,
+        "time_step": origin.time_step,
+        "stepping": origin.stepping,
+        "patagium_version": __version__,
+    }
+
+
+def _changed_parameters(robot: Robot) -> dict[str, float]:
+    """Parameters that are not as in the robot's file."""
+    values = dict(zip(robot.parameter_names, robot.parameters.tolist(), strict=True))
+    if not robot.source:
+        return {}
+    file = load_robot_text(robot.source, robot.name)
+    written = dict(zip(file.parameter_names, file.parameters.tolist(), strict=True))
+    return {name: value for name, value in values.items() if written.get(name) != value}

@@ -1,0 +1,293 @@
+"""How the actuated joints move: position, velocity and acceleration at any time.
+
+A gait prescribes its joints exactly; the torques that this takes come out of the
+dynamics. A name such as `plunge` addresses `left_plunge` and `right_plunge`
+together (the coordinates are mirrored, so equal values are a symmetric motion);
+an exact coordinate name addresses that one. Neglected: actuator dynamics, start-up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from patagium.errors import ParameterError
+from patagium.robot import Robot
+from patagium.robot.linkage import Linkage
+from patagium.simulation.gait_models import (
+    Array,
+    FourierGait,
+    Gait,
+    LinkageGait,
+    Motion,
+    SuperposedGait,
+    TableGait,
+)
+from patagium.simulation.gait_table import read_gait_table
+
+__all__ = [
+    "Gait",
+    "Motion",
+    "check_gait",
+    "fourier",
+    "from_csv",
+    "linkage",
+    "sinusoidal",
+    "still",
+    "superposed",
+]
+
+AnyGait = TypeVar("AnyGait", bound=Gait)
+LIMIT_SAMPLES = 2001
+"""Times in one period at which a gait is held against the joint limits."""
+
+MARGIN = 1e-9
+"""Rounding allowed beyond a joint limit [rad, m]."""
+
+WHOLE = 1e-9
+"""How far from a whole number a ratio of periods may be."""
+
+
+def sinusoidal(
+    robot: Robot,
+    *,
+    frequency: float,
+    phase: Mapping[str, float] | None = None,
+    offset: Mapping[str, float] | None = None,
+    **amplitude: float,
+) -> FourierGait:
+    """Gait of one sine a joint: offset + amplitude sin(2 pi f t + phase).
+
+    Args:
+        robot: The machine.
+        frequency: Beats a second f [Hz].
+        phase: Lead of joints by name [rad]; 0 where not named.
+        offset: Mean of joints by name [rad, m]; 0 where not named.
+        **amplitude: Of joints by name, such as `plunge=0.6` [rad, m].
+
+    Raises:
+        ParameterError: If no actuated joint bears a name, or a limit is exceeded.
+    """
+    lead, size = _by_joint(robot, phase or {}), _by_joint(robot, amplitude)
+    return _within_limits(
+        robot,
+        FourierGait(
+            joints=_joints(robot),
+            frequency=_positive("frequency", frequency),
+            mean=_by_joint(robot, offset or {}),
+            cosine=(size * np.sin(lead))[None],
+            sine=(size * np.cos(lead))[None],
+        ),
+    )
+
+
+def fourier(
+    robot: Robot,
+    *,
+    frequency: float,
+    **series: tuple[float, Sequence[tuple[float, float]]],
+) -> FourierGait:
+    """Gait of a Fourier series a joint: mean + sum_k c_k cos(k x) + s_k sin(k x), x = 2 pi f t.
+
+    Args:
+        robot: The machine.
+        frequency: Beats a second f [Hz].
+        **series: Of joints by name: mean and the pairs (c_k, s_k), k = 1, 2, ... [rad, m].
+
+    Raises:
+        ParameterError: If no actuated joint bears a name, or a limit is exceeded.
+    """
+    order = max((len(pairs) for _, pairs in series.values()), default=0)
+
+    def harmonic(k: int, part: int) -> Array:
+        named = {n: pairs[k][part] for n, (_, pairs) in series.items() if k < len(pairs)}
+        return _by_joint(robot, named)
+
+    shape = (order, len(robot.actuated))
+    return _within_limits(
+        robot,
+        FourierGait(
+            joints=_joints(robot),
+            frequency=_positive("frequency", frequency),
+            mean=_by_joint(robot, {name: mean for name, (mean, _) in series.items()}),
+            cosine=np.array([harmonic(k, 0) for k in range(order)]).reshape(shape),
+            sine=np.array([harmonic(k, 1) for k in range(order)]).reshape(shape),
+        ),
+    )
+
+
+def linkage(
+    robot: Robot,
+    *,
+    frequency: float,
+    linkage: Linkage | None = None,
+    plunge_offset: float = 0.0,
+    elbow_offset: float = 0.0,
+) -> LinkageGait:
+    """Gait of the seven-bar linkage, its crank turning at a constant rate.
+
+    The linkage gives the absolute angles of humerus J5 and radius J6 in the plane
+    across the body, positive upwards on either side as plunge and elbow are. So
+    plunge = J5 + plunge_offset and elbow = J6 - J5 + elbow_offset; an offset is how
+    the linkage is mounted on the body. The wing is spread on the way down and folded
+    on the way up. Other joints stay at zero; add a gait with `superposed`.
+
+    Args:
+        robot: The machine; it needs the joints plunge and elbow on either side.
+        frequency: Turns of the crank a second [Hz].
+        linkage: Lengths of the bars, the Aerobat's by default.
+        plunge_offset: Added to both plunge angles [rad].
+        elbow_offset: Added to both elbow angles [rad].
+
+    Raises:
+        ParameterError: If a joint is missing, or a limit is exceeded.
+    """
+    offset = _by_joint(robot, {"plunge": plunge_offset, "elbow": elbow_offset})
+    gait = LinkageGait(
+        joints=_joints(robot),
+        frequency=_positive("frequency", frequency),
+        linkage=linkage if linkage is not None else Linkage(),
+        offset=offset,
+        plunge=_by_joint(robot, {"plunge": 1.0}) != 0,
+        elbow=_by_joint(robot, {"elbow": 1.0}) != 0,
+    )
+    return _within_limits(robot, gait)
+
+
+def from_csv(
+    robot: Robot,
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    period: float | None = None,
+) -> TableGait:
+    """Gait measured or designed elsewhere: one period in a table, repeated for ever.
+
+    Splined by a periodic cubic: position and velocity are smooth, the acceleration
+    is continuous. Joints without a column stay at zero.
+
+    Args:
+        robot: The machine.
+        path: CSV file with a header: a time column and columns named as joints, each
+            with its unit in brackets, such as `time [s], plunge [deg]`.
+        columns: Joint (or "time") to the name of its column, where they differ.
+        units: Joint (or "time") to its unit, where the header has none.
+        period: Time after which it repeats [s]. Without it the last row must repeat
+            the first one.
+
+    Raises:
+        LogError: If the table cannot be used as it stands; it says why.
+        ParameterError: If a column is no actuated joint, or a limit is exceeded.
+    """
+    table = read_gait_table(robot, Path(path), columns or {}, units or {}, period)
+    rows = zip(*table.positions.values(), strict=True)
+    position = [_by_joint(robot, dict(zip(table.positions, row, strict=True))) for row in rows]
+    gait = TableGait(
+        joints=_joints(robot), source=Path(path).name, time=table.time, position=np.array(position)
+    )
+    return _within_limits(robot, gait)
+
+
+def still(robot: Robot, **position: float) -> FourierGait:
+    """Gait of a robot that holds its joints.
+
+    Args:
+        robot: The machine.
+        **position: Of joints by name [rad, m]; 0 where not named.
+
+    Raises:
+        ParameterError: If no actuated joint bears a name, or a limit is exceeded.
+    """
+    none = np.zeros((0, len(robot.actuated)))
+    return _within_limits(
+        robot, FourierGait(_joints(robot), 0.0, _by_joint(robot, position), none, none)
+    )
+
+
+def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
+    """Gait whose joint positions are the sum of its parts, such as linkage and feathering.
+
+    Args:
+        robot: The machine.
+        *parts: Gaits of the same robot, at least one; the longest of their periods is a
+            whole number of each of the others.
+
+    Raises:
+        ParameterError: If a part moves another robot's joints, the sum does not repeat,
+            or a limit is exceeded.
+    """
+    if not parts:
+        raise ParameterError("parts", "at least one gait", parts)
+    for part in parts:
+        check_gait(robot, part)
+    gait = SuperposedGait(tuple(parts))
+    for part in parts:
+        if part.period and gait.period and _remainder(gait.period / part.period) > WHOLE:
+            expected = f"a period {gait.period:g} s is a multiple of"
+            raise ParameterError("parts", expected, part.period)
+    return _within_limits(robot, gait)
+
+
+def check_gait(robot: Robot, gait: Gait) -> None:
+    """Refuse a gait of another robot's joints.
+
+    Raises:
+        ParameterError: If its joints are not the robot's actuated ones.
+    """
+    if tuple(gait.joints) != _joints(robot):
+        expected = f"a gait of {robot.name!r}, of the joints {', '.join(_joints(robot))}"
+        raise ParameterError("gait", expected, ", ".join(gait.joints))
+
+
+def _joints(robot: Robot) -> tuple[str, ...]:
+    return tuple(robot.dof_names[i] for i in robot.actuated)
+
+
+def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
+    """Values by name as a vector over the actuated joints, (n_a,); 0 where not named."""
+    joints = _joints(robot)
+    out: Array = np.zeros(len(joints))
+    named: dict[str, str] = {}
+    for name, value in values.items():
+        targets = [j for j in joints if j in (name, f"left_{name}", f"right_{name}")]
+        if not targets:
+            raise ParameterError(name, f"an actuated joint of {robot.name!r}: {joints}", name)
+        for joint in targets:
+            if joint in named:
+                raise ParameterError(name, f"{joint} named once", f"also as {named[joint]!r}")
+            named[joint] = name
+            out[joints.index(joint)] = _finite(name, value)
+    return out
+
+
+def _within_limits(robot: Robot, gait: AnyGait) -> AnyGait:
+    times = np.linspace(0.0, gait.period or 0.0, LIMIT_SAMPLES)
+    position = gait.motion(times).position
+    for k, (joint, dof) in enumerate(zip(gait.joints, robot.actuated, strict=True)):
+        least, most = position[:, k].min(), position[:, k].max()
+        lower, upper = robot.lower[dof], robot.upper[dof]
+        if least < lower - MARGIN or most > upper + MARGIN:
+            unit = robot.dof_units[dof]
+            expected = f"a gait within its limits {lower:.4g} to {upper:.4g} {unit}"
+            raise ParameterError(joint, expected, f"{least:.4g} to {most:.4g} {unit}")
+    return gait
+
+
+def _remainder(ratio: float) -> float:
+    return abs(ratio - round(ratio))
+
+
+def _finite(name: str, value: float) -> float:
+    if not np.isfinite(value):
+        raise ParameterError(name, "a finite number", value)
+    return float(value)
+
+
+def _positive(name: str, value: float) -> float:
+    if not (np.isfinite(value) and value > 0):
+        raise ParameterError(name, "a positive number", value)
+    return float(value)

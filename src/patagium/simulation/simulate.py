@@ -1,0 +1,236 @@
+"""Flight of a robot through the air: what happens next, step by step.
+
+Joints follow the gait exactly, everything else the equations of motion; fourth
+order in the time step. Neglected: contact, actuator limits, sensors.
+"""
+
+from __future__ import annotations
+
+import xarray as xr
+import numpy as np
+from numpy.typing import ArrayLike
+
+from patagium.aerodynamics import Aerodynamics
+from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.native import load_functions
+from patagium.robot import Robot
+from patagium.simulation.flight import Origin, flight_record
+from patagium.simulation.gaits import Gait, check_gait
+from patagium.simulation.march import Array, Equations, Progress, Run, march
+from patagium.simulation.mounts import Mount, floating_dofs, mount_of
+from patagium.simulation.stage import RECORDED, Layout, flight_functions, layout_of
+
+SPEED_LIMIT = 340.0
+"""Speed beyond which a run is stopped: sound [m/s]."""
+
+RATE_LIMIT = 1e5
+"""Angular rate beyond which a run is stopped [rad/s]."""
+
+PITCH_MARGIN = 0.02
+"""How near to the singularity of Euler angles a run is stopped [rad]."""
+
+
+def simulate(
+    robot: Robot,
+    aero: Aerodynamics,
+    gait: Gait,
+    *,
+    duration: float,
+    time_step: float,
+    mount: Mount | None = None,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    throw: bool = True,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Flight of a robot whose actuated joints follow a gait.
+
+    Classic Runge-Kutta at a fixed step, compiled. A run stops where a quantity is not
+    finite, pitch nears 90 degrees (where roll and yaw are one), a coordinate leaves the
+    robot's limits, or the speed is absurd; what was flown is kept.
+
+    Args:
+        robot: The machine.
+        aero: What the air does to it.
+        gait: What its actuated joints do.
+        duration: A whole number of time steps [s].
+        time_step: Step [s].
+        mount: Free or fixed; by default free if the robot has a floating body.
+        q: Initial coordinates, (n,) [m, rad]; the gait's joints are overwritten. Zero
+            by default.
+        v: Initial velocities, (n,) [m/s, rad/s]; likewise.
+        throw: Whether a run that stops early raises; else the flight up to there is
+            returned, `outcome` and `message` among its attributes.
+        progress: Told the steps done and to do, from time to time.
+
+    Returns:
+        The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+        ShapeError: If q or v is not (n,).
+        SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
+    """
+    steps = whole_steps(duration, time_step)
+    check_robots(robot, aero)
+    check_gait(robot, gait)
+    held = mount_of(robot, mount)
+    layout = layout_of(robot, aero, held)
+    start_q, start_v = initial(robot, "q", q), initial(robot, "v", v)
+    fixed = _held_rows(layout, start_q)
+
+    def rows(time: Array) -> Array:
+        motion = gait.motion(time)
+        still = np.zeros((len(time), len(fixed)))
+        parts = [
+            *(motion.position, still + fixed),
+            *(motion.velocity, still),
+            *(motion.acceleration, still),
+        ]
+        return np.column_stack([*parts, aero.air.wind_at(time)])
+
+    passive = [i - layout.hidden for i in layout.passive]
+    state = np.zeros(layout.size)
+    state[: 2 * len(passive)] = np.concatenate([start_q[passive], start_v[passive]])
+    equations = _equations(robot, aero, held, layout, state)
+    check_start(equations, layout.state_names, state)
+    run = march(equations, state, rows, steps, time_step, progress)
+    message = message_of(run, layout.state_names, equations, steps, time_step)
+    time = np.arange(run.steps + 1) * time_step
+    run.samples["wind"] = aero.air.wind_at(time)
+    origin = Origin(robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4")
+    flight = flight_record(origin, time, run.samples, run.outcome, message)
+    if throw and run.outcome is not Outcome.COMPLETED:
+        raise SimulationFailed(message, flight, run.outcome)
+    return flight
+
+
+def _equations(
+    robot: Robot, aero: Aerodynamics, mount: Mount, layout: Layout, state: Array
+) -> Equations:
+    symbolic, _ = robot.symbolic()
+    functions = load_functions(
+        f"flight {mount.kind} {aero.structure} {symbolic!r}",
+        lambda: flight_functions(robot, aero, mount),
+        label=f"flight of {robot.name}",
+    )
+    lower, upper = limits(layout.machine, layout.passive, layout.size, state)
+    return Equations(
+        rate=functions["rate"],
+        record=functions["record"],
+        prepare=None,
+        recorded=RECORDED,
+        robot_parameters=robot.parameters,
+        aero_parameters=np.asarray(aero.parameters, float),
+        lower=lower,
+        upper=upper,
+    )
+
+
+def limits(
+    machine: Robot, passive: tuple[int, ...], size: int, state: Array
+) -> tuple[Array, Array]:
+    """Where a state [q passive, v passive, ...] must stay.
+
+    Args:
+        machine: The machine.
+        passive: Its coordinates that are integrated.
+        size: Length of the state.
+        state: Where it starts; pitch keeps to the branch it starts on.
+
+    Returns:
+        Lower and upper bounds, (size,) each.
+    """
+    n_u = len(passive)
+    upper = np.full(size, np.inf)
+    lower = -upper
+    lower[:n_u] = [machine.lower[i] for i in passive]
+    upper[:n_u] = [machine.upper[i] for i in passive]
+    pitches = [b.floating_dofs[4] for b in machine.bodies if b.floating_dofs is not None]
+    for k, i in enumerate(passive):
+        if i in pitches:
+            upright = np.pi * np.round(state[k] / np.pi)
+            lower[k] = max(lower[k], upright - np.pi / 2 + PITCH_MARGIN)
+            upper[k] = min(upper[k], upright + np.pi / 2 - PITCH_MARGIN)
+        bound = SPEED_LIMIT if machine.dof_units[i] == "m" else RATE_LIMIT
+        lower[n_u + k], upper[n_u + k] = -bound, bound
+    return lower, upper
+
+
+def whole_steps(duration: float, time_step: float) -> int:
+    """Number of time steps in a duration.
+
+    Raises:
+        ParameterError: If either is not positive, or they do not divide.
+    """
+    for name, value in (("duration", duration), ("time_step", time_step)):
+        if not (np.isfinite(value) and value > 0):
+            raise ParameterError(name, "a positive number of seconds", value)
+    steps = round(duration / time_step)
+    if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
+        raise ParameterError("duration", f"a whole number of time steps of {time_step} s", duration)
+    return steps
+
+
+def check_robots(robot: Robot, aero: Aerodynamics) -> None:
+    """Refuse a model of the air around another robot.
+
+    Raises:
+        ParameterError: If its coordinates or strips are not the robot's.
+    """
+    other = aero.robot
+    if (other.dof_names, len(other.strips)) != (robot.dof_names, len(robot.strips)):
+        raise ParameterError("aero", f"a model of the air around {robot.name!r}", other.name)
+
+
+def initial(robot: Robot, name: str, values: ArrayLike | None) -> Array:
+    """An initial vector over the coordinates, zero by default, (n,).
+
+    Raises:
+        ShapeError: If it is not (n,).
+        ParameterError: If it is not finite.
+    """
+    if values is None:
+        return np.zeros(robot.dof)
+    vector = np.array(values, float)
+    if vector.shape != (robot.dof,):
+        raise ShapeError(name, (robot.dof,), vector.shape)
+    if not np.isfinite(vector).all():
+        wrong = robot.dof_names[int(np.argmin(np.isfinite(vector)))]
+        raise ParameterError(name, "finite numbers", f"not finite at {wrong}")
+    return vector
+
+
+def check_start(equations: Equations, names: tuple[str, ...], state: Array) -> None:
+    """Refuse an initial state outside of where it must stay.
+
+    Raises:
+        ParameterError: If an entry is beyond its limits.
+    """
+    for k, name in enumerate(names):
+        low, high = equations.lower[k], equations.upper[k]
+        if not low <= state[k] <= high:
+            raise ParameterError(name, f"a start from {low:.4g} to {high:.4g}", state[k])
+
+
+def message_of(
+    run: Run, names: tuple[str, ...], equations: Equations, steps: int, time_step: float
+) -> str:
+    """How a run ended, in words: when, which quantity, what to do."""
+    if run.outcome is Outcome.COMPLETED:
+        return f"completed {steps} steps of {time_step:g} s"
+    when = f"stopped at t = {run.steps * time_step:.6g} s, step {run.steps + 1} of {steps}"
+    value = run.state[run.which]
+    if run.outcome is Outcome.NOT_FINITE:
+        others = int((~np.isfinite(run.state)).sum()) - 1
+        reason = f"{names[run.which]} became {value}" + (f", and {others} others" if others else "")
+    else:
+        low, high = equations.lower[run.which], equations.upper[run.which]
+        reason = f"{names[run.which]} reached {value:.4g}, outside of {low:.4g} to {high:.4g}"
+    return f"{when}: {reason}; {run.outcome.remedy}"
+
+
+def _held_rows(layout: Layout, q: Array) -> Array:
+    """Positions of the prescribed coordinates that no gait moves, (n_held,)."""
+    held = layout.prescribed[len(layout.machine.actuated) :]
+    return q[[i - layout.hidden for i in held]]

@@ -1,0 +1,223 @@
+"""Equations of flight with prescribed joints, as compiled functions of a flat state.
+
+Passive coordinates are integrated; actuated ones (and a fixed body's) follow a
+table row exactly (partitioned dynamics). Works and the impulse of external forces
+ride along as states, so that audits are of the integrator's order. This module
+owns the layout of the state:
+
+    state = [q passive, v passive, lag states, works (4), impulse (3)]
+    row = [q, v, a of the prescribed coordinates, wind (3)]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from patagium.aerodynamics import Aerodynamics
+from patagium.dynamics.chain import cross
+from patagium.dynamics.equations import (
+    damping_force,
+    forward_prescribed,
+    kinetic_energy,
+    momentum,
+    potential_energy,
+    total_mass,
+)
+from patagium.robot import Robot
+from patagium.simulation.mounts import (
+    MOUNT_COORDINATES,
+    Mount,
+    floating_dofs,
+    on_massless_mount,
+)
+
+WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
+IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
+RECORDED = (
+    *("q", "v", "a", "u1", "aero_force", "damping_force", "mount_force", "mount_wrench"),
+    *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed"),
+    *("kinetic_energy", "potential_energy", "aero_power", "momentum", "works", "impulse"),
+    "aero_state",
+)
+"""What the record function gives, in order."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything is in state and row.
+
+    Attributes:
+        machine: The robot, on a massless mount if it has no floating body; its n
+            coordinates are the last n of the machine's.
+        hidden: Coordinates of the massless mount, held at zero: 6 or 0.
+        passive: Coordinates of the machine that are integrated.
+        prescribed: Coordinates of the machine that follow the row, in its order.
+        lags: Number of the aerodynamic model's own states.
+    """
+
+    machine: Robot
+    hidden: int
+    passive: tuple[int, ...]
+    prescribed: tuple[int, ...]
+    lags: int
+
+    @property
+    def size(self) -> int:
+        """Length of the state."""
+        return 2 * len(self.passive) + self.lags + len(WORKS) + len(IMPULSE)
+
+    @property
+    def row_size(self) -> int:
+        """Length of a row."""
+        return 3 * len(self.prescribed) + 3
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """What each entry of the state is, for messages."""
+        names = [self.machine.dof_names[i] for i in self.passive]
+        lags = [f"lag state {k}" for k in range(self.lags)]
+        return (*names, *(f"velocity of {name}" for name in names), *lags, *WORKS, *IMPULSE)
+
+
+def layout_of(robot: Robot, aero: Aerodynamics, mount: Mount) -> Layout:
+    """Layout of a robot's flight.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        aero: What the air does to it.
+        mount: How it is held.
+    """
+    hidden = 0 if robot.floating else MOUNT_COORDINATES
+    machine = on_massless_mount(robot) if hidden else robot
+    held = floating_dofs(robot) if mount.kind == "fixed" else ()
+    prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
+    follows = {*range(hidden), *prescribed}
+    passive = tuple(i for i in range(machine.dof) if i not in follows)
+    return Layout(machine, hidden, passive, prescribed, aero.state_size)
+
+
+def flight_functions(robot: Robot, aero: Aerodynamics, mount: Mount) -> Sequence[ca.Function]:
+    """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
+
+    Args:
+        robot: The machine.
+        aero: What the air does to it.
+        mount: How it is held.
+    """
+    symbolic, robot_parameters = robot.symbolic()
+    layout = layout_of(symbolic, aero, mount)
+    state, row = ca.SX.sym("state", layout.size), ca.SX.sym("row", layout.row_size)
+    aero_parameters = ca.SX.sym("c", len(aero.parameters))
+    rate, recorded = _equations(layout, aero, state, row, aero_parameters)
+    inputs = [state, row, robot_parameters, aero_parameters]
+    names = ["state", "row", "robot_parameters", "aero_parameters"]
+    return [
+        ca.Function("rate", inputs, [rate], names, ["rate"]),
+        ca.Function("record", inputs, [recorded[k] for k in RECORDED], names, list(RECORDED)),
+    ]
+
+
+def _equations(
+    layout: Layout, aero: Aerodynamics, state: ca.SX, row: ca.SX, aero_parameters: ca.SX
+) -> tuple[ca.SX, dict[str, ca.SX]]:
+    machine, passive, prescribed = layout.machine, layout.passive, layout.prescribed
+    n_u, n_p = len(passive), len(prescribed)
+    q, v = ca.SX.zeros(machine.dof, 1), ca.SX.zeros(machine.dof, 1)
+    for k, i in enumerate(passive):
+        q[i], v[i] = state[k], state[n_u + k]
+    for k, i in enumerate(prescribed):
+        q[i], v[i] = row[k], row[n_p + k]
+    lag, wind = state[2 * n_u : 2 * n_u + layout.lags], row[3 * n_p :]
+    air = aero.expressions(machine, q, v, lag, wind, aero_parameters)
+    damping = damping_force(machine, v)
+    still = ca.SX.zeros(layout.hidden, 1)
+    a, constraint = forward_prescribed(
+        machine,
+        q,
+        v,
+        ca.vertcat(still, row[2 * n_p : 3 * n_p]),
+        air.generalized_force + damping,
+        (*range(layout.hidden), *prescribed),
+    )
+    joint, mount = _split(constraint, machine.actuated)
+    forces = (joint, air.generalized_force, damping, mount)
+    powers = ca.vertcat(*[ca.dot(force, v) for force in forces])
+    external = air.generalized_force + damping + mount
+    rate = ca.vertcat(
+        v[list(passive)],
+        a[list(passive)],
+        air.state_derivative,
+        powers,
+        external_force(machine, external),
+    )
+    of_robot = slice(layout.hidden, machine.dof)
+    totals = 2 * n_u + layout.lags
+    recorded = {
+        "q": q[of_robot],
+        "v": v[of_robot],
+        "a": a[of_robot],
+        "u1": joint[of_robot],
+        "aero_force": air.generalized_force[of_robot],
+        "damping_force": damping[of_robot],
+        "mount_force": mount[of_robot],
+        "mount_wrench": mount_wrench(machine, q, mount),
+        "strip_force": air.strip_force,
+        "strip_point": air.strip_point,
+        "angle_of_attack": air.angle_of_attack,
+        "strip_airspeed": air.strip_airspeed,
+        "kinetic_energy": kinetic_energy(machine, q, v),
+        "potential_energy": potential_energy(machine, q),
+        "aero_power": air.power,
+        "momentum": momentum(machine, q, v),
+        "works": state[totals : totals + len(WORKS)],
+        "impulse": state[totals + len(WORKS) :],
+        "aero_state": lag,
+    }
+    return rate, recorded
+
+
+def _split(force: ca.SX, selected: Sequence[int]) -> tuple[ca.SX, ca.SX]:
+    """A force as its part in the selected coordinates, and the rest."""
+    part = ca.SX.zeros(force.shape[0], 1)
+    for i in selected:
+        part[i] = force[i]
+    return part, force - part
+
+
+def external_force(machine: Robot, force: ca.SX) -> ca.SX:
+    """Sum of external forces, weight included, world axes, (3, 1) [N].
+
+    Args:
+        machine: A machine with a floating body.
+        force: Generalized force of all that is not inertia, weight or a joint, (n, 1).
+    """
+    total = ca.vertcat(0, 0, -total_mass(machine) * machine.gravity)
+    for body in machine.bodies:
+        if body.floating_dofs is not None:
+            total = total + force[list(body.floating_dofs[:3])]
+    return total
+
+
+def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
+    """Force of the mount and its moment about the world's origin, (6, 1) [N, N m].
+
+    From the generalized force on Euler angles: Q_k = e_k . M, with e_k the axes of
+    roll, pitch and yaw in the world. Singular where they are, at a pitch of 90 degrees.
+
+    Args:
+        machine: A machine with a floating body, the one that is held.
+        q: Generalized coordinates, (n, 1) [m, rad].
+        force: Generalized force of the mount, (n, 1) [N, N m].
+    """
+    dofs = floating_dofs(machine)[:6]
+    pitch, yaw = q[dofs[4]], q[dofs[5]]
+    on_roll, on_pitch, on_yaw = (force[dofs[k]] for k in (3, 4, 5))
+    level = (on_roll + ca.sin(pitch) * on_yaw) / ca.cos(pitch)
+    heading = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
+    left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
+    moment = heading * level + left * on_pitch + ca.vertcat(0, 0, on_yaw)
+    push = force[list(dofs[:3])]
+    return ca.vertcat(push, moment + cross(q[list(dofs[:3])], push))
