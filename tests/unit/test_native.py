@@ -1,0 +1,201 @@
+"""Generated C: every operation, batches, cache and the life without a compiler."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from patagium.errors import CompilerError, ParameterError, ShapeError
+from patagium.native import compiler_name, load_functions, load_kernel
+from patagium.native import compiler as compiler_module
+
+needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
+
+# the C library and the vectorized sine differ by an ulp; a handful of operations follow
+ROUNDING = 1e-14
+
+
+def every_operation() -> list[ca.Function]:
+    x, y = ca.SX.sym("x", 4), ca.SX.sym("y")
+    p = ca.SX.sym("p", 2)
+    a, b, c, d = ca.vertsplit(x)
+    results = [
+        ca.sin(a) * ca.cos(ca.sin(b)) + ca.tan(c),
+        ca.exp(a) + ca.log(1 + b * b) + ca.log1p(c * c) + ca.expm1(d),
+        ca.sqrt(a * a + 2) / (1 + ca.fabs(b)) - ca.floor(3 * c) + ca.ceil(d),
+        ca.asin(ca.tanh(a)) + ca.acos(ca.tanh(b)) + ca.atan(c) + ca.atan2(d, a),
+        ca.sinh(a) + ca.cosh(b) + ca.sign(c) + ca.copysign(d, a),
+        ca.power(ca.fabs(a) + 1, b) + ca.power(c, 2) + 1 / (3 + ca.fabs(d)),
+        ca.fmin(a, b) + ca.fmax(c, d) + ca.fmod(a, 0.3) + ca.hypot(b, c),
+        ca.if_else(a < b, c, ca.if_else(ca.logic_or(c <= d, a == b), d, -a)),
+        ca.if_else(ca.logic_and(ca.logic_not(a > 0), b != c), 2 * a, y),
+        p[0] * a + p[1] * y,
+        ca.SX(2.5),
+        a,
+    ]
+    matrix = ca.SX(2, 3)
+    matrix[0, 1], matrix[1, 2] = a * y, ca.cos(y)
+    return [
+        ca.Function(
+            "many",
+            [x, y, p],
+            [ca.vertcat(*results), matrix, a + y],
+            ["x", "y", "parameters"],
+            ["v", "m", "s"],
+        )
+    ]
+
+
+def casadi_values(x, y, p):
+    vector, matrix, scalar = every_operation()[0](x, y, p)
+    return np.array(vector).ravel(), np.array(matrix), float(scalar)
+
+
+@pytest.mark.parametrize("choice", ["", "none"])
+def test_every_operation_agrees_with_casadi(choice, monkeypatch, rng):
+    monkeypatch.setenv("PATAGIUM_COMPILER", choice)
+    many = load_functions("every operation", every_operation, label="test")["many"]
+    p = rng.normal(size=2)
+    xs, ys = rng.normal(size=(50, 4)), rng.normal(size=50)
+    for x, y in zip(xs, ys, strict=True):
+        for ours, theirs in zip(many(x, y, p), casadi_values(x, y, p), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=ROUNDING, atol=ROUNDING)
+    for count in (1, 7, 8, 9, 50):
+        vectors, matrices, scalars = many.batch(xs[:count], ys[:count], p)
+        assert vectors.shape == (count, 12)
+        assert matrices.shape == (count, 2, 3)
+        assert scalars.shape == (count,)
+        for k in range(count):
+            vector, matrix, scalar = casadi_values(xs[k], ys[k], p)
+            np.testing.assert_allclose(vectors[k], vector, rtol=ROUNDING, atol=ROUNDING)
+            np.testing.assert_allclose(matrices[k], matrix, rtol=ROUNDING, atol=ROUNDING)
+            np.testing.assert_allclose(scalars[k], scalar, rtol=ROUNDING, atol=ROUNDING)
+
+
+def trigonometry() -> list[ca.Function]:
+    x = ca.SX.sym("x")
+    return [ca.Function("turn", [x], [ca.vertcat(ca.sin(x), ca.cos(x))], ["x"], ["y"])]
+
+
+@pytest.mark.parametrize("span", [1.0, 10.0, 9e4, 1e9])
+def test_sine_and_cosine_are_good_to_one_ulp(span, rng):
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    x = np.concatenate([rng.uniform(-span, span, 20_000), np.arange(-8, 9) * np.pi / 2, [0.0]])
+    exact = np.stack([np.sin(x.astype(np.longdouble)), np.cos(x.astype(np.longdouble))], axis=1)
+    error = np.abs(turn.batch(x) - exact)
+    # one ulp of values below 1 is 1.1e-16; reduction adds a rounding of the angle
+    assert float(error.max()) < 1.7e-16
+
+
+def test_not_a_number_stays_not_a_number():
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    assert np.isnan(turn(np.nan)).all()
+    assert np.isnan(turn(np.inf)).all()
+    assert np.isnan(turn.batch(np.array([0.0, np.nan, 1.0]))[1]).all()
+    assert np.isfinite(turn.batch(np.array([0.0, np.nan, 1.0]))[[0, 2]]).all()
+
+
+def test_wrong_shapes_and_counts_are_refused():
+    many = load_functions("every operation", every_operation, label="test")["many"]
+    with pytest.raises(ShapeError, match=r"x: expected shape \(4,\), found \(3,\)"):
+        many(np.zeros(3), 0.0, np.zeros(2))
+    with pytest.raises(ParameterError, match="3 arguments"):
+        many(np.zeros(4), 0.0)
+    with pytest.raises(ShapeError, match="leading axis"):
+        many.batch(np.zeros((3, 4)), np.zeros(2), np.zeros(2))
+    with pytest.raises(ShapeError, match="parameters"):
+        many.batch(np.zeros((3, 4)), np.zeros(3), np.zeros((3, 2)))
+
+
+def test_threads_do_not_mix_their_arguments():
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    wrong = []
+
+    def work(angle: float) -> None:
+        for _ in range(2000):
+            if abs(turn(angle)[0] - np.sin(angle)) > 1e-15:
+                wrong.append(angle)
+
+    threads = [threading.Thread(target=work, args=(0.1 * k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+@needs_compiler
+def test_a_second_load_makes_no_expression(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    load_functions("cached", trigonometry, label="test")
+
+    def never() -> list[ca.Function]:
+        raise AssertionError("built again")
+
+    turn = load_functions("cached", never, label="test")["turn"]
+    assert turn(0.0)[1] == 1.0
+
+
+def _load_in(cache: str, results) -> None:
+    import os
+
+    os.environ["PATAGIUM_CACHE"] = cache
+    functions = load_functions("parallel", every_operation, label="test")
+    results.put(float(functions["many"](np.ones(4), 2.0, np.ones(2))[2]))
+
+
+@needs_compiler
+def test_parallel_processes_share_one_fresh_cache(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    results = context.Queue()
+    workers = [context.Process(target=_load_in, args=(str(tmp_path), results)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    assert [results.get(timeout=60) for _ in workers] == [3.0] * 3
+    for worker in workers:
+        worker.join()
+    assert not list(tmp_path.glob("building-*"))
+
+
+@needs_compiler
+def test_a_compiler_error_carries_the_compilers_words(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    path = compiler_module.compiler_path()
+    assert path is not None
+    with pytest.raises(CompilerError, match="error"):
+        compiler_module.build(path, {"bad.c": "int x = ;"}, ("-O0",), "a broken file")
+    assert not list(tmp_path.glob("building-*"))
+
+
+def test_a_broken_compiler_is_as_good_as_none(tmp_path, monkeypatch, capsys):
+    broken = tmp_path / "broken-cc"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    monkeypatch.setenv("CC", str(broken))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("PATAGIUM_COMPILER", raising=False)
+    compiler_module._announce_fallback.cache_clear()
+    assert compiler_name() is None
+    assert load_kernel("march") is None
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    assert turn.address is None
+    assert turn(0.0)[1] == 1.0
+    notice = capsys.readouterr().err
+    assert notice.count("no C compiler") == 1
+
+
+def test_the_expression_behind_a_function_can_be_differentiated():
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    x = ca.SX.sym("x")
+    slope = ca.Function("slope", [x], [ca.jacobian(turn.expression(x), x)])
+    np.testing.assert_allclose(np.array(slope(0.3)).ravel(), [np.cos(0.3), -np.sin(0.3)])
+
+
+def test_kernels_folder_is_part_of_the_package():
+    assert (Path(compiler_module.KERNELS) / "lanes.h").exists()
