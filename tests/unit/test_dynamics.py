@@ -123,3 +123,34 @@ def test_without_a_compiler_the_numbers_are_the_same(monkeypatch, rng):
         close(interpreted.mass_matrix(q[k]), compiled.mass_matrix(q[k]))
         close(interpreted.inverse(q[k], v[k], a[k]), compiled.inverse(q[k], v[k], a[k]))
     close(interpreted.batch.forward(q, v, a), compiled.batch.forward(q, v, a))
+
+
+PENDULUM = """
+name: pendulum
+gravity: 9.81
+bodies:
+  rod:
+    joints: [{name: swing, type: revolute, axis: y}]
+    mass: 2
+    center_of_mass: [0, 0, -0.5]
+    inertia: {xx: 0.01, yy: 0.02, zz: 0.03}
+"""
+
+
+@pytest.mark.parametrize("choice", ["", "none"])
+def test_a_robot_of_one_coordinate_keeps_its_axes(choice, monkeypatch):
+    from patagium.robot import load_robot_text
+
+    monkeypatch.setenv("PATAGIUM_COMPILER", choice)
+    dyn = pt.Dynamics(load_robot_text(PENDULUM, "pendulum"))
+    q, v = np.array([0.3]), np.array([1.2])
+    inertia = 2 * 0.5**2 + 0.02
+    np.testing.assert_allclose(dyn.mass_matrix(q), [[inertia]], rtol=1e-14)
+    np.testing.assert_allclose(dyn.gravity(q), [2 * 9.81 * 0.5 * np.sin(0.3)], rtol=1e-13)
+    np.testing.assert_allclose(dyn.coriolis(q, v), [0.0], atol=1e-15)
+    assert dyn.kinetic_energy(q, v) == pytest.approx(inertia * 1.2**2 / 2)
+    a, u1 = dyn.forward_prescribed(q, v, [0.7], [0.0])
+    np.testing.assert_allclose(u1, dyn.inverse(q, v, a), rtol=1e-13)
+    assert dyn.batch.mass_matrix(np.zeros((5, 1))).shape == (5, 1, 1)
+    assert dyn.batch.inverse(*np.zeros((3, 5, 1))).shape == (5, 1)
+    assert dyn.momentum(q, v).shape == (3,)

@@ -199,10 +199,31 @@ class Dynamics(_Methods):
         self._functions = load_functions(
             robot.structure, lambda: _build(robot), label=f"{robot.name} dynamics"
         )
-        super().__init__(lambda name, *args: self._functions[name](*args, self._parameters))
-        self.batch = _Methods(
-            lambda name, *args: self._functions[name].batch(*args, self._parameters)
-        )
+        super().__init__(self._single)
+        self.batch = _Methods(self._many)
+        self._one_coordinate = robot.dof == 1 or len(robot.actuated) == 1
+
+    def _single(self, name: str, *arguments: ArrayLike) -> Any:
+        result = self._functions[name](*arguments, self._parameters)
+        return self._restored(name, result) if self._one_coordinate else result
+
+    def _many(self, name: str, *arguments: ArrayLike) -> Any:
+        result = self._functions[name].batch(*arguments, self._parameters)
+        return self._restored(name, result) if self._one_coordinate else result
+
+    def _restored(self, name: str, result: Any) -> Any:
+        """Axes of length one, which compiled functions drop, put back."""
+        if name.endswith("_energy"):
+            return result
+        if isinstance(result, tuple):
+            parts = ("mass_matrix", "bias") if name == "mass_matrix_and_bias" else ("a", "u1")
+            return tuple(self._restored(k, part) for k, part in zip(parts, result, strict=True))
+        array = np.asarray(result)
+        if name == "mass_matrix":
+            return array[..., None, None] if self.robot.dof == 1 else array
+        rows = len(self.robot.actuated) if name == "u1" else self.robot.dof
+        vector_of_one = rows == 1 and name not in ("momentum", "angular_momentum", "center_of_mass")
+        return array[..., None] if vector_of_one else array
 
     @property
     def functions(self) -> dict[str, NativeFunction]:

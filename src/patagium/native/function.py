@@ -103,7 +103,7 @@ class NativeFunction:
                 zip(self._inputs, arguments, strict=True)
             ):
                 array = np.asarray(argument, float)
-                if array.shape != buffer.shape:
+                if array.shape != buffer.shape and not array.size == buffer.size == 1:
                     raise ShapeError(self.signature.names_in[position], buffer.shape, array.shape)
                 buffer[...] = array
             self._run()
@@ -127,7 +127,10 @@ class NativeFunction:
             ShapeError: If an argument has the wrong shape, or leading axes differ.
         """
         self._check_count(arguments)
-        arrays = [np.asarray(argument, float) for argument in arguments]
+        arrays = [
+            array[..., 0] if size == (1, 1) and array.shape[-1:] == (1,) else array
+            for array, size in zip(map(_array, arguments), self.size_in, strict=True)
+        ]
         count = self._batch_count(arrays)
         if self._library is None:
             return self._batch_in_python(arrays, count)
@@ -187,6 +190,10 @@ class NativeFunction:
                 for result, buffer in zip(results, self._outputs, strict=True):
                     result[k] = buffer
         return results[0] if self._single else tuple(results)
+
+
+def _array(argument: ArrayLike) -> Array:
+    return np.asarray(argument, float)
 
 
 def _padded(count: int) -> int:
