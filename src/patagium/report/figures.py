@@ -1,0 +1,322 @@
+"""Figures of flights, estimates, learners and clocks, from plain arrays.
+
+Each function returns a matplotlib `Figure` that no window owns; `report.picture`
+puts it on a page and `report.save_figure` in a file. Units stand on every axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ParameterError, ShapeError
+from patagium.report.page import draw
+from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled
+
+Vectors = NDArray[np.float64]
+
+
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure as PNG or SVG, chosen by the name of the file.
+
+    Raises:
+        ParameterError: If the name ends otherwise.
+    """
+    path = Path(path)
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in ("png", "svg"):
+        raise ParameterError("figure file", "a name ending in .png or .svg", path.name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draw(figure, path, cast('Literal["svg", "png"]', kind))
+    return path
+
+
+@styled
+def comparison(
+    time: ArrayLike,
+    truth: ArrayLike,
+    estimates: Mapping[str, ArrayLike],
+    *,
+    names: Sequence[str],
+    units: Sequence[str],
+    truth_name: str = "actual",
+    deviation: ArrayLike | None = None,
+    columns: int = 1,
+) -> Figure:
+    """Quantities over time, a panel each: the truth and what was estimated of it.
+
+    Args:
+        time: Time, (N,) [s].
+        truth: Actual values, (N, k).
+        estimates: Estimated values by name, each (N, k).
+        names: Names of the k quantities.
+        units: Units of the k quantities.
+        truth_name: What the truth is called: "actual", "measured".
+        deviation: Predicted standard deviation of the first estimate, (N, k): a
+            band of 1.96 deviations, the predicted 95 % interval.
+        columns: Panels side by side.
+
+    Raises:
+        ShapeError: If an array does not fit the others.
+    """
+    t = np.asarray(time, float)
+    actual = _columns("truth", truth, t.size, len(names))
+    drawn = {key: _columns(key, value, t.size, len(names)) for key, value in estimates.items()}
+    band = None if deviation is None else _columns("deviation", deviation, t.size, len(names))
+    figure, axes = _grid(len(names), columns)
+    for k, panel in enumerate(axes):
+        _curve(panel, t, actual[:, k], truth_name, color=TRUTH, linewidth=2.4)
+        for i, (label, value) in enumerate(drawn.items()):
+            if i == 0 and band is not None:
+                _band(panel, t, value[:, k], 1.96 * band[:, k])
+            _curve(panel, t, value[:, k], label, color=color(i), linestyle=dash(i))
+        _fit_to(panel, actual[:, k])
+        panel.set_title(names[k])
+        panel.set_ylabel(f"[{units[k]}]")
+    _time_axis(axes, columns)
+    legend_above(figure, axes[0])
+    return figure
+
+
+@styled
+def histories(
+    time: ArrayLike,
+    values: Mapping[str, tuple[str, Mapping[str, ArrayLike]]],
+    *,
+    columns: int = 1,
+) -> Figure:
+    """Signals over time, a panel for each group that shares a unit.
+
+    Args:
+        time: Time, (N,) [s].
+        values: Title of a panel -> (unit, signals by name, each (N,)).
+        columns: Panels side by side.
+    """
+    t = np.asarray(time, float)
+    figure, axes = _grid(len(values), columns)
+    for panel, (title, (unit, signals)) in zip(axes, values.items(), strict=True):
+        for i, (label, signal) in enumerate(signals.items()):
+            _curve(panel, t, np.asarray(signal, float), label, color=color(i), linestyle=dash(i))
+        panel.set_title(title)
+        panel.set_ylabel(f"[{unit}]")
+        if len(signals) > 1:
+            panel.legend(ncols=min(len(signals), 4), loc="best")
+    _time_axis(axes, columns)
+    return figure
+
+
+@styled
+def innovation_and_covariance(
+    time: ArrayLike,
+    innovation: ArrayLike,
+    largest_variance: ArrayLike,
+    *,
+    names: Sequence[str],
+    units: Sequence[str],
+    expected_deviation: ArrayLike | None = None,
+) -> Figure:
+    """What each update learned, and how sure the filter became.
+
+    Args:
+        time: Time of each update, (U,) [s].
+        innovation: Measured minus predicted, (U, k).
+        largest_variance: Largest diagonal entry of the weights' covariance, (U,).
+        names: Names of the k outputs.
+        units: Units of the k outputs.
+        expected_deviation: Standard deviation the filter gave each innovation, (U, k).
+
+    Raises:
+        ShapeError: If an array does not fit the others.
+    """
+    t = np.asarray(time, float)
+    found = _columns("innovation", innovation, t.size, len(names))
+    figure, axes = _grid(len(names) + 1, 1)
+    for k, panel in enumerate(axes[:-1]):
+        if expected_deviation is not None:
+            expected = _columns("expected_deviation", expected_deviation, t.size, len(names))
+            _band(panel, t, np.zeros(t.size), 1.96 * expected[:, k])
+        _curve(panel, t, found[:, k], "innovation", color=color(1))
+        _fit_to(panel, found[:, k])
+        panel.set_title(f"Innovation of {names[k]}")
+        panel.set_ylabel(f"[{units[k]}]")
+    variance = _columns("largest_variance", largest_variance, t.size, 1)
+    _curve(axes[-1], t, variance[:, 0], "largest", color=color(0))
+    axes[-1].set_yscale("log")
+    axes[-1].set_title("Largest variance of a weight")
+    axes[-1].set_ylabel("[1]")
+    _time_axis(axes, 1)
+    return figure
+
+
+@styled
+def learning_curves(
+    time: ArrayLike,
+    errors: Mapping[str, ArrayLike],
+    *,
+    label: str = "normalized mean square error [1]",
+    span: float | None = None,
+) -> Figure:
+    """Error of several learners over time, on a logarithmic axis.
+
+    Args:
+        time: Time, (N,) [s].
+        errors: Squared or normalized error by learner, each (N,).
+        label: The ordinate, with its unit.
+        span: Running mean over this long [s]; None draws the errors as they are.
+
+    Raises:
+        ShapeError: If an array does not fit the time.
+    """
+    t = np.asarray(time, float)
+    figure, axes = _grid(1, 1, height=3.4)
+    for i, (name, error) in enumerate(errors.items()):
+        series = _columns(name, error, t.size, 1)[:, 0]
+        smooth = series if span is None else _running_mean(t, series, span)
+        _curve(axes[0], t, smooth, name, color=color(i), linestyle=dash(i))
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel(label)
+    _time_axis(axes, 1)
+    legend_above(figure, axes[0])
+    return figure
+
+
+@styled
+def score_bars(
+    names: Sequence[str],
+    scores: Mapping[str, ArrayLike],
+    *,
+    label: str = "normalized mean square error [1]",
+) -> Figure:
+    """A score per quantity and method as groups of horizontal bars, logarithmic.
+
+    Args:
+        names: Names of the k quantities.
+        scores: Score of each quantity by method, each (k,); nan leaves a gap.
+        label: The abscissa, with its unit.
+
+    Raises:
+        ShapeError: If a method has another number of scores.
+    """
+    return _bars(names, {m: _row(m, s, len(names)) for m, s in scores.items()}, label)
+
+
+@styled
+def overhead_bars(times: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Time of a call as horizontal bars on a logarithmic axis, with the times written out.
+
+    Args:
+        times: Function -> way of computing it -> time of a call [s]; a way that does
+            not know a function leaves a gap.
+    """
+    ways = list(dict.fromkeys(way for one in times.values() for way in one))
+    values = {way: np.array([times[f].get(way, np.nan) for f in times]) for way in ways}
+    return _bars(list(times), values, "time of a call [s]", texts=seconds_text)
+
+
+def seconds_text(seconds: float) -> str:
+    """A duration to three digits in ns, us, ms, s or min."""
+    for unit, scale in (("ns", 1e-9), ("µs", 1e-6), ("ms", 1e-3), ("s", 1.0)):
+        if abs(seconds) < 999.5 * scale and not (unit == "s" and abs(seconds) >= 120.0):
+            return f"{seconds / scale:.3g} {unit}"
+    return f"{seconds / 60.0:.3g} min"
+
+
+def _bars(
+    names: Sequence[str],
+    values: Mapping[str, Vectors],
+    label: str,
+    texts: Any = lambda value: f"{value:.1e}",
+) -> Figure:
+    thick = 0.8 / max(len(values), 1)
+    figure, axes = panels(1, 1, height=0.6 + 0.19 * len(names) * max(len(values), 1.6))
+    panel = axes[0, 0]
+    base = np.arange(len(names), dtype=float)
+    for i, (way, row) in enumerate(values.items()):
+        place = base + (i - (len(values) - 1) / 2) * thick
+        shown = np.where(row > 0, row, np.nan)
+        panel.barh(place, shown, height=0.92 * thick, color=color(i), label=way)
+        for y, value in zip(place, shown, strict=True):
+            if np.isfinite(value):
+                panel.annotate(
+                    texts(value), (value, y), (3, 0), textcoords="offset points", va="center",
+                    fontsize=7.5,
+                )  # fmt: skip
+    panel.set_yticks(base, names)
+    panel.invert_yaxis()
+    panel.set_xscale("log")
+    panel.set_xlabel(label)
+    panel.grid(axis="y", visible=False)
+    panel.margins(x=0.12)
+    legend_above(figure, panel)
+    return figure
+
+
+def _grid(count: int, columns: int, height: float = 1.7) -> tuple[Figure, list[Axes]]:
+    rows = -(-count // columns)
+    figure, axes = panels(rows, columns, height)
+    for spare in axes.flat[count:]:
+        spare.set_visible(False)
+    return figure, list(axes.flat[:count])
+
+
+def _time_axis(axes: Sequence[Axes], columns: int) -> None:
+    for panel in axes:
+        panel.margins(x=0.0)
+    for panel in axes[:-columns]:
+        panel.tick_params(labelbottom=False)
+    for panel in axes[-columns:]:
+        panel.set_xlabel("time [s]")
+
+
+def _curve(panel: Axes, time: Vectors, values: Vectors, label: str, **look: Any) -> None:
+    if values.shape != time.shape:
+        raise ShapeError(label, time.shape, values.shape)
+    panel.plot(*envelope(time, values), label=label, **look)
+
+
+def _band(panel: Axes, time: Vectors, middle: Vectors, half_width: Vectors) -> None:
+    step = max(1, time.size // 1600)
+    t, m, w = time[::step], middle[::step], half_width[::step]
+    panel.fill_between(
+        t, m - w, m + w, color="#b9c4cf", alpha=0.6, linewidth=0, label="predicted 95 % interval"
+    )
+
+
+def _fit_to(panel: Axes, truth: Vectors) -> None:
+    """Limits from the truth, so that an estimate that ran away does not flatten it."""
+    finite = truth[np.isfinite(truth)]
+    if finite.size == 0 or np.ptp(finite) == 0.0:
+        return
+    low, high = finite.min(), finite.max()
+    room = 0.25 * (high - low)
+    panel.set_ylim(low - room, high + room)
+
+
+def _running_mean(time: Vectors, values: Vectors, span: float) -> Vectors:
+    start = np.searchsorted(time, time - span, side="right")
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    end = np.arange(1, time.size + 1)
+    mean: Vectors = (total[end] - total[start]) / (end - start)
+    return mean
+
+
+def _columns(name: str, values: ArrayLike, rows: int, width: int) -> Vectors:
+    array = np.asarray(values, float)
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.shape != (rows, width):
+        raise ShapeError(name, (rows, width), array.shape)
+    return array
+
+
+def _row(name: str, values: ArrayLike, width: int) -> Vectors:
+    array = np.asarray(values, float)
+    if array.shape != (width,):
+        raise ShapeError(name, (width,), array.shape)
+    return array

@@ -1,0 +1,132 @@
+"""How every figure looks: one size, one type, colors told apart by every eye.
+
+Colors are those of Okabe and Ito; the truth is black, an estimate is colored.
+
+References:
+    Okabe and Ito (2008), Color Universal Design.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from patagium.errors import ShapeError
+
+TRUTH = "#1a1a1a"
+COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
+WIDTH = 9.0  # inches
+
+_STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": "#e3e6e9",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 3.0,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "figure.facecolor": "white",
+}
+
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """A drawing function under the common style, which it leaves as it found it."""
+
+    @wraps(function)
+    def draw(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        with rc_context(_STYLE):
+            return function(*args, **kwargs)
+
+    return draw
+
+
+def panels(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, NDArray[Any]]:
+    """An empty grid of panels, and its axes (rows, columns).
+
+    Args:
+        rows: Rows of panels.
+        columns: Columns of panels.
+        height: Height of a row [inch].
+    """
+    figure = Figure(figsize=(WIDTH, height * rows + 0.5), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def color(index: int) -> str:
+    """Color of the estimate of that index."""
+    return COLORS[index % len(COLORS)]
+
+
+def dash(index: int) -> Any:
+    """Line style of the estimate of that index, for print without color."""
+    return DASHES[index % len(DASHES)]
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """One legend for all panels, over them, from the labels of one."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left", ncols=min(len(labels), 5))
+
+
+def envelope(
+    time: NDArray[np.float64], values: NDArray[np.float64], limit: int = 1600
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A long signal thinned for drawing, its peaks kept.
+
+    Each run of samples gives its smallest and its largest, in the order they came.
+
+    Args:
+        time: Abscissa, (N,).
+        values: Signal, (N,).
+        limit: Points to keep, about.
+
+    Returns:
+        Thinned abscissa and signal, the same arrays when they are short.
+
+    Raises:
+        ShapeError: If the two differ in length.
+    """
+    time, values = np.asarray(time, float), np.asarray(values, float)
+    if time.shape != values.shape or time.ndim != 1:
+        raise ShapeError("values", time.shape, values.shape)
+    if time.size <= limit:
+        return time, values
+    run = -(-2 * time.size // limit)
+    whole = time.size // run * run
+    blocks = values[:whole].reshape(-1, run)
+    finite = np.where(np.isfinite(blocks), blocks, np.inf)
+    low = finite.argmin(axis=1)
+    finite[np.isinf(finite)] = -np.inf
+    high = finite.argmax(axis=1)
+    start = np.arange(0, whole, run)
+    ends = np.sort(np.stack([start + low, start + high]), axis=0)
+    index = np.concatenate([ends.T.ravel(), [time.size - 1]])
+    return time[index], values[index]

@@ -1,0 +1,236 @@
+"""Pages, tables and figures say what they were given, whole and offline."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patagium.errors import FlightError, ParameterError, ShapeError
+from patagium.report import Note, Section, Table, cell_text, figures, picture, views, write_page
+from patagium.report.style import envelope
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        ("plain", "plain"),
+        (True, "yes"),
+        (np.bool_(False), "no"),
+        (0.0, "0"),
+        (14, "14"),
+        (np.int64(20001), "20001"),
+        (3.14159, "3.14"),
+        (31.4159, "31.4"),
+        (31415.9, "31416"),
+        (0.00314159, "0.00314"),
+        (-2.5, "−2.50"),
+        (1.23456e-7, "1.23×10⁻⁷"),
+        (9.999e-4, "1.00×10⁻³"),
+        (6.02e23, "6.02×10²³"),
+        (float("nan"), "n/a"),
+        (float("-inf"), "−∞"),
+    ],
+)
+def test_cell_reads_as_a_person_writes(value: object, text: str) -> None:
+    assert cell_text(value) == text  # type: ignore[arg-type]
+
+
+def test_table_with_a_short_row_is_refused() -> None:
+    with pytest.raises(ShapeError, match="row 1"):
+        Table(("a", "b"), [[1, 2], [1]])
+
+
+class Tags(HTMLParser):
+    """Every tag with its attributes, and whether each that opened was closed."""
+
+    EMPTY = {"meta", "img", "br", "link"}
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def example_page(folder: Path) -> str:
+    time = np.linspace(0.0, 1.0, 50)
+    figure = figures.histories(time, {"Height": ("m", {"z": time**2})})
+    sections = [
+        Section("Forces", ["A `code` and **bold** <script>x</script>.", picture(figure, "Rise")]),
+        Section(
+            "Numbers", [Table(("claim", "value [s]"), [["first", 0.5]], "Claims"), Note("But")]
+        ),
+        Section("End", [picture(figure, "Again", "png")]),
+    ]
+    path = write_page(
+        folder / "deep" / "report.html", "On <air>", sections, summary="Found.", facts={"by": "us"}
+    )
+    return path.read_text("utf-8")
+
+
+def test_page_is_well_formed_and_offline(tmp_path: Path) -> None:
+    text = example_page(tmp_path)
+    tags = Tags()
+    tags.feed(text)
+    assert tags.open == []
+    sources = [
+        a.get("src") or a.get("href") or "" for _, a in tags.seen if {"src", "href"} & set(a)
+    ]
+    assert len(sources) == 5
+    assert all(source.startswith(("data:image/", "#s")) for source in sources)
+    assert not re.search(r"url\(|@import|<script|<link", text)
+
+
+def test_page_escapes_what_it_is_given(tmp_path: Path) -> None:
+    text = example_page(tmp_path)
+    assert "On &lt;air&gt;" in text
+    assert "&lt;script&gt;x&lt;/script&gt;" in text
+    assert "<code>code</code>" in text and "<strong>bold</strong>" in text
+
+
+def test_page_is_the_same_bytes_twice(tmp_path: Path) -> None:
+    assert example_page(tmp_path / "a") == example_page(tmp_path / "b")
+
+
+def test_page_leaves_no_draft_beside_it(tmp_path: Path) -> None:
+    example_page(tmp_path)
+    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["report.html"]
+
+
+def test_page_that_fails_leaves_the_old_one(tmp_path: Path) -> None:
+    path = write_page(tmp_path / "r.html", "Old", [])
+    with pytest.raises(UnicodeEncodeError):
+        write_page(path, "New \ud800", [])
+    assert "Old" in path.read_text("utf-8")
+    assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
+
+
+def test_envelope_keeps_the_peaks() -> None:
+    time = np.linspace(0.0, 1.0, 20_001)
+    values = np.sin(40.0 * time)
+    values[7_777], values[12_345] = 9.0, -9.0
+    short_time, short = envelope(time, values)
+    assert len(short) < 2_000
+    assert short.max() == 9.0 and short.min() == -9.0
+    assert (np.diff(short_time) >= 0.0).all()
+    assert short_time[-1] == time[-1]
+    assert np.isin(short, values).all()
+
+
+def test_envelope_of_a_signal_that_broke_down_keeps_what_was() -> None:
+    time = np.arange(10_000.0)
+    values = np.where(time < 5_000, time, np.nan)
+    _, short = envelope(time, values)
+    assert np.nanmax(short) >= 4_990.0
+
+
+def lines_of(panel: object) -> list[str]:
+    return [line.get_label() for line in panel.get_lines()]  # type: ignore[attr-defined]
+
+
+def test_comparison_draws_every_estimate_in_every_panel() -> None:
+    time = np.linspace(0.0, 1.0, 30)
+    truth = np.stack([time, -time], axis=1)
+    figure = figures.comparison(
+        time,
+        truth,
+        {"strip": truth * 1.1, "dense": truth * 0.9},
+        names=["x", "z"],
+        units=["N", "N"],
+    )
+    assert [lines_of(panel) for panel in figure.axes] == [["actual", "strip", "dense"]] * 2
+    assert [panel.get_ylabel() for panel in figure.axes] == ["[N]", "[N]"]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    np.testing.assert_array_equal(figure.axes[1].get_lines()[1].get_ydata(), -1.1 * time)
+
+
+def test_comparison_is_scaled_by_the_truth() -> None:
+    time = np.linspace(0.0, 1.0, 30)
+    figure = figures.comparison(
+        time, time, {"ran away": 1e6 * time}, names=["x"], units=["N"], deviation=np.ones(30)
+    )
+    assert figure.axes[0].get_ylim()[1] < 2.0
+
+
+def test_figures_refuse_arrays_that_do_not_fit() -> None:
+    with pytest.raises(ShapeError, match="strip"):
+        figures.comparison([0, 1], [[1], [2]], {"strip": [1, 2, 3]}, names=["x"], units=["N"])
+    with pytest.raises(ShapeError, match="ours"):
+        figures.score_bars(["x", "y"], {"ours": [1.0]})
+
+
+def test_overhead_bars_write_the_times_out() -> None:
+    figure = figures.overhead_bars({"D": {"ours": 4e-7, "rival": 3e-4}, "bias": {"ours": 5e-7}})
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == ["400 ns", "500 ns", "300 µs"]
+    assert figure.axes[0].get_xscale() == "log"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (9.996e-7, "1 µs"),
+        (4.56e-9, "4.56 ns"),
+        (0.0123, "12.3 ms"),
+        (61.0, "61 s"),
+        (450.0, "7.5 min"),
+    ],
+)
+def test_seconds_read_in_their_unit(seconds: float, text: str) -> None:
+    assert figures.seconds_text(seconds) == text
+
+
+def test_innovation_figure_has_a_panel_more_than_outputs(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 1.0, 20)
+    figure = figures.innovation_and_covariance(
+        time, np.ones((20, 2)), np.exp(-time), names=["x", "y"], units=["N", "N"],
+        expected_deviation=np.ones((20, 2)),
+    )  # fmt: skip
+    assert len(figure.axes) == 3
+    assert figure.axes[-1].get_yscale() == "log"
+    assert figures.save_figure(figure, tmp_path / "new" / "i.png").stat().st_size > 1_000
+
+
+def test_learning_curve_is_a_running_mean() -> None:
+    time = np.arange(100) * 0.01
+    figure = figures.learning_curves(time, {"a": np.full(100, 3.0)}, span=0.1)
+    np.testing.assert_allclose(
+        figure.axes[0].get_lines()[0].get_ydata(), 3.0, rtol=1e-12
+    )  # rounding
+
+
+def test_figure_of_another_kind_is_refused(tmp_path: Path) -> None:
+    figure = figures.overhead_bars({"D": {"ours": 1e-6}})
+    with pytest.raises(ParameterError, match=r"\.png or \.svg"):
+        figures.save_figure(figure, tmp_path / "figure.bmp")
+
+
+def test_machine_shows_every_strip_in_both_views() -> None:
+    square = np.array([[0, 0, 0], [0, 1, 0], [-1, 1, 0], [-1, 0, 0]], float)
+    figure = views.machine(
+        "wing",
+        strips={"left": [square, square + [0, 1, 0]]},
+        joints={"plunge": (0, 0, 0)},
+        centers={"body": (0.1, 0, 0)},
+        links=[((0, 0, 0), (0, 1, 0))],
+    )
+    assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2]
+    with pytest.raises(ShapeError, match="left"):
+        views.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})
+
+
+def test_overview_names_what_a_flight_misses() -> None:
+    with pytest.raises(FlightError, match="aero_force"):
+        views.flight_overview({"q": 0})
