@@ -1,4 +1,4 @@
-"""Figures of whole things: a machine from above and ahead, a flight at a glance.
+"""Figures of whole things: a machine from above and behind, a flight at a glance.
 
 A machine is drawn from points, a flight from its Dataset (dimensions time, dof,
 strip, axis). Neglected: perspective and hidden surfaces.
@@ -7,7 +7,7 @@ strip, axis). Neglected: perspective and hidden surfaces.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +16,12 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FlightError, ShapeError
-from patagium.report.style import TRUTH, WIDTH, color, dash, envelope, styled
+from patagium.report.style import TRUTH, WIDTH, color, dash, envelope, legend_above, styled
 
 _ATTITUDE = ("roll", "pitch", "yaw")
-_ABOVE, _AHEAD = (1, 0), (1, 2)  # the two axes of a view, across then up the page
+_ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the page
+
+_Group: TypeAlias = tuple[str, str, dict[str, NDArray[np.float64]]]
 
 
 @styled
@@ -31,7 +33,7 @@ def machine(
     centers: Mapping[str, ArrayLike],
     links: Sequence[ArrayLike] = (),
 ) -> Figure:
-    """A robot from above and from ahead: wings cut in strips, joints, centers of mass.
+    """A robot from above and from behind: wings cut in strips, joints, centers of mass.
 
     Args:
         title: Name of the machine.
@@ -55,18 +57,18 @@ def machine(
     low, high = low - room, high + room
     heights = (high - low)[[0, 2]]
     tall = 0.82 * WIDTH * heights.sum() / (high - low)[1] + 1.2
-    figure = Figure(figsize=(WIDTH, float(np.clip(tall, 3.0, 12.0))), layout="constrained")
-    above, ahead = figure.subplots(2, 1, height_ratios=heights.tolist())
-    for panel, view in ((above, _ABOVE), (ahead, _AHEAD)):
+    figure = Figure(figsize=(WIDTH, float(np.clip(tall, 3.0, 12.0))), layout="compressed")
+    above, behind = figure.subplots(2, 1, height_ratios=heights.tolist())
+    for panel, view in ((above, _ABOVE), (behind, _BEHIND)):
         _draw_machine(panel, view, corners, joints, centers, links)
-        panel.set_xlim(low[view[0]], high[view[0]])
+        panel.set_xlim(high[view[0]], low[view[0]])  # y, to the left
         panel.set_ylim(low[view[1]], high[view[1]])
     above.set_title(f"{title}, from above")
     above.set_ylabel("x, forward [m]")
-    ahead.set_title("from ahead, left wing on the right")
-    ahead.set_ylabel("z, up [m]")
-    ahead.set_xlabel("y, to the left [m]")
-    above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
+    behind.set_title("from behind")
+    behind.set_ylabel("z, up [m]")
+    behind.set_xlabel("y, to the left [m]")
+    legend_above(figure, above)
     return figure
 
 
@@ -101,14 +103,14 @@ def flight_overview(flight: Any) -> Figure:
     return figure
 
 
-def _overview_groups(flight: Any) -> list[tuple[str, str, dict[str, NDArray[np.float64]]]]:
+def _overview_groups(flight: Any) -> list[_Group]:
     names = [str(name) for name in flight["dof"].values]
     position = [n for n in ("x", "y", "z") if n in names]
     attitude = [n for n in _ATTITUDE if n in names]
     others = [n for n in names if n not in position + attitude]
     q, force = flight["q"], flight["aero_force"]
     energy = ("kinetic_energy", "potential_energy", "energy_residual")
-    groups = [
+    groups: list[_Group] = [
         ("Position", "m", {n: q.sel(dof=n).values for n in position}),
         ("Attitude", "deg", {n: np.degrees(q.sel(dof=n).values) for n in attitude}),
         ("Joints", "deg", {n: np.degrees(q.sel(dof=n).values) for n in _moving(q, others)}),
@@ -143,9 +145,7 @@ def _draw_machine(
     for i, (wing, value) in enumerate(corners.items()):
         outlines = list(value[:, :, [across, up]])
         panel.add_collection(
-            PolyCollection(
-                outlines, facecolor=color(i), edgecolor=color(i), alpha=0.35, label=f"{wing}"
-            )
+            PolyCollection(outlines, facecolor=color(i), edgecolor=color(i), alpha=0.35, label=wing)
         )
     for link in links:
         ends = np.asarray(link, float)

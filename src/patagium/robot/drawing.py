@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
-    """Figure of the robot from above and from ahead.
+    """Figure of the robot from above and from behind.
 
     Args:
         robot: The machine.

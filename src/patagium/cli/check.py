@@ -1,0 +1,81 @@
+"""`patagium check`: whether a robot file, a flight or a log can be used, and what it holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+EXAMPLES = (
+    "patagium check my-robot.yaml",
+    "patagium check flight.nc --json",
+    "patagium check log.csv --mapping columns.yaml",
+)
+
+
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(help="A robot file (.yaml), a flight (.nc) or a table (.csv, .parquet)."),
+    ],
+    mapping: Annotated[
+        Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Say whether a file can be used, what it holds, and what is wrong with it.
+
+    Leaves with 0 when it can be used, with 2 and the reasons when not.
+    """
+    from patagium.cli.words import answer
+    from patagium.errors import ParameterError
+    from patagium.robot import preset_names
+
+    ending = file.suffix.lower()
+    if ending in (".csv", ".parquet", ".gz"):
+        facts = _table_facts(file, mapping)
+    elif mapping is not None:
+        raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
+    elif ending == ".nc":
+        facts = _flight_facts(file)
+    elif ending in (".yaml", ".yml") or str(file) in preset_names():
+        facts = _robot_facts(file)
+    else:
+        raise ParameterError("file", "a name ending in .yaml, .nc, .csv or .parquet", str(file))
+    answer(facts, as_json=as_json, title=f"{file} can be used")
+
+
+def _robot_facts(file: Path) -> dict[str, Any]:
+    from patagium.robot import load_robot
+    from patagium.robot.drawing import describe_robot
+
+    return {"kind": "robot", **describe_robot(load_robot(str(file)))}
+
+
+def _flight_facts(file: Path) -> dict[str, Any]:
+    from patagium.cli.simulate import flight_facts
+    from patagium.cli.words import existing
+    from patagium.simulation import load_flight
+
+    return {"kind": "flight", **flight_facts(load_flight(existing(file)))}
+
+
+def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.identification import read_table
+
+    if mapping is None:
+        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+    table = read_table(existing(file), existing(mapping))
+    return {
+        "kind": "table",
+        "samples": len(table.time),
+        "duration [s]": float(table.time[-1] - table.time[0]),
+        "inputs": [f"{n} [{u}]" for n, u in zip(table.input_names, table.input_units, strict=True)],
+        "outputs": [
+            f"{n} [{u}]" for n, u in zip(table.output_names, table.output_units, strict=True)
+        ],
+        "gaps": table.describe_gaps(),
+    }

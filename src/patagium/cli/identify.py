@@ -1,0 +1,9 @@
+"""x."""
+
+import typer
+
+EXAMPLES = ()
+
+
+def identify() -> None:
+    """X."""

@@ -1,0 +1,74 @@
+"""The program `patagium`: its verbs, and how it fails.
+
+Exit codes: 0 done, 2 for what a user can mend (one sentence on stderr), 130 when
+interrupted. With --debug the traceback comes too. Verbs import what they need when
+they run, so that --help is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from patagium import __version__
+from patagium.cli import bench, check, evaluate, identify, reproduce, robots, simulate
+from patagium.errors import PatagiumError
+
+app = typer.Typer(
+    name="patagium",
+    help="Morphing-wing robots: their equations, their flight, and what the air does to them.",
+    epilog="Every verb explains itself: patagium simulate --help. "
+    "Add --debug anywhere for the traceback behind an error.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+for _verb in (reproduce, simulate, identify, evaluate, bench, robots, check):
+    _name = _verb.__name__.rpartition(".")[2]
+    app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"patagium {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say which.")
+    ] = False,
+) -> None:
+    """Morphing-wing robots: their equations, their flight, and what the air does to them."""
+
+
+def run(arguments: Sequence[str] | None = None) -> None:
+    """Run the program, and leave with its exit code.
+
+    Args:
+        arguments: Words after the program's name; those of the process by default.
+
+    Raises:
+        SystemExit: Always, with the exit code.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    try:
+        app([word for word in words if word != "--debug"], prog_name="patagium")
+    except (PatagiumError, OSError) as error:
+        if debug:
+            raise
+        typer.echo(f"patagium: {_sentence(error)}", err=True)
+        raise SystemExit(2) from None
+
+
+def _sentence(error: PatagiumError | OSError) -> str:
+    if isinstance(error, OSError) and not isinstance(error, PatagiumError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)

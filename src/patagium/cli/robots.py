@@ -1,0 +1,51 @@
+"""`patagium robots`: which robots there are, what they weigh, how they look."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium robots",
+    "patagium robots aerobat --draw aerobat.png",
+    "patagium robots my-robot.yaml --json",
+)
+
+
+def robots(
+    robot: Annotated[
+        str | None, typer.Argument(help="A preset or a robot file; all presets when left out.")
+    ] = None,
+    draw: Annotated[
+        Path | None, typer.Option(help="Draw it from above and behind, as .png or .svg.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """List the robots that come along, or describe and draw one."""
+    from patagium.cli.words import answer, say_json, show_table
+    from patagium.errors import ParameterError
+    from patagium.report import Table
+    from patagium.robot import load_robot, preset_names
+    from patagium.robot.drawing import describe_robot, draw_robot
+
+    if robot is not None:
+        machine = load_robot(robot)
+        if draw is not None:
+            from patagium.report.figures import save_figure
+
+            save_figure(draw_robot(machine), draw)
+            typer.echo(f"Drawn in {draw}", err=True)
+        moving = [machine.dof_names[i] for i in machine.actuated]
+        facts = describe_robot(machine) | {"actuated": ", ".join(moving)}
+        answer(facts, as_json=as_json)
+        return
+    if draw is not None:
+        raise ParameterError("--draw", "the name of one robot before it", str(draw))
+    found = [describe_robot(load_robot(name)) for name in preset_names()]
+    if as_json:
+        say_json(found)
+    else:
+        heads = list(found[0])
+        show_table(Table(heads, [[facts[head] for head in heads] for facts in found]))

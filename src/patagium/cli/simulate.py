@@ -1,0 +1,292 @@
+"""`patagium simulate`: a robot, its air and its gait become a flight on disk."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from patagium.cli.words import Vector, quantity, vector
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from patagium.aerodynamics import Aerodynamics, Air
+    from patagium.robot import Robot
+    from patagium.simulation.gait_models import Gait
+
+
+class AirModel(StrEnum):
+    """Models of the air."""
+
+    quasi_steady = "quasi-steady"
+    published = "published"
+
+
+class MountKind(StrEnum):
+    """What holds the robot."""
+
+    free = "free"
+    fixed = "fixed"
+
+
+class Stepping(StrEnum):
+    """How joints follow the gait: exactly, or overwritten as in the published experiment."""
+
+    prescribed = "prescribed"
+    published = "published"
+
+
+_ANGLE = {"parser": quantity("rad", "an angle")}
+
+EXAMPLES = (
+    'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
+    '--duration "2 s" --time-step 1e-4 -o flight.nc',
+    "patagium simulate aerobat --gait linkage --frequency 5 --mount fixed "
+    '--wind "-3,0,0 m/s" --duration 1 --time-step 1e-4 --figure flight.png',
+)
+
+
+def simulate(
+    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a robot file.")],
+    duration: Annotated[
+        float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
+    ],
+    time_step: Annotated[
+        float, typer.Option(parser=quantity("s", "a time"), help="Fixed step of the RK4, in s.")
+    ],
+    gait: Annotated[
+        str, typer.Option(help="sinusoidal, linkage, still, or a CSV table of one period.")
+    ] = "sinusoidal",
+    frequency: Annotated[
+        float | None,
+        typer.Option(parser=quantity("Hz", "a frequency"), help="Wing beats a second, in Hz."),
+    ] = None,
+    plunge: Annotated[
+        float | None, typer.Option(**_ANGLE, help="Amplitude of plunge, in rad.")
+    ] = None,
+    elbow: Annotated[
+        float | None, typer.Option(**_ANGLE, help="Amplitude of the elbows, in rad.")
+    ] = None,
+    feather: Annotated[
+        float | None, typer.Option(**_ANGLE, help="Amplitude of feathering, in rad.")
+    ] = None,
+    amplitude: Annotated[
+        list[str] | None, typer.Option(help="Of any joint: left_plunge='30 deg'. Repeat it.")
+    ] = None,
+    phase: Annotated[
+        list[str] | None, typer.Option(help="Lead of a joint: feather='90 deg'. Repeat it.")
+    ] = None,
+    offset: Annotated[
+        list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
+    ] = None,
+    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.quasi_steady,
+    density: Annotated[
+        float,
+        typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
+    ] = 1.225,
+    wind: Annotated[
+        Vector | None,
+        typer.Option(
+            parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
+        ),
+    ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
+    ] = 0.0,
+    pitch: Annotated[
+        float, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
+    ] = 0.0,
+    mount: Annotated[
+        MountKind | None, typer.Option(help="What holds the body; free when it can float.")
+    ] = None,
+    stepping: Annotated[
+        Stepping, typer.Option(help="published: for comparison with the paper only.")
+    ] = Stepping.prescribed,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Flight to write (netCDF).")
+    ] = Path("flight.nc"),
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the flight at a glance, as .png or .svg.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Fly a robot and keep the flight.
+
+    Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s".
+    A flight that breaks down is kept up to there; the exit code is then 2.
+    """
+    from patagium.aerodynamics import Air
+    from patagium.robot import load_robot
+
+    machine = load_robot(robot)
+    air = Air(density=density, wind=wind or (0.0, 0.0, 0.0))
+    model = _air_model(aero, machine, air)
+    if stepping is Stepping.published:
+        flight = _published(machine, model, frequency, plunge, speed, duration, time_step)
+        _keep(flight, output, figure, as_json)
+        return
+    amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
+    moves = _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
+    flight = _fly(machine, model, moves, duration, time_step, mount, speed, pitch)
+    _keep(flight, output, figure, as_json)
+
+
+def flight_facts(flight: Any) -> dict[str, Any]:
+    """What a flight is and how well it keeps its books, for a table or JSON.
+
+    Args:
+        flight: A flight Dataset.
+    """
+    time = flight["time"].values
+    facts = {"duration [s]": float(time[-1] - time[0]), "samples": int(time.size)}
+    return {name: flight.attrs[name] for name in _TOLD if name in flight.attrs} | facts
+
+
+_TOLD = (
+    "robot_name",
+    "mount",
+    "stepping",
+    "time_step",
+    "outcome",
+    "message",
+    "energy_audit",
+    "momentum_audit",
+    "aero_power_largest",
+)
+
+
+def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
+    from patagium.aerodynamics import Published, QuasiSteady
+
+    return Published(machine, air) if aero is AirModel.published else QuasiSteady(machine, air)
+
+
+def _gait(
+    machine: Robot,
+    kind: str,
+    frequency: float | None,
+    amplitudes: Mapping[str, float | None],
+    more: list[str] | None,
+    phase: list[str] | None,
+    offset: list[str] | None,
+) -> Gait:
+    from patagium.cli.words import existing, named_quantities
+    from patagium.errors import ParameterError
+    from patagium.simulation import gaits
+
+    named = named_quantities("--amplitude", more or (), "rad", "an angle")
+    sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
+    leads = named_quantities("--phase", phase or (), "rad", "an angle")
+    means = named_quantities("--offset", offset or (), "rad", "an angle")
+    _refuse_what_is_unused(kind, frequency, sizes, leads, means)
+    if kind == "still":
+        return gaits.still(machine, **means)
+    if kind not in ("sinusoidal", "linkage"):
+        return gaits.from_csv(machine, existing(Path(kind)))
+    if frequency is None:
+        raise ParameterError("--frequency", f"the beats a second of a {kind} gait, in Hz", None)
+    if kind == "linkage":
+        return gaits.linkage(
+            machine,
+            frequency=frequency,
+            plunge_offset=means.get("plunge", 0.0),
+            elbow_offset=means.get("elbow", 0.0),
+        )
+    return gaits.sinusoidal(machine, frequency=frequency, phase=leads, offset=means, **sizes)
+
+
+def _refuse_what_is_unused(
+    kind: str,
+    frequency: float | None,
+    sizes: Mapping[str, float],
+    leads: Mapping[str, float],
+    means: Mapping[str, float],
+) -> None:
+    from patagium.errors import ParameterError
+
+    table = kind not in ("sinusoidal", "linkage", "still")
+    unused = {
+        "--frequency": frequency is not None and (kind == "still" or table),
+        "an amplitude": bool(sizes) and kind != "sinusoidal",
+        "--phase": bool(leads) and kind != "sinusoidal",
+        "--offset": bool(means)
+        and (table or (kind == "linkage" and set(means) - _LINKAGE_OFFSETS)),
+    }
+    for option, wrong in unused.items():
+        if wrong:
+            raise ParameterError(option, f"nothing of the kind with --gait {kind}", "one")
+
+
+_LINKAGE_OFFSETS = {"plunge", "elbow"}
+
+
+def _fly(
+    machine: Robot,
+    model: Aerodynamics,
+    gait: Gait,
+    duration: float,
+    time_step: float,
+    mount: MountKind | None,
+    speed: float,
+    pitch: float,
+) -> Any:
+    import numpy as np
+
+    from patagium import simulation
+    from patagium.cli.words import progress_bar
+    from patagium.errors import ParameterError
+    from patagium.simulation import mounts
+
+    q, v = np.zeros(machine.dof), np.zeros(machine.dof)
+    base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
+    if base is not None:
+        v[base[0]], q[base[4]] = speed, pitch
+    elif speed or pitch:
+        raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
+    held = None if mount is None else getattr(mounts, mount.value)()
+    with progress_bar(f"Flying {machine.name}") as progress:
+        return simulation.simulate(
+            machine, model, gait, duration=duration, time_step=time_step, mount=held,
+            q=q, v=v, throw=False, progress=progress,
+        )  # fmt: skip
+
+
+def _published(
+    machine: Robot,
+    model: Aerodynamics,
+    frequency: float | None,
+    plunge: float | None,
+    speed: float,
+    duration: float,
+    time_step: float,
+) -> Any:
+    from patagium.errors import ParameterError
+    from patagium.simulation import simulate_published
+
+    if frequency is None or plunge is None:
+        raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
+    return simulate_published(
+        machine, model, frequency=frequency, amplitude=plunge, speed=speed,
+        duration=duration, time_step=time_step,
+    )  # fmt: skip
+
+
+def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
+    from patagium.cli.words import answer
+    from patagium.simulation import save_flight
+
+    save_flight(flight, output)
+    if figure is not None:
+        from patagium.report.figures import save_figure
+        from patagium.report.views import flight_overview
+
+        save_figure(flight_overview(flight), figure)
+    facts = flight_facts(flight)
+    answer({**facts, "file": str(output)}, as_json=as_json, title="Flight")
+    if str(flight.attrs["outcome"]) != "COMPLETED":
+        typer.echo(f"patagium: {flight.attrs['message']} The flight is kept in {output}.", err=True)
+        raise typer.Exit(2)

@@ -1,0 +1,206 @@
+"""What all verbs share: quantities with units, progress on stderr, answers on stdout."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import typer
+
+from patagium.errors import LogError, ParameterError
+
+if TYPE_CHECKING:
+    from patagium.report import Table
+
+
+class Vector(NamedTuple):
+    """Three components along x, y, z."""
+
+    x: float
+    y: float
+    z: float
+
+
+Progress = Callable[[int, int], None]
+Stages = Callable[[str, float], None]
+
+
+def quantity(unit: str, noun: str) -> Callable[[str], float]:
+    """A reader of quantities such as "5 Hz" or, bare, in SI.
+
+    Args:
+        unit: SI unit wanted.
+        noun: What it is, with its article, for the message.
+    """
+
+    def read(text: str) -> float:
+        from patagium.robot.units import UnitMismatch, in_si
+
+        try:
+            return in_si(text, unit, noun)
+        except UnitMismatch as error:
+            raise typer.BadParameter(str(error)) from None
+
+    read.__name__ = unit or "NUMBER"
+    return read
+
+
+def vector(unit: str, noun: str) -> Callable[[str], Vector]:
+    """A reader of three quantities such as "-3,0,0 m/s"; a last unit holds for all.
+
+    Args:
+        unit: SI unit wanted.
+        noun: What each is, with its article, for the message.
+    """
+    one = quantity(unit, noun)
+
+    def read(text: str) -> Vector:
+        parts = [part.strip() for part in text.split(",")]
+        if len(parts) != 3:
+            raise typer.BadParameter(f"expected three numbers such as -3,0,0, found {text!r}")
+        last = parts[2].partition(" ")[2]
+        return Vector(*(one(part if " " in part else f"{part} {last}".strip()) for part in parts))
+
+    read.__name__ = "X,Y,Z"
+    return read
+
+
+def whole_numbers(text: str) -> tuple[int, ...]:
+    """Positive whole numbers such as "8,8"."""
+    try:
+        numbers = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or min(numbers) < 1:
+        raise typer.BadParameter(f"expected positive whole numbers such as 8,8, found {text!r}")
+    return numbers
+
+
+def named_quantities(option: str, words: Sequence[str], unit: str, noun: str) -> dict[str, float]:
+    """Values by name from words such as "feather=30 deg".
+
+    Args:
+        option: The option they came with, for the message.
+        words: One word a name.
+        unit: SI unit wanted.
+        noun: What each is, with its article, for the message.
+
+    Raises:
+        ParameterError: If a word is not NAME=VALUE, or a name comes twice.
+    """
+    values: dict[str, float] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not (name and equals and value):
+            raise ParameterError(option, "NAME=VALUE such as feather=0.5", word)
+        if name in values:
+            raise ParameterError(option, f"{name} once", word)
+        try:
+            values[name] = quantity(unit, noun)(value)
+        except typer.BadParameter as error:
+            raise ParameterError(f"{option} {name}", error.message, value) from None
+    return values
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Progress]:
+    """A bar on stderr while a verb works; called with what is done and what there is.
+
+    Nothing is drawn where stderr is no terminal.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def stage_bar(label: str) -> Iterator[Stages]:
+    """A bar on stderr for work in stages; called with a stage's name and the part of all done.
+
+    Where stderr is no terminal, each stage is one line.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    told = ""
+    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
+        task = bar.add_task(label, total=1.0)
+
+        def tell(stage: str, fraction: float) -> None:
+            nonlocal told
+            bar.update(task, description=f"{label}: {stage}", completed=fraction)
+            if stage != told and not console.is_terminal:
+                typer.echo(f"{label}: {stage} ({fraction:.0%})", err=True)
+            told = stage
+
+        yield tell
+
+
+def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
+    """Facts on stdout: a table for a person, or one JSON object for a program."""
+    if as_json:
+        say_json(facts)
+        return
+    from patagium.report.tables import key_value_table
+
+    flat = {name.replace("_", " "): _plain(value) for name, value in facts.items()}
+    show_table(key_value_table(flat, title))
+
+
+def say_json(value: Any) -> None:
+    """A value as JSON on stdout; numbers that are not finite become null."""
+    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
+
+
+def show_table(table: Table) -> None:
+    """A table on stdout, as wide as its text when stdout is no terminal."""
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+    shown = RichTable(title=table.caption or None, title_justify="left", box=None, pad_edge=False)
+    for index, column in enumerate(table.columns):
+        shown.add_column(column, justify="right" if table.numeric(index) else "left")
+    for row in table.texts():
+        shown.add_row(*row)
+    wide = None if sys.stdout.isatty() else 200
+    Console(file=sys.stdout, width=wide, highlight=False, markup=False).print(shown)
+
+
+def existing(path: Path) -> Path:
+    """A file that is there.
+
+    Raises:
+        LogError: If it is not.
+    """
+    if not path.is_file():
+        raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
+    return path
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(str(_plain(one)) for one in value)
+    return value
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one) for one in value]
+    if hasattr(value, "tolist"):
+        return _finite(value.tolist())
+    if isinstance(value, float) and value - value != 0.0:
+        return None
+    return value
