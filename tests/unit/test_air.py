@@ -1,0 +1,92 @@
+"""Air and gusts: what `wind_at` returns, what is refused, and the round trip."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from patagium.aerodynamics import Air, DrydenGust, OneMinusCosineGust
+from patagium.aerodynamics.air import air_from_description
+from patagium.errors import ParameterError, ShapeError
+
+DRYDEN = DrydenGust((0.5, 0.3, 0.2), (4.0, 2.0, 1.0), airspeed=3.0, seed=3)
+
+
+def test_steady_wind_is_the_same_at_all_times() -> None:
+    wind = Air(wind=(1.0, -2.0, 0.5)).wind_at([0.0, 1.0, 7.0])
+    assert np.array_equal(wind, np.tile([1.0, -2.0, 0.5], (3, 1)))
+
+
+def test_one_minus_cosine_starts_peaks_and_ends_where_it_says() -> None:
+    air = Air(wind=(1.0, 0.0, 0.0), gust=OneMinusCosineGust((0.0, 2.0, -4.0), 0.5, 0.2))
+    wind = air.wind_at([0.0, 0.5, 0.55, 0.6, 0.7, 3.0])
+    share = np.array([0.0, 0.0, 0.5, 1.0, 0.0, 0.0])
+    expected = np.outer(share, [0.0, 2.0, -4.0]) + [1.0, 0.0, 0.0]
+    assert np.allclose(wind, expected, atol=1e-14)  # rounding of a cosine
+
+
+def test_dryden_has_the_variance_and_the_memory_it_says() -> None:
+    length = 4000.0  # 3,000 length scales along x: variance known to about 3 %
+    time = np.arange(0.0, length, DRYDEN.step)
+    gust = DRYDEN.velocity_at(time)
+    assert np.allclose(gust.std(axis=0), DRYDEN.intensity, rtol=0.05)
+    lag = 10
+    x, y = gust[:, 0] / 0.5, gust[:, 1] / 0.3
+    tau = lag * DRYDEN.step * 3.0
+    along = np.exp(-tau / 4.0)
+    across = np.exp(-tau / 2.0) * (1 - tau / 2.0 / 2)  # transverse correlation: e^-s (1 - s/2)
+    assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(along, rel=0.08)
+    assert np.mean(y[lag:] * y[:-lag]) == pytest.approx(across, rel=0.08)
+
+
+def test_dryden_is_a_function_of_time_and_seed_alone() -> None:
+    coarse = DRYDEN.velocity_at(np.array([0.0, 0.5, 1.0]))
+    fine = DRYDEN.velocity_at(np.linspace(0.0, 2.0, 2001))
+    assert np.allclose(coarse, fine[[0, 500, 1000]], atol=1e-12)  # rounding of the grid
+    other = DrydenGust((0.5, 0.3, 0.2), (4.0, 2.0, 1.0), airspeed=3.0, seed=4)
+    assert not np.allclose(coarse, other.velocity_at(np.array([0.0, 0.5, 1.0])))
+
+
+@pytest.mark.parametrize("gust", [None, DRYDEN, OneMinusCosineGust((1.0, 0.0, 0.0), 0.1, 0.3)])
+def test_air_survives_its_description(gust: object) -> None:
+    air = Air(1.0, (1.0, 2.0, 3.0), gust)  # type: ignore[arg-type]
+    assert air_from_description(json.loads(json.dumps(air.describe()))) == air
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Air(density=0.0),
+        lambda: Air(wind=(np.nan, 0.0, 0.0)),
+        lambda: OneMinusCosineGust((1.0, 0.0, 0.0), 0.0, 0.0),
+        lambda: OneMinusCosineGust((1.0, 0.0, 0.0), np.inf, 1.0),
+        lambda: DrydenGust((-1.0, 0.0, 0.0), (1.0, 1.0, 1.0), 1.0, 0),
+        lambda: DrydenGust((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), 1.0, 0),
+        lambda: DrydenGust((1.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 0),
+        lambda: DrydenGust((1.0, 0.0, 0.0), (1.0, 1.0, 1.0), 1.0, -1),
+        lambda: DRYDEN.velocity_at(np.array([-1.0])),
+        lambda: air_from_description({"density": 1.0}),
+        lambda: air_from_description({"density": 1.0, "wind": [0, 0, 0], "gust": {"name": "x"}}),
+        lambda: air_from_description(
+            {"density": 1.0, "wind": [0, 0, 0], "gust": {"name": "dryden", "seed": 1}}
+        ),
+    ],
+)
+def test_impossible_air_is_refused(wrong: object) -> None:
+    with pytest.raises(ParameterError, match="expected"):
+        wrong()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Air(wind=(1.0, 2.0)),  # type: ignore[arg-type]
+        lambda: Air().wind_at(0.0),
+        lambda: OneMinusCosineGust((1.0,), 0.0, 1.0),  # type: ignore[arg-type]
+    ],
+)
+def test_wrong_shapes_are_refused(wrong: object) -> None:
+    with pytest.raises(ShapeError, match="expected shape"):
+        wrong()  # type: ignore[operator]

@@ -1,0 +1,104 @@
+"""Section polars and the smooth signs they rest on."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from patagium.aerodynamics.polars import (
+    DickinsonPolar,
+    SmoothPolar,
+    polar_from_description,
+    section_flow,
+)
+from patagium.aerodynamics.smooth import SWITCH_SPEED, smooth_norm, smooth_sign
+from patagium.errors import ParameterError
+
+
+def test_smooth_sign_is_the_sign_beyond_its_width_and_odd() -> None:
+    x = np.linspace(-0.3, 0.3, 601)
+    s = np.array([float(smooth_sign(ca.DM(k))) for k in x])
+    beyond = np.abs(x) >= SWITCH_SPEED
+    assert np.array_equal(s[beyond], np.sign(x[beyond]))
+    assert np.allclose(s, -s[::-1], atol=1e-15)  # rounding
+    assert (np.diff(s) >= -1e-15).all()
+
+
+def test_smooth_norm_is_the_norm_beyond_its_width_and_never_zero() -> None:
+    x = np.linspace(0.0, 0.3, 301)
+    n = np.array([float(smooth_norm(ca.DM(k * k))) for k in x])
+    beyond = x >= SWITCH_SPEED
+    assert np.allclose(n[beyond], x[beyond], rtol=1e-15)  # rounding of a square root
+    assert n[0] == pytest.approx(0.3125 * SWITCH_SPEED)
+    assert (np.diff(n) >= 0).all()
+
+
+@pytest.mark.parametrize("function", [smooth_sign, smooth_norm])
+def test_three_derivatives_are_continuous_at_the_seam(function: object) -> None:
+    x = ca.SX.sym("x")
+    value = function(x)  # type: ignore[operator]
+    seam = SWITCH_SPEED if function is smooth_sign else SWITCH_SPEED**2
+    for order in range(4):
+        evaluate = ca.Function("f", [x], [value])
+        left, right = float(evaluate(seam * (1 - 1e-9))), float(evaluate(seam * (1 + 1e-9)))
+        # the next derivative times the 2e-9 between the two points
+        assert left == pytest.approx(right, rel=1e-6, abs=1e-6 * seam**-order)
+        value = ca.gradient(value, x)
+
+
+def test_published_coefficients() -> None:
+    polar = DickinsonPolar()
+    values = ca.DM(polar.parameters)
+    assert float(polar.lift(0.0, values)) == pytest.approx(0.027, abs=5e-4)  # as printed
+    assert float(polar.drag(0.0, values)) == pytest.approx(0.393, abs=5e-4)
+
+
+@pytest.mark.parametrize("polar", [DickinsonPolar(), SmoothPolar()])
+@pytest.mark.parametrize("degrees", [-80.0, -30.0, -5.0, 5.0, 30.0, 80.0])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_coefficients_follow_the_incidence(polar: object, degrees: float, direction: float) -> None:
+    angle = np.radians(degrees)
+    flow = section_flow(ca.DM(9 * np.cos(angle) * direction), ca.DM(-9 * np.sin(angle)))
+    lift, drag = polar.coefficients(flow, ca.DM(polar.parameters))  # type: ignore[attr-defined]
+    size = abs(angle)
+    if isinstance(polar, DickinsonPolar):
+        expected = (
+            0.225 + 1.58 * np.sin(2.13 * size - np.radians(7.2)),
+            1.92 - 1.55 * np.cos(2.04 * size - np.radians(9.82)),
+        )
+    else:
+        expected = (1.81 * np.sin(2 * size), 0.24 + 3.10 * np.sin(size) ** 2)
+    assert float(flow.angle_of_attack) == pytest.approx(angle, rel=1e-14)  # rounding
+    assert float(lift) == pytest.approx(np.sign(angle) * direction * expected[0], rel=1e-13)
+    assert float(drag) == pytest.approx(expected[1], rel=1e-13)
+
+
+def test_smooth_polar_is_the_fit_of_the_published_one() -> None:
+    a = np.linspace(0, np.pi / 2, 1001)
+    lift = 0.225 + 1.58 * np.sin(2.13 * a - np.radians(7.2))
+    drag = 1.92 - 1.55 * np.cos(2.04 * a - np.radians(9.82))
+    amplitude = lift @ np.sin(2 * a) / (np.sin(2 * a) @ np.sin(2 * a))
+    rise, base = np.polyfit(np.sin(a) ** 2, drag, 1)
+    assert SmoothPolar().parameters == pytest.approx([amplitude, base, rise], abs=0.006)  # rounded
+
+
+@pytest.mark.parametrize("polar", [DickinsonPolar(lift_rate=2.0), SmoothPolar(1.5, 0.1, 2.0)])
+def test_polar_survives_its_description(polar: object) -> None:
+    assert polar_from_description(polar.describe()) == polar  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: SmoothPolar(lift_amplitude=np.nan),
+        lambda: SmoothPolar(zero_lift_drag=-0.1),
+        lambda: SmoothPolar(zero_lift_drag=1.0, drag_rise=-2.0),
+        lambda: DickinsonPolar(drag_offset=1.0, drag_amplitude=1.1),
+        lambda: polar_from_description({"name": "flat"}),
+        lambda: polar_from_description({"name": "smooth", "lift": 1.0}),
+    ],
+)
+def test_impossible_polars_are_refused(wrong: object) -> None:
+    with pytest.raises(ParameterError, match="polar"):
+        wrong()  # type: ignore[operator]
