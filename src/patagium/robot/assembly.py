@@ -269,6 +269,7 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
                     )
                 )
         strips.extend(cut_wing(wing, index))
+    _check_wing_names(file)
     bodies = list(index)
     for i, mirror in enumerate(file.mirror):
         for strip in tuple(s for s in strips if not s.mirrored):
@@ -279,6 +280,16 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
                 raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
             strips.append(_reflected_strip(strip, name, bodies, index, mirror))
     return tuple(strips)
+
+
+def _check_wing_names(file: RobotFile) -> None:
+    """A wing on a mirrored body has to be mirrored with it."""
+    for mirror in file.mirror:
+        for i, wing in enumerate(file.wings):
+            on_mirrored = any(k.body.startswith(mirror.source) for k in wing.segments)
+            if on_mirrored and not wing.name.startswith(mirror.source):
+                expected = f"a name that begins with {mirror.source!r}, as its body is mirrored"
+                raise AssemblyError((f"wings.{i}.name", expected, wing.name))
 
 
 def _reflected_strip(
@@ -306,4 +317,4 @@ def _with_parameters(robot: Robot, file: RobotFile) -> Robot:
         return robot.with_parameters(file.parameters)
     except ParameterError as error:
         path = f"parameters.{error.name}"
-        raise AssemblyError((path, error.expected, "no such parameter")) from None
+        raise AssemblyError((path, error.expected, repr(error.found))) from None

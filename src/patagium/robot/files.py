@@ -123,7 +123,14 @@ def _parsed(text: str, name: str) -> Any:
         return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
     except yaml.MarkedYAMLError as error:
         raise RobotFileError(name, [_yaml_problem(error)]) from None
-    except (yaml.YAMLError, ValueError, RecursionError, AttributeError, TypeError) as error:
+    except (
+        yaml.YAMLError,
+        ValueError,
+        LookupError,  # the constructors of explicit tags, such as !!bool x
+        AttributeError,
+        TypeError,
+        RecursionError,
+    ) as error:
         found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise RobotFileError(name, [("", "readable YAML", found)]) from None
 
@@ -136,19 +143,28 @@ def _yaml_problem(error: yaml.MarkedYAMLError) -> Problem:
 
 def _problem(error: ErrorDetails) -> Problem:
     context = error.get("ctx", {})
-    where = [str(k) for k in error["loc"]]
+    where = [str(k) for k in error["loc"] if k != "[key]"]
     if error["type"] == "mismatch":
         if context["at"]:
             where.append(context["at"])
         return ".".join(where), context["expected"], context["found"]
-    found = "nothing" if error["type"] == "missing" else _shown(error["input"])
-    expected = {
-        "missing": "this key",
-        "extra_forbidden": "no such key (is it misspelled?)",
-    }.get(error["type"], error["msg"])
+    path = ".".join(where)
+    if error["type"] == "missing":
+        return path, "a value here", "nothing"
     if error["type"] == "extra_forbidden":
-        found = repr(where[-1])
-    return ".".join(where), expected, found
+        return path, "no such key (is it misspelled?)", repr(where[-1])
+    return path, _EXPECTED.get(error["type"], error["msg"]), _shown(error["input"])
+
+
+_EXPECTED = {
+    "model_type": "a mapping of keys to values",
+    "dict_type": "a mapping of names to values",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "string_pattern_mismatch": "a name: a letter, then letters, digits and _ (lower case)",
+}
 
 
 def _shown(value: object) -> str:

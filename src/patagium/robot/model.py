@@ -178,7 +178,7 @@ class Robot:
         Its source says what was changed, so that a flight carries it too.
 
         Raises:
-            ParameterError: If a name is not in `parameter_names`, or a value not finite.
+            ParameterError: If a name is not in `parameter_names`, or a value cannot be.
         """
         known = set(self.parameter_names)
         for name, value in values.items():
@@ -186,6 +186,8 @@ class Robot:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name)
             if not np.isfinite(value):
                 raise ParameterError(name, "a finite number", value)
+            if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
+                raise ParameterError(name, "a quantity that is not negative", value)
         source = amended_source(self.source, values) if self.source else ""
         return replace(self._with(values), source=source)
 
@@ -258,6 +260,7 @@ class Robot:
 
 
 _XYZ = ("x", "y", "z")
+_NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
 _INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 

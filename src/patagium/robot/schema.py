@@ -231,13 +231,10 @@ class FloatingDamping(_Part):
     def _in_si(cls, written: Any) -> Any:
         if not isinstance(written, dict):
             return written
+        units = dict.fromkeys(("x", "y", "z"), "N s/m")
+        units |= dict.fromkeys(("roll", "pitch", "yaw"), "N m s/rad")
         return {
-            key: _converted(
-                value,
-                "N s/m" if key in ("x", "y", "z") else "N m s/rad",
-                "a damping",
-                str(key)[:40],
-            )
+            key: _converted(value, units[key], "a damping", key) if key in units else value
             for key, value in written.items()
         }
 

@@ -95,9 +95,7 @@ def _conversion(label: str, unit: str, expected: str, found: str) -> float:
 
 
 def _dimension(quantity: Any) -> str:
-    return (
-        f"of dimension {quantity.dimensionality:~}" if quantity.dimensionality else "a pure number"
-    )
+    return f"of dimension {quantity.dimensionality}" if quantity.dimensionality else "a pure number"
 
 
 @cache

@@ -1,0 +1,44 @@
+"""A robot is drawn where its coordinates put it, and described in facts."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from patagium.dynamics.kinematics import body_poses
+from patagium.errors import ShapeError
+from patagium.robot import load_robot, preset_names
+from patagium.robot.drawing import _poses, describe_robot, draw_robot
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_drawn_poses_are_those_of_the_dynamics(name, rng):
+    robot = load_robot(name)
+    q = rng.normal(size=robot.dof)
+    drawn = _poses(robot, q)
+    for (position, rotation), pose in zip(drawn, body_poses(robot, ca.SX(q)), strict=True):
+        # two sines and cosines a joint
+        np.testing.assert_allclose(position, np.array(ca.DM(pose.position))[:, 0], atol=1e-14)
+        np.testing.assert_allclose(rotation, np.array(ca.DM(pose.rotation)), atol=1e-14)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_figure_shows_every_strip_in_both_views(name):
+    robot = load_robot(name)
+    figure = draw_robot(robot)
+    for panel in figure.axes:
+        drawn = [len(k.get_paths()) for k in panel.collections]
+        assert drawn == [len(robot.strips) // 2] * 2
+
+
+def test_a_drawing_refuses_coordinates_of_another_robot():
+    with pytest.raises(ShapeError, match=r"q: expected shape \(14,\), found \(3,\)"):
+        draw_robot(load_robot("aerobat"), np.zeros(3))
+
+
+def test_facts_count_what_is_there():
+    facts = describe_robot(load_robot("aerobat"))
+    assert facts["coordinates"] == 14 and facts["joints"] == 8 and facts["strips"] == 10
+    assert facts["mass [kg]"] == 0.02
+    assert facts["span [m]"] == 0.3814
+    assert facts["wing area [m^2]"] == 0.024
+    assert describe_robot(load_robot("yeo-wing"))["base"] == "fixed"

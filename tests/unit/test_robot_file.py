@@ -1,0 +1,327 @@
+"""A robot file becomes the robot it describes, or says where it does not."""
+
+import numpy as np
+import pytest
+
+from patagium.errors import ParameterError, RobotFileError
+from patagium.robot import load_robot, load_robot_text
+
+GLIDER = """
+name: glider
+gravity: 9.81
+bodies:
+  left_tip:
+    parent: left_wing
+    at: [1 cm, 20 cm, 2 cm]
+    orientation: [10 deg, 20 deg, 30 deg]
+    joints:
+      - name: left_slide
+        type: prismatic
+        axis: [0, 3, 4]
+        limits: [-1 cm, 2 cm]
+        damping: 0.1 N s/m
+      - {name: left_fold, axis: -z, limits: [-30 deg, 1], passive: true}
+    mass: 5 g
+    center_of_mass: [1 mm, 2 mm, 3 mm]
+    inertia: {xx: 2e-6, yy: 3e-6, zz: 4e-6, xy: 1e-7, xz: 2e-7, yz: 3e-7}
+  hull:
+    floating: true
+    mass: 100 g
+    shape: {type: ellipsoid, semi_axes: [10 cm, 3 cm, 3 cm]}
+    damping: {x: 0.5, yaw: 0.01}
+  fin:
+    parent: hull
+    at: [-20 cm, 0, 0]
+    mass: 2 g
+    shape: {type: plate, axis: z, chord: 3 cm, span: 5 cm, thickness: 1 mm}
+  left_wing:
+    parent: hull
+    at: [0, 3 cm, 0]
+    mass: 10 g
+    shape: {type: box, size: [5 cm, 20 cm, 1 mm]}
+wings:
+  - name: left_main
+    segments:
+      - body: left_wing
+        strips: 2
+        stations:
+          - {span: 0, leading: 0.03, trailing: -0.03}
+          - {span: 0.2, leading: 0.03, trailing: -0.03}
+      - body: left_tip
+        strips: 1
+        stations:
+          - {span: 0, leading: 0.03, trailing: -0.03}
+          - {span: 0.1, leading: 0, trailing: 0}
+  - name: rudder
+    segments:
+      - body: fin
+        strips: 1
+        span_axis: z
+        stations:
+          - {span: 0, leading: 0, trailing: -0.03}
+          - {span: 0.05, leading: 0, trailing: -0.03}
+mirror:
+  - {from: left, to: right}
+"""
+
+
+@pytest.fixture(scope="module")
+def glider():
+    return load_robot_text(GLIDER)
+
+
+def test_parents_come_before_children(glider):
+    names = [b.name for b in glider.bodies]
+    assert set(names) == {"hull", "fin", "left_wing", "left_tip", "right_wing", "right_tip"}
+    assert all(b.parent < i for i, b in enumerate(glider.bodies))
+    tip = glider.bodies[names.index("right_tip")]
+    assert names[tip.parent] == "right_wing"
+
+
+def test_a_body_without_joints_is_fixed_and_adds_no_coordinate(glider):
+    fin = glider.bodies[glider.body_index("fin")]
+    assert fin.joints == () and fin.floating_dofs is None
+    assert glider.dof == 6 + 2 + 2
+
+
+def test_joints_keep_kind_axis_limits_damping_and_passivity(glider):
+    slide, fold = glider.index("left_slide"), glider.index("left_fold")
+    first, second = glider.bodies[glider.body_index("left_tip")].joints
+    assert (first.kind, second.kind) == ("prismatic", "revolute")
+    assert first.axis == pytest.approx((0, 0.6, 0.8), rel=1e-15)
+    assert (glider.dof_units[slide], glider.dof_units[fold]) == ("m", "rad")
+    assert (glider.lower[slide], glider.upper[slide]) == (-0.01, 0.02)
+    assert glider.lower[fold] == pytest.approx(-np.pi / 6, rel=1e-15)
+    assert glider.upper[fold] == 1.0
+    assert glider.damping[slide] == 0.1
+    assert glider.damping[glider.index("x")] == 0.5
+    assert slide in glider.actuated and fold in glider.passive
+
+
+def test_the_mirror_reflects_everything_in_y(glider):
+    left = glider.bodies[glider.body_index("left_tip")]
+    right = glider.bodies[glider.body_index("right_tip")]
+    flip = np.diag([1.0, -1.0, 1.0])
+    np.testing.assert_array_equal(right.position, flip @ left.position)
+    np.testing.assert_array_equal(right.center_of_mass, flip @ left.center_of_mass)
+    turned = flip @ np.array(left.orientation) @ flip
+    np.testing.assert_allclose(right.orientation, turned, atol=1e-16)
+    signs = (1, 1, 1, -1, 1, -1)
+    assert right.inertia == tuple(s * k for s, k in zip(signs, left.inertia, strict=True))
+    assert right.joints[0].axis == pytest.approx((0, -0.6, 0.8), rel=1e-15)  # polar
+    assert right.joints[1].axis == (0, 0, 1)  # axial
+    assert right.joints[0].name == "right_slide"
+
+
+def test_mirrored_strips_share_chord_and_flip_vectors(glider):
+    left = [s for s in glider.strips if s.wing == "left_main"]
+    right = [s for s in glider.strips if s.wing == "right_main"]
+    assert len(left) == len(right) == 3
+    for a, b in zip(left, right, strict=True):
+        assert b.mirrored and not a.mirrored
+        assert b.name == a.name.replace("left", "right")
+        assert glider.bodies[b.body].name == glider.bodies[a.body].name.replace("left", "right")
+        assert (b.chord, b.width, b.normal, b.forward) == (a.chord, a.width, a.normal, a.forward)
+        assert b.quarter_chord == (a.quarter_chord[0], -a.quarter_chord[1], a.quarter_chord[2])
+
+
+def test_a_vertical_tail_has_its_normal_across(glider):
+    (rudder,) = [s for s in glider.strips if s.wing == "rudder"]
+    assert rudder.normal == (0, -1, 0)
+    assert rudder.quarter_chord == pytest.approx((-0.0075, 0, 0.025), rel=1e-14)
+
+
+def test_orientation_is_yaw_pitch_roll(glider):
+    roll, pitch, yaw = np.radians([10, 20, 30])
+    tip = np.array(glider.bodies[glider.body_index("left_tip")].orientation)
+    x_axis = [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
+    np.testing.assert_allclose(tip[:, 0], x_axis, rtol=1e-14)
+    np.testing.assert_allclose(
+        tip[2, 1:], [np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)]
+    )
+
+
+def test_coordinates_can_be_put_in_any_order():
+    text = load_robot("yeo-wing").source + "\ncoordinates: [right_plunge, left_plunge]\n"
+    robot = load_robot_text(text)
+    assert robot.dof_names == ("right_plunge", "left_plunge")
+    assert {b.name: b.joints[0].dof for b in robot.bodies} == {"left_wing": 1, "right_wing": 0}
+
+
+def test_a_parameter_that_cannot_be_is_refused():
+    robot = load_robot("yeo-wing")
+    for name, value in (("left_wing.mass", -1.0), ("gravity", np.nan), ("wingmass", 1.0)):
+        with pytest.raises(ParameterError, match=name):
+            robot.with_parameters({name: value})
+
+
+FAULTS = {
+    "unit of another dimension": (
+        ("mass: 5 g", "mass: 5 cm"),
+        "bodies.left_tip.mass",
+        "a mass such as '20 g'",
+        "of dimension [length]",
+    ),
+    "misspelled key": (("mass: 5 g", "mas: 5 g"), "bodies.left_tip.mas", "no such key", "'mas'"),
+    "missing key": (("mass: 5 g", ""), "bodies.left_tip.mass", "a value here", "nothing"),
+    "number of words": (("9.81", "strong"), "gravity", "an acceleration", "'strong'"),
+    "negative mass": (("mass: 5 g", "mass: -5 g"), "bodies.left_tip.mass", "positive", "-0.005"),
+    "length for an angle": (
+        ("limits: [-30 deg, 1]", "limits: [-30 cm, 1]"),
+        "bodies.left_tip.joints.1.limits.0",
+        "an angle such as '5 deg'",
+        "of dimension [length]",
+    ),
+    "limits the wrong way": (
+        ("limits: [-30 deg, 1]", "limits: [2, 1]"),
+        "bodies.left_tip.joints.1.limits",
+        "the lower before the upper",
+        "[2.0, 1.0]",
+    ),
+    "damping of a slide": (
+        ("0.1 N s/m", "0.1 N m s"),
+        "bodies.left_tip.joints.0.damping",
+        "a damping such as '0.1 N s/m'",
+        "'0.1 N m s'",
+    ),
+    "damping of a joint's body": (
+        ("    mass: 10 g", "    mass: 10 g\n    damping: {x: 1}"),
+        "bodies.left_wing",
+        "damping on a floating body",
+        "not floating",
+    ),
+    "unknown coordinate of damping": (
+        ("yaw: 0.01", "jaw: 0.01"),
+        "bodies.hull.damping.jaw",
+        "no such key",
+        "'jaw'",
+    ),
+    "impossible inertia": (
+        ("zz: 4e-6", "zz: 4e-5"),
+        "bodies.left_tip.inertia",
+        "principal moments of a real body",
+        "zz 4e-05",
+    ),
+    "unknown shape": (("type: box", "type: bax"), "bodies.left_wing.shape", "'box'", "bax"),
+    "two inertias": (
+        ("    shape: {type: box", "    inertia: {xx: 1, yy: 1, zz: 1}\n    shape: {type: box"),
+        "bodies.left_wing",
+        "either inertia or shape",
+        "both",
+    ),
+    "axis": (("axis: -z", "axis: w"), "bodies.left_tip.joints.1.axis", "an axis", "'w'"),
+    "no axis": (("[0, 3, 4]", "[0, 0, 0]"), "bodies.left_tip.joints.0.axis", "some length", "0"),
+    "unknown parent": (
+        ("parent: left_wing", "parent: left_wink"),
+        "bodies.left_tip.parent",
+        "one of fin, hull",
+        "left_wink",
+    ),
+    "loop of parents": (
+        ("  hull:\n    floating: true", "  hull:\n    parent: left_tip"),
+        "bodies.hull",
+        "damping on a floating body",
+        "not floating",
+    ),
+    "name taken twice": (
+        ("name: left_fold", "name: left_slide"),
+        "bodies.left_tip",
+        "coordinates named once",
+        "left_slide again",
+    ),
+    "joint that is not mirrored": (
+        ("name: left_fold", "name: fold"),
+        "bodies.left_tip.joints",
+        "names that begin with 'left'",
+        "fold",
+    ),
+    "wing that is not mirrored": (
+        ("name: left_main", "name: main"),
+        "wings.0.name",
+        "a name that begins with 'left'",
+        "main",
+    ),
+    "mirror of nothing": (("from: left", "from: port"), "mirror.0.from", "the beginning", "port"),
+    "wing on no body": (
+        ("body: fin", "body: fan"),
+        "wings.1.segments.0.body",
+        "one of hull, fin",
+        "fan",
+    ),
+    "stations inwards": (
+        ("span: 0.05,", "span: -0.05,"),
+        "wings.1.segments.0.stations",
+        "span positions that increase",
+        "[0.0, -0.05]",
+    ),
+    "trailing edge ahead": (
+        ("{span: 0.05, leading: 0,", "{span: 0.05, leading: -4 cm,"),
+        "wings.1.segments.0.stations.1",
+        "a leading edge ahead of the trailing edge",
+        "leading -0.04 m",
+    ),
+    "span along the chord": (
+        ("span_axis: z", "span_axis: x"),
+        "wings.1.segments.0.span_axis",
+        "an axis across x",
+        "(1.0, 0.0, 0.0)",
+    ),
+    "half a strip": (("strips: 2", "strips: 2.5"), "wings.0.segments.0.strips", "", "2.5"),
+    "bodies in a list": (("bodies:", "bodies: []\nother:"), "bodies", "a mapping", "[]"),
+    "unknown parameter": (
+        ("name: glider", "name: glider\nparameters: {hull.moss: 1}"),
+        "parameters.hull.moss",
+        "a parameter of robot 'glider'",
+        "'hull.moss'",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_place(fault):
+    (old, new), path, expected, found = FAULTS[fault]
+    assert old in GLIDER
+    with pytest.raises(RobotFileError) as caught:
+        load_robot_text(GLIDER.replace(old, new, 1), "glider.yaml")
+    problems = [k for k in caught.value.problems if k[0] == path]
+    assert problems, caught.value.problems
+    assert any(expected in want and found in got for _, want, got in problems), problems
+    assert str(caught.value).startswith("glider.yaml: ")
+
+
+def test_a_loop_of_parents_is_named():
+    text = load_robot("yeo-wing").source.replace(
+        "left_wing:\n", "left_wing:\n    parent: left_wing\n", 1
+    )
+    with pytest.raises(RobotFileError, match="a tree that starts at the world, found a loop"):
+        load_robot_text(text)
+
+
+def test_a_robot_that_cannot_move_is_refused():
+    text = "name: stone\ngravity: 9.8\nbodies: {rock: {mass: 1, shape: {type: point}}}"
+    with pytest.raises(RobotFileError, match="a floating body or at least one joint, found none"):
+        load_robot_text(text)
+
+
+def test_all_faults_are_told_at_once():
+    text = GLIDER.replace("9.81", "9.81 s").replace("mass: 5 g", "mass: 5 s")
+    with pytest.raises(RobotFileError) as caught:
+        load_robot_text(text)
+    assert [k[0] for k in caught.value.problems] == ["gravity", "bodies.left_tip.mass"]
+
+
+def test_a_duplicate_key_is_refused_with_its_line():
+    with pytest.raises(RobotFileError, match="line 2.*each key once, found 'name' again"):
+        load_robot_text("name: a\nname: b\n")
+
+
+def test_an_alias_is_refused():
+    with pytest.raises(RobotFileError, match="no alias"):
+        load_robot_text("name: &n a\nother: *n\n")
+
+
+def test_a_file_that_is_not_utf8_is_refused(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(b"name: \xff\xfe")
+    with pytest.raises(RobotFileError, match="UTF-8"):
+        load_robot(path)
