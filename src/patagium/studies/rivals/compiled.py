@@ -1,0 +1,76 @@
+"""C and C++ of the rivals, compiled into the same cache as ours."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.native.compiler import STRAIGHT_LINE, build
+from patagium.studies.benchmark_timing import CompiledCall
+
+SHORT_FLAGS = (*STRAIGHT_LINE, "-w")
+LONG_FLAGS = ("-O1", *STRAIGHT_LINE[1:], "-w")  # megabytes of text compile for minutes above -O1
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Somebody else's equations of the same robot, compiled.
+
+    Attributes:
+        name: Name, as it stands in the bench.
+        calls: Compiled function for each quantity it offers.
+        order: Index in q of each of its coordinates, (n,).
+        extra: Arrays after q, v, a or f, the same for all states.
+        note: How it was made.
+        compile_time: Time the compiler took when it was built [s].
+    """
+
+    name: str
+    calls: Mapping[str, CompiledCall]
+    order: NDArray[np.intp]
+    extra: tuple[NDArray[np.float64], ...] = ()
+    note: str = ""
+    compile_time: float = field(default=float("nan"))
+
+
+def compile_rival(
+    name: str, text: str, compiler: str, flags: Sequence[str]
+) -> tuple[ctypes.CDLL, float]:
+    """A library compiled from one text, and the seconds the compiler took to build it.
+
+    Args:
+        name: What is being compiled, for the progress line.
+        text: C, or C++ where the flags say so.
+        compiler: Path of the compiler.
+        flags: Its flags.
+
+    Raises:
+        CompilerError: With the compiler's own words.
+    """
+    started = time.perf_counter()
+    folder = build(compiler, {"rival.c": text}, flags, name)
+    record = folder / "compile-seconds"
+    if not record.exists():
+        record.write_text(f"{time.perf_counter() - started:.2f}")
+    return ctypes.CDLL(str(folder / "library.so")), float(record.read_text())
+
+
+def library_calls(
+    library: ctypes.CDLL, sizes: Mapping[str, tuple[int, ...]]
+) -> dict[str, CompiledCall]:
+    """The functions `rival_<quantity>` of a library.
+
+    Args:
+        library: The library.
+        sizes: Entries of each result, for each quantity.
+    """
+    calls = {}
+    for quantity, entries in sizes.items():
+        address = ctypes.cast(getattr(library, f"rival_{quantity}"), ctypes.c_void_p).value
+        calls[quantity] = CompiledCall(address or 0, entries, library)
+    return calls
