@@ -11,7 +11,7 @@ from patagium.errors import RobotFileError
 from patagium.robot import Robot, load_robot_text, preset_names, preset_text
 
 ODD = (
-    None, True, -1, 0, 10**400, float("nan"), "", "1e999", "5 lightyears", "3 m^9", "2026-13-40",
+    None, True, -1, 0, 10**400, float("nan"), "", "1e999", "5 bananas", "3 m^9", "2026-13-40",
     [], {}, [[]], {"a": 1}, ["x"] * 3, "left_plate", {1: 2}, [None] * 3, "\x00", "é",
 )  # fmt: skip
 
