@@ -25,7 +25,8 @@ $(STAMP): requirements.lock pyproject.toml
 	  echo "patagium needs Python 3.11 to 3.13, and \`$(PYTHON)\` is not one: try 'make PYTHON=python3.12 ...'." >&2; \
 	  exit 1; }
 	@rm -f $@
-	@test -x $(BIN)/python || { echo "Making .venv with $(PYTHON)"; $(PYTHON) -m venv .venv; }
+	@test -x $(BIN)/python || { echo "Making .venv with $(PYTHON)"; $(PYTHON) -m venv .venv || { \
+	  rm -rf .venv; echo "$(PYTHON) has no working venv module (Debian: apt install python3-venv)." >&2; exit 1; }; }
 	@echo "Installing requirements.lock into .venv (once)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
