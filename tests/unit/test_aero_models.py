@@ -20,7 +20,7 @@ from patagium.aerodynamics import (
     aero_from_description,
 )
 from patagium.errors import ParameterError, ShapeError
-from patagium.robot import Robot, load_robot
+from patagium.robot import Body, Joint, Robot, Strip, load_robot
 
 GUST = OneMinusCosineGust((0.0, 1.0, 0.0), 0.0, 0.2)
 
@@ -81,6 +81,28 @@ def test_a_robot_of_two_joints_on_a_fixed_mount_has_loads() -> None:
     aero = QuasiSteady(robot, Air(wind=(-2.9, 0.0, 0.0)))
     lift = aero.strips(np.zeros(2), np.array([-5.0, -5.0]))["strip_force"][:, 2]
     assert (lift > 0).all()  # a wing that moves down is pushed up
+
+
+def test_a_robot_of_one_coordinate_and_one_strip_keeps_its_axes() -> None:
+    joint = Joint("flap", "revolute", (1.0, 0.0, 0.0), 0)
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    inertia = (1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0)
+    center = (0.0, 0.05, 0.0)
+    wing = Body("wing", -1, (0.0, 0.0, 0.0), axes, (joint,), None, 0.01, center, inertia)
+    strip = Strip("w[0]", "w", 0, False, center, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.05, 0.1)
+    robot = Robot(
+        "flap", (wing,), (strip,), ("flap",), ("rad",), (0,), (0.0,), (-np.inf,), (np.inf,), 9.81
+    )
+    aero = QuasiSteady(robot, Air(wind=(-3.0, 0.0, 0.0)))
+    force = aero.generalized_force([0.0], [-20.0])
+    assert force.shape == (1,)
+    strips = aero.strips([0.0], [-20.0])
+    assert strips["strip_force"].shape == (1, 3)
+    assert strips["angle_of_attack"].shape == (1,)
+    assert force[0] == pytest.approx(0.05 * strips["strip_force"][0, 2], rel=1e-12)  # arm
+    many = aero.batch.generalized_force(np.zeros((3, 1)), np.full((3, 1), -20.0))
+    assert np.allclose(many, np.tile(force, (3, 1)), rtol=1e-12)
+    assert aero.batch.strips(np.zeros((3, 1)), np.zeros((3, 1)))["strip_point"].shape == (3, 1, 3)
 
 
 def test_local_flow_is_the_velocity_of_the_strips_through_the_air(aerobat: Robot) -> None:

@@ -147,9 +147,8 @@ class LocalFlow:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._parameters = robot.parameters
-        symbolic, _ = robot.symbolic()
         functions = load_functions(
-            f"local flow {symbolic!r}", self._build, label=f"local flow of {robot.name}"
+            f"local flow {robot.structure}", self._build, label=f"local flow of {robot.name}"
         )
         self._flow = functions["local_flow"]
 
@@ -170,7 +169,7 @@ class LocalFlow:
     def batch(
         self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
     ) -> NDArray[np.float64]:
-        """The same over many states: q, v (N, n), wind (3,) or (N, 3) -> (N, n_strips, 3)."""
+        """The same over many states, (N, n_strips, 3) [m/s]; arguments with a leading axis N."""
         flow = self._flow.batch(q, v, wind, chord_fraction, self._parameters)
         return np.swapaxes(np.asarray(flow).reshape(len(flow), 3, -1), 1, 2)
 

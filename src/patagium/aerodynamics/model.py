@@ -140,13 +140,13 @@ class CompiledAero:
     def generalized_force(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> Array:
-        """Generalized aerodynamic force, ([N,] n) [N, N m]."""
+        """Generalized aerodynamic force, ([N,] n) [N, N m]; arguments as in the protocol."""
         return self._column(self._call("generalized_force", q, v, state, wind))
 
     def strips(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
-        """What each strip meets and makes, as `Aerodynamics.strips`, each ([N,] ...)."""
+        """What each strip meets and makes, each ([N,] ...); names and units as in the protocol."""
         force, point, incidence, speed, power = self._call("strips", q, v, state, wind)
         return {
             "strip_force": self._vectors(force),
@@ -159,7 +159,7 @@ class CompiledAero:
     def state_derivative(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> Array:
-        """Rate of the model's own states, ([N,] n_z)."""
+        """Rate of the model's own states, ([N,] n_z); arguments as in the protocol."""
         return self._column(self._call("state_derivative", q, v, state, wind))
 
     def _call(self, name: str, q: Any, v: Any, state: Any, wind: Any) -> Any:
@@ -178,7 +178,7 @@ class CompiledAero:
         array = np.asarray(value, float)
         if array.shape[-1:] != (size,) or array.ndim > 1 + self._batch:
             raise ShapeError(name, f"(N, {size})" if self._batch else (size,), array.shape)
-        return array[..., 0] if size == 1 else array  # compiled code takes it as a scalar
+        return array
 
     def _vectors(self, value: Any) -> Array:
         """One vector a strip, ([N,] n_strips, 3)."""
@@ -197,8 +197,7 @@ def compile_aero(model: Aerodynamics) -> dict[str, NativeFunction]:
 
     Inputs of each: q, v, state, wind, robot_parameters, aero_parameters.
     """
-    symbolic, _ = model.robot.symbolic()
-    key = f"aerodynamics {model.structure} {symbolic!r}"
+    key = f"aerodynamics {model.structure} {model.robot.structure}"
     label = f"aerodynamics of {model.robot.name}"
     return load_functions(key, lambda: aero_functions(model), label=label)
 
