@@ -93,10 +93,7 @@ def __getattr__(name: str) -> Any:
     home = _HOME_OF.get(name)
     if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    package = import_module(f"{__name__}.{home}")
-    value = getattr(package, name, None)
-    if value is None:  # a submodule of its home
-        value = import_module(f"{__name__}.{home}.{name}")
+    value = getattr(import_module(f"{__name__}.{home}"), name)
     globals()[name] = value
     return value
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
+import enum
+import inspect
 import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+import patagium
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "patagium"
@@ -124,23 +129,28 @@ def test_arrays_of_physical_layers_carry_units(layer: str) -> None:
             if isinstance(node, ast.FunctionDef) and "Args:" in text:
                 if describes_an_array(text) and not UNIT.search(text):
                     without.append(f"{name_of(path)}: {node.name}")
-    assert without == []
+    assert not without, "\n".join(without)
 
 
-def test_public_functions_explain_their_arguments() -> None:
-    silent = []
-    for path in modules():
-        if "cli" in path.parts:
-            continue  # a verb explains itself in --help
-        for node in public_definitions(path):
-            if not isinstance(node, ast.FunctionDef) or node.decorator_list:
-                continue
-            wanted = [a.arg for a in (*node.args.args, *node.args.kwonlyargs)]
-            wanted = [name for name in wanted if name not in ("self", "cls")]
-            text = ast.get_docstring(node)
-            if text is None or (len(wanted) > 2 and "Args:" not in text and "; " not in text):
-                silent.append(f"{name_of(path)}: {node.name}")
-    assert silent == []
+def takes_arguments(value: object) -> bool:
+    if isinstance(value, type) and issubclass(value, Exception):
+        return "__init__" in vars(value)
+    return callable(value) and not (isinstance(value, type) and issubclass(value, enum.Enum))
+
+
+@pytest.mark.parametrize("name", patagium.__all__)
+def test_public_names_explain_every_argument(name: str) -> None:
+    value = getattr(patagium, name)
+    if not takes_arguments(value):
+        return
+    text = inspect.getdoc(value) or ""
+    if isinstance(value, type) and "Args:" not in text:
+        text += inspect.getdoc(value.__init__) or ""
+    arguments = set(inspect.signature(value).parameters) - {"self"}
+    if dataclasses.is_dataclass(value):
+        arguments = {field.name for field in dataclasses.fields(value) if field.init}
+    silent = {a for a in arguments if not re.search(rf"^\s*\**{a}: \S", text, re.MULTILINE)}
+    assert silent == set()
 
 
 def test_no_user_input_is_checked_by_assert() -> None:
