@@ -25,7 +25,7 @@ def test_mass_matrix_is_symmetric_positive_definite(robot, rng):
 
 
 def test_coriolis_force_only_moves_energy_between_coordinates(robot, rng):
-    """v . (C v) = 1/2 v^T dD/dt v, that is, D' - 2 C is skew."""
+    """Power of C v: v . (C v) = 1/2 v^T dD/dt v, that is, D' - 2 C is skew."""
     q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
     rate = ca.jtimes(equations.kinetic_energy(robot, q, v), q, v)
     power = ca.dot(v, equations.coriolis(robot, q, v))
@@ -37,7 +37,7 @@ def test_coriolis_force_only_moves_energy_between_coordinates(robot, rng):
 
 def test_kinetic_energy_is_the_mass_matrix_form_and_gravity_its_slope(robot, rng):
     dyn = pt.Dynamics(robot)
-    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+    q = ca.SX.sym("q", robot.dof)
     slope = ca.Function("s", [q], [ca.gradient(equations.potential_energy(robot, q), q)])
     for _ in range(10):
         x, u = rng.normal(size=(2, robot.dof))

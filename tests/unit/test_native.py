@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from patagium.errors import CompilerError, ParameterError, ShapeError
-from patagium.native import compiler_name, load_functions, load_kernel
 from patagium.native import compiler as compiler_module
+from patagium.native import compiler_name, load_functions, load_kernel
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
