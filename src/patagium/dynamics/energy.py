@@ -2,8 +2,8 @@
 
 K(q, v) and U(q) are written body by body, then D = d^2 K / d v^2,
 C v = (d(D v)/dq) v - dK/dq and G = dU/dq by algorithmic differentiation. Poses are
-multiplied out from the world here, and nothing is shared with the recursive
-algorithms. Symbols may be SX (short C) or MX (as the published experiment did it;
+multiplied out from the world here; only the order of a body's joints is shared with
+the recursive algorithms. Symbols may be SX (short C) or MX (as the published experiment did it;
 long C). Slow: about ten times the arithmetic. Neglected: what `Robot` neglects.
 """
 
@@ -14,11 +14,10 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 
-from patagium.robot.model import Body, Robot
+from patagium.dynamics.chain import joint_chain
+from patagium.robot.model import Axis, Body, Robot
 
 Symbol: TypeAlias = "ca.SX | ca.MX"
-
-_FLOATING_AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 
 
 def energy_mass_matrix(robot: Robot, q: Symbol) -> Symbol:
@@ -118,32 +117,19 @@ def _walk(robot: Robot, q: Symbol, v: Symbol) -> Iterator[tuple[Body, Symbol, Sy
         orientation = ca.sparsify(ca.DM(body.orientation))
         position = position + rotation @ ca.vertcat(*body.position)
         rotation, turned = rotation @ orientation, orientation.T @ turned
-        for kind, axis, dof in _coordinates(body):
-            if kind == "prismatic":
-                position = position + rotation @ (ca.DM(axis) * q[dof])
+        for joint in joint_chain(body):
+            axis = ca.sparsify(ca.DM(joint.axis))
+            if joint.kind == "prismatic":
+                position = position + rotation @ (axis * q[joint.dof])
                 continue
-            turn = _turn(axis, q[dof])
+            turn = _turn(joint.axis, q[joint.dof])
             rotation = rotation @ turn
-            turned = turn.T @ turned + ca.sparsify(ca.DM(axis)) * v[dof]
+            turned = turn.T @ turned + axis * v[joint.dof]
         frames.append((position, rotation, turned))
         yield body, position + rotation @ ca.vertcat(*body.center_of_mass), turned
 
 
-def _coordinates(body: Body) -> list[tuple[str, tuple[float, float, float], int]]:
-    if body.floating_dofs is None:
-        return [(joint.kind, joint.axis, joint.dof) for joint in body.joints]
-    x, y, z, roll, pitch, yaw = body.floating_dofs
-    return [
-        ("prismatic", (1.0, 0.0, 0.0), x),
-        ("prismatic", (0.0, 1.0, 0.0), y),
-        ("prismatic", (0.0, 0.0, 1.0), z),
-        ("revolute", _FLOATING_AXES["yaw"], yaw),
-        ("revolute", _FLOATING_AXES["pitch"], pitch),
-        ("revolute", _FLOATING_AXES["roll"], roll),
-    ]
-
-
-def _turn(axis: tuple[float, float, float], angle: Symbol) -> Symbol:
+def _turn(axis: Axis, angle: Symbol) -> Symbol:
     """Rotation about a unit axis: a a^T + cos (1 - a a^T) + sin [a]."""
     along = ca.DM(axis) @ ca.DM(axis).T
     across, skew = ca.DM.eye(3) - along, ca.skew(ca.DM(axis))

@@ -87,9 +87,7 @@ def _compiled(
     sizes = {f.name(): tuple(f.numel_out(k) for k in range(f.n_out())) for f in functions}
     note = f"{len(text) / 1e6:.2f} MB of C derived in {derivation:.2f} s, {flags[0]}"
     order = np.arange(robot.dof)
-    return Rival(
-        name, library_calls(library, sizes), order, (robot.parameters,), note, seconds
-    )
+    return Rival(name, library_calls(library, sizes), order, (robot.parameters,), note, seconds)
 
 
 def generated_c(functions: list[ca.Function]) -> str:

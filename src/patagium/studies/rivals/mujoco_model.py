@@ -79,7 +79,8 @@ class MujocoModel:
         self._place(q, np.zeros(len(q)))
         self.mujoco.mj_crb(self.model, self.data)
         found = np.zeros((len(q), len(q)))
-        self.mujoco.mj_fullM(self.model, self.data, found)
+        for column, unit in zip(found, np.eye(len(q)), strict=True):
+            self.mujoco.mj_mulM(self.model, self.data, column, unit)
         matrix = np.empty_like(found)
         matrix[np.ix_(self.order, self.order)] = found
         return matrix

@@ -33,7 +33,12 @@ static void weigh(double *matrix)
 {
     mj_crb(model, state);
     if (!copy_results) return;
-    mj_fullM(model, state, matrix);
+    double unit[model->nv];
+    for (int i = 0; i < model->nv; ++i) {
+        memset(unit, 0, sizeof unit);
+        unit[i] = 1;
+        mj_mulM(model, state, matrix + i * model->nv, unit);
+    }
 }
 
 static void push(const double *v, double *force)

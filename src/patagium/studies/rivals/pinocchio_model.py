@@ -50,7 +50,7 @@ class PinocchioModel:
 
     def mass_matrix(self, q: Array) -> Array:
         """D by the composite-rigid-body algorithm, (n, n) [kg, kg m, kg m^2]."""
-        upper = np.triu(self.pinocchio.crba(self.model, self.data, q[self.order]))
+        upper: Array = np.triu(self.pinocchio.crba(self.model, self.data, q[self.order]))
         matrix = np.empty_like(upper)
         matrix[np.ix_(self.order, self.order)] = upper + np.triu(upper, 1).T
         return matrix

@@ -51,7 +51,10 @@ def pinocchio_rival(robot: Robot) -> Rival | str:
     text = (Path(__file__).parent / "pinocchio_rival.cpp").read_text()
     includes = ("-isystem", str(headers), "-isystem", str(eigen))
     library, seconds = compile_rival(
-        f"Pinocchio {pinocchio_version()} in C++ (minutes)", text, compiler, (*FLAGS, *_DEFINES, *includes)
+        f"Pinocchio {pinocchio_version()} in C++ (minutes)",
+        text,
+        compiler,
+        (*FLAGS, *_DEFINES, *includes),
     )
     rows = joint_table(robot)
     table = flat(rows)

@@ -22,9 +22,7 @@ def with_symbols(robot: Robot, symbols: Mapping[str, Any]) -> Robot:
     """
 
     def replaced(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:
-        return tuple(
-            symbols.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True)
-        )
+        return tuple(symbols.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True))
 
     bodies = tuple(
         replace(

@@ -1,0 +1,1 @@
+"""Experiments as programs: the reproduction of the paper, benches, measured cases."""
