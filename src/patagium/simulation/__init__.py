@@ -3,6 +3,7 @@
 from patagium.simulation import gaits, mounts
 from patagium.simulation.flight import QUANTITIES, aero_of, audits, robot_of
 from patagium.simulation.flight_files import check_flight, load_flight, save_flight
+from patagium.simulation.published import simulate_published
 from patagium.simulation.simulate import simulate
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "robot_of",
     "save_flight",
     "simulate",
+    "simulate_published",
 ]

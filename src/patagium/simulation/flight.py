@@ -76,7 +76,7 @@ QUANTITIES: dict[str, Quantity] = {
 }
 """Every variable of a flight."""
 
-ATTRIBUTES = ("robot", "robot_name", "robot_parameters", "aero", "gait", "mount", "time_step")
+ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outcome")
 """What a flight must carry to be used again."""
 
 
@@ -176,11 +176,10 @@ def robot_of(flight: xr.Dataset) -> Robot:
     Raises:
         FlightError: If the flight does not carry it.
     """
-    _require(flight, ("robot", "robot_name", "robot_parameters"))
+    _require(flight, ("robot", "robot_name"))
     try:
-        robot = load_robot_text(flight.attrs["robot"], str(flight.attrs["robot_name"]))
-        return robot.with_parameters(json.loads(flight.attrs["robot_parameters"]))
-    except (PatagiumError, ValueError) as error:
+        return load_robot_text(flight.attrs["robot"], str(flight.attrs["robot_name"]))
+    except PatagiumError as error:
         raise FlightError(f"the flight's robot cannot be made again: {error}") from None
 
 
@@ -224,7 +223,6 @@ def _origin_attributes(origin: Origin) -> dict[str, Any]:
     return {
         "robot": robot.source,
         "robot_name": robot.name,
-        "robot_parameters": json.dumps(_changed_parameters(robot)),
         "aero": json.dumps(origin.aero.describe()),
         "gait": json.dumps(origin.gait),
         "mount": origin.mount,
@@ -232,13 +230,3 @@ def _origin_attributes(origin: Origin) -> dict[str, Any]:
         "stepping": origin.stepping,
         "patagium_version": __version__,
     }
-
-
-def _changed_parameters(robot: Robot) -> dict[str, float]:
-    """Parameters that are not as in the robot's file."""
-    values = dict(zip(robot.parameter_names, robot.parameters.tolist(), strict=True))
-    if not robot.source:
-        return {}
-    file = load_robot_text(robot.source, robot.name)
-    written = dict(zip(file.parameter_names, file.parameters.tolist(), strict=True))
-    return {name: value for name, value in values.items() if written.get(name) != value}

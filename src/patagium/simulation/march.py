@@ -91,12 +91,12 @@ def march(
     """
     state = np.array(state, float)
     samples = _room(equations, steps)
-    outcome, which, start = Outcome.COMPLETED, -1, 0
+    start = 0
     advance = _compiled(equations) or _in_python(equations)
     while True:
         count = min(CHUNK, steps - start)
-        half_steps = 2 * start + np.arange(2 * count + 1)
-        table = np.ascontiguousarray(rows(half_steps * (0.5 * time_step)))
+        times = times_of(2 * start, 2 * count + 1, 0.5 * time_step)
+        table = np.ascontiguousarray(rows(times))
         states = np.empty((count + 1, state.size))
         with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
             outcome, done, which = advance(count, time_step, state, table, states)
@@ -108,6 +108,12 @@ def march(
             break
     kept = {name: values[: start + 1] for name, values in samples.items()}
     return Run(kept, start, outcome, state, which)
+
+
+def times_of(first: int, count: int, time_step: float) -> Array:
+    """Times of samples, each its number times the step: the same in chunks of any size."""
+    times: Array = np.arange(first, first + count, dtype=np.float64) * np.float64(time_step)
+    return times
 
 
 Advance: TypeAlias = Callable[[int, float, Array, Array, Array], tuple[Outcome, int, int]]

@@ -6,28 +6,20 @@ order in the time step. Neglected: contact, actuator limits, sensors.
 
 from __future__ import annotations
 
-import xarray as xr
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import Aerodynamics
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.native import load_functions
 from patagium.robot import Robot
+from patagium.simulation.bounds import check_start, limits, message_of
 from patagium.simulation.flight import Origin, flight_record
 from patagium.simulation.gaits import Gait, check_gait
-from patagium.simulation.march import Array, Equations, Progress, Run, march
-from patagium.simulation.mounts import Mount, floating_dofs, mount_of
+from patagium.simulation.march import Array, Equations, Progress, march, times_of
+from patagium.simulation.mounts import Mount, mount_of
 from patagium.simulation.stage import RECORDED, Layout, flight_functions, layout_of
-
-SPEED_LIMIT = 340.0
-"""Speed beyond which a run is stopped: sound [m/s]."""
-
-RATE_LIMIT = 1e5
-"""Angular rate beyond which a run is stopped [rad/s]."""
-
-PITCH_MARGIN = 0.02
-"""How near to the singularity of Euler angles a run is stopped [rad]."""
 
 
 def simulate(
@@ -58,7 +50,8 @@ def simulate(
         mount: Free or fixed; by default free if the robot has a floating body.
         q: Initial coordinates, (n,) [m, rad]; the gait's joints are overwritten. Zero
             by default.
-        v: Initial velocities, (n,) [m/s, rad/s]; likewise.
+        v: Initial velocities, (n,) [m/s, rad/s]; likewise. What a fixed mount holds
+            must not move: let the air move instead.
         throw: Whether a run that stops early raises; else the flight up to there is
             returned, `outcome` and `message` among its attributes.
         progress: Told the steps done and to do, from time to time.
@@ -77,7 +70,7 @@ def simulate(
     held = mount_of(robot, mount)
     layout = layout_of(robot, aero, held)
     start_q, start_v = initial(robot, "q", q), initial(robot, "v", v)
-    fixed = _held_rows(layout, start_q)
+    fixed = _held_positions(robot, layout, start_q, start_v)
 
     def rows(time: Array) -> Array:
         motion = gait.motion(time)
@@ -96,7 +89,7 @@ def simulate(
     check_start(equations, layout.state_names, state)
     run = march(equations, state, rows, steps, time_step, progress)
     message = message_of(run, layout.state_names, equations, steps, time_step)
-    time = np.arange(run.steps + 1) * time_step
+    time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
     origin = Origin(robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4")
     flight = flight_record(origin, time, run.samples, run.outcome, message)
@@ -125,36 +118,6 @@ def _equations(
         lower=lower,
         upper=upper,
     )
-
-
-def limits(
-    machine: Robot, passive: tuple[int, ...], size: int, state: Array
-) -> tuple[Array, Array]:
-    """Where a state [q passive, v passive, ...] must stay.
-
-    Args:
-        machine: The machine.
-        passive: Its coordinates that are integrated.
-        size: Length of the state.
-        state: Where it starts; pitch keeps to the branch it starts on.
-
-    Returns:
-        Lower and upper bounds, (size,) each.
-    """
-    n_u = len(passive)
-    upper = np.full(size, np.inf)
-    lower = -upper
-    lower[:n_u] = [machine.lower[i] for i in passive]
-    upper[:n_u] = [machine.upper[i] for i in passive]
-    pitches = [b.floating_dofs[4] for b in machine.bodies if b.floating_dofs is not None]
-    for k, i in enumerate(passive):
-        if i in pitches:
-            upright = np.pi * np.round(state[k] / np.pi)
-            lower[k] = max(lower[k], upright - np.pi / 2 + PITCH_MARGIN)
-            upper[k] = min(upper[k], upright + np.pi / 2 - PITCH_MARGIN)
-        bound = SPEED_LIMIT if machine.dof_units[i] == "m" else RATE_LIMIT
-        lower[n_u + k], upper[n_u + k] = -bound, bound
-    return lower, upper
 
 
 def whole_steps(duration: float, time_step: float) -> int:
@@ -201,36 +164,11 @@ def initial(robot: Robot, name: str, values: ArrayLike | None) -> Array:
     return vector
 
 
-def check_start(equations: Equations, names: tuple[str, ...], state: Array) -> None:
-    """Refuse an initial state outside of where it must stay.
-
-    Raises:
-        ParameterError: If an entry is beyond its limits.
-    """
-    for k, name in enumerate(names):
-        low, high = equations.lower[k], equations.upper[k]
-        if not low <= state[k] <= high:
-            raise ParameterError(name, f"a start from {low:.4g} to {high:.4g}", state[k])
-
-
-def message_of(
-    run: Run, names: tuple[str, ...], equations: Equations, steps: int, time_step: float
-) -> str:
-    """How a run ended, in words: when, which quantity, what to do."""
-    if run.outcome is Outcome.COMPLETED:
-        return f"completed {steps} steps of {time_step:g} s"
-    when = f"stopped at t = {run.steps * time_step:.6g} s, step {run.steps + 1} of {steps}"
-    value = run.state[run.which]
-    if run.outcome is Outcome.NOT_FINITE:
-        others = int((~np.isfinite(run.state)).sum()) - 1
-        reason = f"{names[run.which]} became {value}" + (f", and {others} others" if others else "")
-    else:
-        low, high = equations.lower[run.which], equations.upper[run.which]
-        reason = f"{names[run.which]} reached {value:.4g}, outside of {low:.4g} to {high:.4g}"
-    return f"{when}: {reason}; {run.outcome.remedy}"
-
-
-def _held_rows(layout: Layout, q: Array) -> Array:
+def _held_positions(robot: Robot, layout: Layout, q: Array, v: Array) -> Array:
     """Positions of the prescribed coordinates that no gait moves, (n_held,)."""
-    held = layout.prescribed[len(layout.machine.actuated) :]
-    return q[[i - layout.hidden for i in held]]
+    held = [i - layout.hidden for i in layout.prescribed[len(layout.machine.actuated) :]]
+    for i in held:
+        if v[i] != 0:
+            name = f"initial velocity of {robot.dof_names[i]}"
+            raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
+    return q[held]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from patagium.aerodynamics import Aerodynamics
+from patagium.aerodynamics import Aerodynamics, AeroExpressions
 from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import (
     damping_force,
@@ -164,6 +164,17 @@ def _equations(
         "damping_force": damping[of_robot],
         "mount_force": mount[of_robot],
         "mount_wrench": mount_wrench(machine, q, mount),
+        **observed(machine, q, v, air),
+        "works": state[totals : totals + len(WORKS)],
+        "impulse": state[totals + len(WORKS) :],
+        "aero_state": lag,
+    }
+    return rate, recorded
+
+
+def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[str, ca.SX]:
+    """What is recorded of any flight, however it is integrated: strips, energies, momentum."""
+    return {
         "strip_force": air.strip_force,
         "strip_point": air.strip_point,
         "angle_of_attack": air.angle_of_attack,
@@ -172,11 +183,7 @@ def _equations(
         "potential_energy": potential_energy(machine, q),
         "aero_power": air.power,
         "momentum": momentum(machine, q, v),
-        "works": state[totals : totals + len(WORKS)],
-        "impulse": state[totals + len(WORKS) :],
-        "aero_state": lag,
     }
-    return rate, recorded
 
 
 def _split(force: ca.SX, selected: Sequence[int]) -> tuple[ca.SX, ca.SX]:

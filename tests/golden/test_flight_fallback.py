@@ -1,0 +1,72 @@
+"""Compiled flight and the flight without a compiler are the same numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.native import compiler_name
+
+STEPS = 60
+TIME_STEP = 1e-4
+
+
+def compared(compiled, fallback):
+    # twice the roundings of STEPS steps, multiply-adds fused in one of the two
+    for name in compiled.data_vars:
+        ours, theirs = compiled[name].values, fallback[name].values
+        scale = np.abs(ours).max(initial=0.0)
+        if name.endswith("residual"):
+            scale = 1e-3  # joule or newton second: a residual is rounding itself
+        np.testing.assert_allclose(theirs, ours, rtol=0, atol=1e-12 * max(scale, 1e-12))
+    assert compiled.attrs["message"] == fallback.attrs["message"]
+
+
+@pytest.fixture
+def both(monkeypatch):
+    def fly(simulate):
+        if compiler_name() is None:
+            pytest.skip("no C compiler here to compare with")
+        compiled = simulate()
+        monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+        fallback = simulate()
+        monkeypatch.delenv("PATAGIUM_COMPILER")
+        return compiled, fallback
+
+    return fly
+
+
+@pytest.mark.parametrize("mount", [pt.mounts.free(), pt.mounts.fixed()])
+def test_flight_is_the_same(both, mount):
+    robot = pt.load_robot("aerobat")
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.3, 0.1)))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, left_feather=0.1)
+    q = robot.coordinates(roll=0.1, pitch=0.1)
+    compared(
+        *both(
+            lambda: pt.simulate(
+                robot, aero, gait, duration=STEPS * TIME_STEP, time_step=TIME_STEP, q=q, mount=mount
+            )
+        )
+    )
+
+
+def test_published_flight_is_the_same(both):
+    robot = pt.load_robot("aerobat-published")
+    aero = pt.Published(robot)
+    compared(*both(lambda: pt.simulate_published(robot, aero, duration=STEPS * TIME_STEP)))
+
+
+def test_a_run_that_stops_stops_alike(both):
+    robot = pt.load_robot("aerobat")
+    aero = pt.QuasiSteady(robot)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    compiled, fallback = both(
+        lambda: pt.simulate(
+            robot, aero, gait, duration=0.5, time_step=5e-3, v=robot.coordinates(x=4.0), throw=False
+        )
+    )
+    assert compiled.attrs["outcome"] != "COMPLETED"
+    assert compiled.sizes == fallback.sizes
+    assert compiled.attrs["outcome"] == fallback.attrs["outcome"]

@@ -1,0 +1,128 @@
+"""Flights on disk: the same when read again, whole or refused with a reason."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import FlightError
+from patagium.simulation import aero_of, robot_of
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return pt.load_robot("aerobat").with_parameters({"body.mass": 0.0123456789012345})
+
+
+@pytest.fixture(scope="module")
+def aero(robot):
+    return pt.QuasiSteady(robot, pt.Air(density=1.1, wind=(-1.0, 0.0, 0.1)))
+
+
+@pytest.fixture(scope="module")
+def flight(robot, aero):
+    gait = pt.gaits.linkage(robot, frequency=5.0)
+    return pt.simulate(robot, aero, gait, duration=0.01, time_step=1e-4)
+
+
+def test_a_flight_read_again_is_the_same(flight, tmp_path):
+    path = pt.save_flight(flight, tmp_path / "new" / "flight.nc")
+    again = pt.load_flight(path)
+    assert again.identical(flight)
+    assert [f.name for f in path.parent.iterdir()] == ["flight.nc"]
+    pt.save_flight(again, path)  # over itself: the file was closed
+    assert pt.load_flight(path).identical(flight)
+
+
+def test_robot_and_air_come_back_with_their_parameters(robot, aero, flight, tmp_path):
+    again = pt.load_flight(pt.save_flight(flight, tmp_path / "flight.nc"))
+    assert robot_of(again) == robot
+    assert aero_of(again) == aero
+
+
+def test_a_flight_that_diverged_is_kept_too(robot, aero, tmp_path):
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.4)
+    stopped = pt.simulate(robot, aero, gait, duration=1.0, time_step=5e-3, throw=False)
+    assert stopped.attrs["outcome"] != "COMPLETED"
+    again = pt.load_flight(pt.save_flight(stopped, tmp_path / "stopped.nc"))
+    assert again.attrs["message"] == stopped.attrs["message"]
+
+
+def test_an_interrupted_write_leaves_what_was_there(flight, tmp_path, monkeypatch):
+    path = pt.save_flight(flight, tmp_path / "flight.nc")
+    before = path.read_bytes()
+
+    def broken(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", broken)
+    with pytest.raises(FlightError, match="No space left"):
+        pt.save_flight(flight, path)
+    assert path.read_bytes() == before
+    assert [f.name for f in tmp_path.iterdir()] == ["flight.nc"]
+
+
+def without_units(flight):
+    changed = flight.copy()
+    changed["u1"] = flight["u1"].copy()
+    changed["u1"].attrs["units"] = "N cm"
+    return changed
+
+
+def not_finite(flight):
+    changed = flight.copy(deep=True)
+    changed["v"][3, 2] = np.nan
+    return changed
+
+
+def backwards(flight):
+    return flight.isel(time=slice(None, None, -1))
+
+
+def other_names(flight):
+    names = [f"{name}_" for name in flight.dof.values]
+    return flight.assign_coords(dof=names)
+
+
+def no_robot(flight):
+    return flight.assign_attrs(robot="bodies: [")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda f: f.drop_vars(["u1", "momentum"]), "no u1, momentum"),
+        (lambda f: f.drop_vars("time"), "no time"),
+        (lambda f: f.drop_attrs(), "no attribute robot"),
+        (lambda f: f.assign(q=f.q.astype("float32").assign_attrs(f.q.attrs)), "float64"),
+        (lambda f: f.assign(q=f.q.transpose().assign_attrs(f.q.attrs)), "q: expected"),
+        (without_units, "u1: expected [N or N m], found [N cm]"),
+        (not_finite, "v is not finite at t = 0.0003 s"),
+        (backwards, "time does not rise"),
+        (other_names, "dof: expected"),
+        (no_robot, "robot cannot be made again"),
+    ],
+)
+def test_what_is_no_whole_flight_is_refused(flight, tmp_path, spoil, words):
+    spoiled = spoil(flight)
+    with pytest.raises(FlightError) as caught:
+        pt.save_flight(spoiled, tmp_path / "spoiled.nc")
+    assert words in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+    spoiled.to_netcdf(tmp_path / "spoiled.nc")
+    with pytest.raises(FlightError) as caught:
+        pt.load_flight(tmp_path / "spoiled.nc")
+    assert words in str(caught.value)
+
+
+def test_a_file_that_is_no_flight_is_said(tmp_path):
+    with pytest.raises(FlightError, match="no such file"):
+        pt.load_flight(tmp_path / "absent.nc")
+    (tmp_path / "text.nc").write_text("not netCDF")
+    with pytest.raises(FlightError, match="no netCDF4 file"):
+        pt.load_flight(tmp_path / "text.nc")
+    with pytest.raises(FlightError, match="no attribute robot"):
+        robot_of(pt.load_flight.__globals__["xr"].Dataset())
