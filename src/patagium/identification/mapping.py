@@ -69,7 +69,7 @@ class ValueColumn(_Words):
         return self.name or self.column
 
 
-class Mapping(_Words):
+class TableMapping(_Words):
     """What the columns of a table mean.
 
     Attributes:
@@ -87,7 +87,7 @@ class Mapping(_Words):
     gap: Annotated[float, Field(gt=1.0)] = 3.0
 
     @model_validator(mode="after")
-    def _distinct(self) -> Mapping:
+    def _distinct(self) -> TableMapping:
         labels = [column.label for column in (*self.inputs, *self.outputs)]
         twice = sorted({label for label in labels if labels.count(label) > 1})
         if twice:
@@ -95,7 +95,7 @@ class Mapping(_Words):
         return self
 
 
-def load_mapping(path: str | Path) -> Mapping:
+def load_mapping(path: str | Path) -> TableMapping:
     """A mapping file, validated.
 
     Args:
@@ -114,7 +114,7 @@ def load_mapping(path: str | Path) -> Mapping:
     return parse_mapping(words, str(file))
 
 
-def parse_mapping(words: Any, source: str = "mapping") -> Mapping:
+def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
     """A mapping from the plain dict of a YAML file.
 
     Args:
@@ -125,7 +125,7 @@ def parse_mapping(words: Any, source: str = "mapping") -> Mapping:
         LogError: One line a problem: where in the file, what is wrong, what was found.
     """
     try:
-        mapping = Mapping.model_validate(words)
+        mapping = TableMapping.model_validate(words)
     except ValidationError as problem:
         raise LogError("\n".join(_line(source, error) for error in problem.errors())) from None
     conversion(mapping.time.unit, "s", f"{source}: time ({mapping.time.column})")

@@ -76,7 +76,7 @@ def load_identification(path: str | Path) -> Identification:
     """
     file = Path(path)
     try:
-        with xr.open_dataset(file, engine="netcdf4") as opened:
+        with xr.open_dataset(file, engine="netcdf4", decode_times=False) as opened:
             record = opened.load()
     except (OSError, ValueError) as problem:
         raise LogError(f"{file}: expected an identification, found: {problem}") from problem

@@ -141,4 +141,4 @@ def thin(indices: Indices, most: int) -> Indices:
     """At most `most` of the indices, evenly spread, first and last kept."""
     if len(indices) <= most:
         return indices
-    return indices[np.linspace(0, len(indices) - 1, most).round().astype(int)]
+    return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(int)])

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
+from patagium.identification.learner import Learner
+from patagium.identification.record import Check, Updates, check, interval_scores, record_of
 from patagium.identification.result import Identification
 from patagium.identification.schedule import (
     Hold,
@@ -26,22 +27,18 @@ from patagium.identification.schedule import (
     thin,
     used_samples,
 )
-from patagium.identification.scores import (
-    coverage,
-    error_scores,
-    persistence,
-    silent_outputs,
-)
+from patagium.identification.scores import error_scores, persistence, silent_outputs
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
+REMEDY = "scale inputs and outputs, lower the prior deviation or the learning rate"
 MOST_VARIANCES = 200
 """The covariance of the weights is looked at after at most this many updates."""
 
 
 def stream(
-    learner: Any,
+    learner: Learner,
     time: ArrayLike,
     x: ArrayLike,
     y: ArrayLike,
@@ -95,7 +92,7 @@ class _Stream:
 
     def __init__(
         self,
-        learner: Any,
+        learner: Learner,
         time: Array,
         x: Array,
         y: Array,
@@ -111,7 +108,7 @@ class _Stream:
         self.innovation = np.full((len(self.used), y.shape[1]), np.nan)
         self.weights_norm = np.full(len(self.used), np.nan)
         self.largest_variance = np.full(len(self.used), np.nan)
-        self.checks: list[tuple[int, Array, Array]] = []
+        self.checks: list[Check] = []
         self.windows: dict[str, list[tuple[int, Array]]] = {h.label: [] for h in self.horizons}
         self.updates = 0
         self.reached = 0
@@ -138,13 +135,11 @@ class _Stream:
         network, weights = self.learner.network, self.learner.weights
         guess = network.evaluate(self.x[hold.begin : hold.end], weights)
         if not np.isfinite(guess).all():
-            raise FilterDiverged("the prediction is not finite", Outcome.NOT_FINITE)
+            raise FilterDiverged(f"the prediction is not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.prediction[hold.begin : hold.end] = guess
         self.reached = hold.end
         for index in checks:
-            mean, covariance = self.learner.predict(self.x[index])
-            deviation = np.sqrt(np.diagonal(np.atleast_2d(covariance)))
-            self.checks.append((index, self.y[index] - mean, deviation))
+            self.checks.append(check(self.learner, index, self.x[index], self.y[index]))
         for horizon in self.horizons:
             if hold.begin in starts[horizon.label]:
                 end = hold.begin + horizon.length
@@ -155,19 +150,18 @@ class _Stream:
         innovation = self.learner.update(self.x[index], self.y[index])
         weights = self.learner.weights
         if not (np.isfinite(innovation).all() and np.isfinite(weights).all()):
-            raise FilterDiverged("the weights are not finite", Outcome.NOT_FINITE)
+            raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.innovation[self.updates] = innovation
         self.weights_norm[self.updates] = np.linalg.norm(weights)
-        if look and self.learner.covariance is not None:
-            self.largest_variance[self.updates] = np.diagonal(self.learner.covariance).max()
+        if look:
+            self.largest_variance[self.updates] = _largest_variance(self.learner)
         self.updates += 1
 
     def _stop(self, hold: Hold, outcome: Outcome, reason: str) -> None:
         self.outcome = outcome
         self.message = (
             f"the learner diverged at t = {self.time[hold.end - 1]:.6g} s (sample "
-            f"{hold.end - 1} of {len(self.time)}, update {self.updates + 1}): {reason}; "
-            f"{outcome.remedy}"
+            f"{hold.end - 1} of {len(self.time)}): {reason}"
         )
 
     def result(self, names: tuple[str, ...]) -> Identification:
@@ -191,13 +185,19 @@ class _Stream:
             scores |= error_scores(truth, held[span], names, "persistence")
         for horizon in self.horizons:
             scores |= self._horizon_scores(horizon, names)
-        scores |= self._interval_scores(names, ~silent)
+        scores |= interval_scores(self.checks, names, ~silent, self.reached)
         variance = self.largest_variance[np.isfinite(self.largest_variance)]
         scores["largest_variance"] = float(variance[-1]) if len(variance) else float("nan")
         scores["time_per_update"] = float(self.learner.time_per_update)
-        return Identification(
-            scores, self._record(names, held), self.learner, self.outcome, self.message
+        used = slice(0, self.updates)
+        updates = Updates(
+            self.used[used],
+            self.innovation[used],
+            self.weights_norm[used],
+            self.largest_variance[used],
         )
+        record = record_of(self.time, self.y, self.prediction, held, names, self.checks, updates)
+        return Identification(scores, record, self.learner, self.outcome, self.message)
 
     def _horizon_scores(self, horizon: Horizon, names: tuple[str, ...]) -> dict[str, Any]:
         windows = self.windows[horizon.label]
@@ -219,47 +219,14 @@ class _Stream:
             **error_scores(truth, held, names, f"{key}_persistence"),
         }
 
-    def _interval_scores(self, names: tuple[str, ...], heard: NDArray[np.bool_]) -> dict[str, Any]:
-        if not self.checks:
-            return {"coverage": float("nan"), "coverage_checks": 0}
-        error = np.array([miss for _, miss, _ in self.checks])
-        deviation = np.array([sigma for _, _, sigma in self.checks])
-        each = coverage(error, deviation, heard)
-        late = np.array([index for index, _, _ in self.checks]) >= self.reached // 2
-        second = coverage(error[late], deviation[late], heard)
-        return {
-            "coverage": _mean(each),
-            "coverage_second_half": _mean(second),
-            "coverage_checks": len(self.checks),
-            "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
-        }
 
-    def _record(self, names: tuple[str, ...], held: Array) -> xr.Dataset:
-        checked = [index for index, _, _ in self.checks]
-        deviation = np.array([sigma for _, _, sigma in self.checks]).reshape(-1, len(names))
-        used = self.used[: self.updates]
-        record = xr.Dataset(
-            {
-                "measurement": (("time", "output"), self.y),
-                "prediction": (("time", "output"), self.prediction),
-                "persistence": (("time", "output"), held),
-                "innovation": (("update_time", "output"), self.innovation[: self.updates]),
-                "weights_norm": (("update_time",), self.weights_norm[: self.updates]),
-                "largest_variance": (("update_time",), self.largest_variance[: self.updates]),
-                "predicted_deviation": (("check_time", "output"), deviation),
-            },
-            coords={
-                "time": ("time", self.time, {"units": "s"}),
-                "output": list(names),
-                "update_time": ("update_time", self.time[used], {"units": "s"}),
-                "check_time": ("check_time", self.time[checked], {"units": "s"}),
-            },
-        )
-        return record
+def _largest_variance(learner: Learner) -> float:
+    covariance = learner.covariance
+    return float("nan") if covariance is None else float(np.diagonal(covariance).max())
 
 
 def _checked(
-    learner: Any, time: ArrayLike, x: ArrayLike, y: ArrayLike
+    learner: Learner, time: ArrayLike, x: ArrayLike, y: ArrayLike
 ) -> tuple[Array, Array, Array]:
     stamps, inputs, outputs = (np.ascontiguousarray(a, float) for a in (time, x, y))
     network = learner.network
@@ -283,8 +250,3 @@ def _checked(
             f"{stamps[row - 1]:.9g} s at sample {row}"
         )
     return stamps, inputs, outputs
-
-
-def _mean(values: Array) -> float:
-    heard = values[~np.isnan(values)]
-    return float(heard.mean()) if heard.size else float("nan")

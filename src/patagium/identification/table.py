@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError
-from patagium.identification.mapping import Mapping, ValueColumn, conversion, load_mapping
+from patagium.identification.mapping import TableMapping, ValueColumn, conversion, load_mapping
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
     return np.flatnonzero(steps > factor * np.median(steps)) + 1
 
 
-def read_table(path: str | Path, mapping: Mapping | str | Path) -> Table:
+def read_table(path: str | Path, mapping: TableMapping | str | Path) -> Table:
     """A CSV or Parquet file as a checked table.
 
     A header may carry its unit as `name [unit]`; it must then agree with the mapping.
@@ -96,11 +96,11 @@ def read_table(path: str | Path, mapping: Mapping | str | Path) -> Table:
             is missing or infinite, time does not advance, or a unit does not fit.
     """
     file = Path(path)
-    words = mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
+    words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
     return table_from_frame(_read(file), words, str(file))
 
 
-def table_from_frame(frame: pd.DataFrame, mapping: Mapping, source: str = "table") -> Table:
+def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "table") -> Table:
     """Columns already in memory as a checked table; see `read_table`.
 
     Args:

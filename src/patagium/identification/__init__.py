@@ -1,0 +1,38 @@
+"""What we learn: networks, learners, training data, the online stream and its scores."""
+
+from patagium.identification.cubature import CubatureLearner
+from patagium.identification.dense import DenseNetwork
+from patagium.identification.identify import evaluate, identify
+from patagium.identification.logs import evaluate_table, identify_table, network_for
+from patagium.identification.mapping import TableMapping, load_mapping
+from patagium.identification.model_file import Model, load_model, model_of, save_model
+from patagium.identification.network import network_from_description
+from patagium.identification.result import Identification, load_identification
+from patagium.identification.stream import stream
+from patagium.identification.strip import StripNetwork
+from patagium.identification.table import Table, read_table
+from patagium.identification.training_data import training_data
+
+__all__ = [
+    "CubatureLearner",
+    "DenseNetwork",
+    "Identification",
+    "Model",
+    "StripNetwork",
+    "Table",
+    "TableMapping",
+    "evaluate",
+    "evaluate_table",
+    "identify",
+    "identify_table",
+    "load_identification",
+    "load_mapping",
+    "load_model",
+    "model_of",
+    "network_for",
+    "network_from_description",
+    "read_table",
+    "save_model",
+    "stream",
+    "training_data",
+]
