@@ -32,7 +32,7 @@ class SymbolicEquations:
         mass_matrix: D, n rows of n.
         coriolis: C v, n entries.
         gravity: G, n entries.
-        derivation_time: Time taken, without any C [s].
+        derivation_time: Processor time taken, without any C [s].
     """
 
     backend: str
@@ -47,6 +47,11 @@ class SymbolicEquations:
         """C v + G, n entries."""
         return [c + g for c, g in zip(self.coriolis, self.gravity, strict=True)]
 
+    @property
+    def lower_triangle(self) -> Row:
+        """Lower triangle of D by rows, n (n + 1) / 2 entries."""
+        return [entry for i, row in enumerate(self.mass_matrix) for entry in row[: i + 1]]
+
 
 def derive_symbolic(robot: Robot, backend: str = "sympy") -> SymbolicEquations:
     """The equations of motion of a robot by symbolic differentiation of its energies.
@@ -56,7 +61,7 @@ def derive_symbolic(robot: Robot, backend: str = "sympy") -> SymbolicEquations:
         backend: "sympy" or "symengine", which must be installed.
     """
     algebra: Any = importlib.import_module(backend)
-    started = time.perf_counter()
+    started = time.process_time()
     q = [algebra.Symbol(f"q{i}") for i in range(robot.dof)]
     v = [algebra.Symbol(f"v{i}") for i in range(robot.dof)]
     p = [algebra.Symbol(f"p{i}") for i in range(len(robot.parameter_names))]
@@ -73,7 +78,7 @@ def derive_symbolic(robot: Robot, backend: str = "sympy") -> SymbolicEquations:
     ]
     gravity = [potential.diff(x) for x in q]
     return SymbolicEquations(
-        backend, (q, v, p), mass_matrix, coriolis, gravity, time.perf_counter() - started
+        backend, (q, v, p), mass_matrix, coriolis, gravity, time.process_time() - started
     )
 
 

@@ -36,8 +36,8 @@ class SymbolicCode:
     Attributes:
         backend: Computer algebra system and version.
         parameter_names: Names of the parameters p of the robot.
-        derivation_time: Time of the derivation alone [s].
-        sharing_time: Time of finding the shared subexpressions, all quantities [s].
+        derivation_time: Processor time of the derivation alone [s].
+        sharing_time: Processor time of finding the shared subexpressions, all quantities [s].
         temporaries: For each quantity the shared subexpressions as (name, C text), in order.
         results: For each quantity the C text of each entry: D's lower triangle by rows,
             then C v + G.
@@ -61,7 +61,7 @@ def symbolic_code(equations: SymbolicEquations, robot: Robot) -> SymbolicCode:
         robot: The machine.
     """
     algebra: Any = importlib.import_module(equations.backend)
-    started = time.perf_counter()
+    started = time.process_time()
     temporaries, results = {}, {}
     for quantity in QUANTITIES:
         entries = [algebra.sympify(entry) for entry in _entries(equations, quantity)]
@@ -72,7 +72,7 @@ def symbolic_code(equations: SymbolicEquations, robot: Robot) -> SymbolicCode:
         f"{equations.backend} {version(equations.backend)}",
         robot.parameter_names,
         equations.derivation_time,
-        time.perf_counter() - started,
+        time.process_time() - started,
         temporaries,
         results,
         _lambdified(equations) if equations.backend == "sympy" else {},
@@ -80,8 +80,7 @@ def symbolic_code(equations: SymbolicEquations, robot: Robot) -> SymbolicCode:
 
 
 def _entries(equations: SymbolicEquations, quantity: str) -> list[Any]:
-    lower = [row[: i + 1] for i, row in enumerate(equations.mass_matrix)]
-    mass = [entry for row in lower for entry in row]
+    mass = equations.lower_triangle
     return {"mass_matrix": mass, "bias": equations.bias, "both": mass + equations.bias}[quantity]
 
 
