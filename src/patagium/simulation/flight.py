@@ -113,19 +113,23 @@ def flight_record(
         outcome: How the run ended.
         message: The same in words.
     """
-    scalars = [name for name, kind in QUANTITIES.items() if not kind.dims]
-    values = dict(samples) | {k: samples[k][:, 0] for k in scalars if k in samples}
+    values = dict(samples)
     values |= dict(zip(WORKS, values.pop("works").T, strict=True))
     impulse = values.pop("impulse")
-    energy = values["kinetic_energy"] + values["potential_energy"]
+    energy = (values["kinetic_energy"] + values["potential_energy"])[:, 0]
     works = sum((values[name] for name in WORKS), np.zeros(len(time)))
     values["energy_residual"] = (energy - energy[0]) - works
     values["momentum_residual"] = values["momentum"] - values["momentum"][0] - impulse
+    sizes = _sizes(origin, len(time))
+
+    def variable(name: str, kind: Quantity) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+        dims = ("time", *kind.dims)
+        shaped = values[name].reshape([sizes[dim] for dim in dims])
+        attributes = {"units": kind.units, "long_name": kind.meaning}
+        return dims, np.ascontiguousarray(shaped), attributes
+
     flight = xr.Dataset(
-        {
-            name: (("time", *kind.dims), np.ascontiguousarray(values[name]), _attributes(kind))
-            for name, kind in QUANTITIES.items()
-        },
+        {name: variable(name, kind) for name, kind in QUANTITIES.items()},
         coords=_coordinates(origin.robot, time),
         attrs=_origin_attributes(origin),
     )
@@ -203,8 +207,15 @@ def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
         raise FlightError(f"the flight has no attribute {', '.join(missing)}")
 
 
-def _attributes(kind: Quantity) -> dict[str, str]:
-    return {"units": kind.units, "long_name": kind.meaning}
+def _sizes(origin: Origin, samples: int) -> dict[str, int]:
+    return {
+        "time": samples,
+        "dof": origin.robot.dof,
+        "strip": len(origin.robot.strips),
+        "axis": len(AXES),
+        "component": len(WRENCH),
+        "lag": origin.aero.state_size,
+    }
 
 
 def _coordinates(robot: Robot, time: Array) -> dict[str, Any]:
