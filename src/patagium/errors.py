@@ -39,8 +39,14 @@ class ParameterError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: str, found: object) -> None:
-        super().__init__(f"{name}: expected {expected}, found {found!r}")
+        super().__init__(f"{name}: expected {expected}, found {_plain(found)!r}")
         self.name, self.expected, self.found = name, expected, found
+
+
+def _plain(found: object) -> object:
+    """A NumPy scalar as the number a person wrote."""
+    item = getattr(found, "item", None)
+    return item() if callable(item) and getattr(found, "shape", None) == () else found
 
 
 class RobotFileError(PatagiumError, ValueError):

@@ -1,9 +1,51 @@
-"""x."""
+"""`patagium evaluate`: a learned model against a flight or log it never saw."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-EXAMPLES = ()
+EXAMPLES = (
+    "patagium evaluate model.json another-flight.nc --report report.html",
+    "patagium evaluate model.json log.csv --mapping columns.yaml --json",
+)
 
 
-def evaluate() -> None:
-    """X."""
+def evaluate(
+    model: Annotated[Path, typer.Argument(help="What patagium identify --model wrote (.json).")],
+    file: Annotated[Path, typer.Argument(help="A flight (.nc) or a table (.csv, .parquet).")],
+    mapping: Annotated[
+        Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+    ] = None,
+    every: Annotated[
+        int, typer.Option(min=1, help="The rival holds one measured sample in so many.")
+    ] = 100,
+    report: Annotated[Path | None, typer.Option(help="Write an HTML page.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")] = False,
+) -> None:
+    """Score a learned model, its weights frozen, where it has not been."""
+    from patagium.cli.identify import show_scores
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.identification import evaluate as evaluate_flight
+    from patagium.identification import read_table
+    from patagium.identification.logs import evaluate_table
+    from patagium.identification.model_file import load_model
+    from patagium.simulation import load_flight
+
+    learned = load_model(existing(model))
+    if file.suffix.lower() == ".nc":
+        if mapping is not None:
+            raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
+        result = evaluate_flight(load_flight(existing(file)), learned, every=every)
+    elif mapping is None:
+        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+    else:
+        table = read_table(existing(file), existing(mapping))
+        result = evaluate_table(table, learned, every=every)
+    if report is not None:
+        result.report(report, f"{model.name} against {file.name}")
+        typer.echo(f"The report is in {report}", err=True)
+    show_scores(result.scores, as_json=as_json)

@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 class AirModel(StrEnum):
     """Models of the air."""
 
-    quasi_steady = "quasi-steady"
-    published = "published"
+    QUASI_STEADY = "quasi-steady"
+    PUBLISHED = "published"
 
 
 class MountKind(StrEnum):
     """What holds the robot."""
 
-    free = "free"
-    fixed = "fixed"
+    FREE = "free"
+    FIXED = "fixed"
 
 
 class Stepping(StrEnum):
     """How joints follow the gait: exactly, or overwritten as in the published experiment."""
 
-    prescribed = "prescribed"
-    published = "published"
+    PRESCRIBED = "prescribed"
+    PUBLISHED = "published"
 
 
 _ANGLE = {"parser": quantity("rad", "an angle")}
@@ -82,7 +82,7 @@ def simulate(
     offset: Annotated[
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
-    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.quasi_steady,
+    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.QUASI_STEADY,
     density: Annotated[
         float,
         typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
@@ -105,7 +105,7 @@ def simulate(
     ] = None,
     stepping: Annotated[
         Stepping, typer.Option(help="published: for comparison with the paper only.")
-    ] = Stepping.prescribed,
+    ] = Stepping.PRESCRIBED,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Flight to write (netCDF).")
     ] = Path("flight.nc"),
@@ -125,7 +125,7 @@ def simulate(
     machine = load_robot(robot)
     air = Air(density=density, wind=wind or (0.0, 0.0, 0.0))
     model = _air_model(aero, machine, air)
-    if stepping is Stepping.published:
+    if stepping is Stepping.PUBLISHED:
         flight = _published(machine, model, frequency, plunge, speed, duration, time_step)
         _keep(flight, output, figure, as_json)
         return
@@ -162,7 +162,7 @@ _TOLD = (
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
     from patagium.aerodynamics import Published, QuasiSteady
 
-    return Published(machine, air) if aero is AirModel.published else QuasiSteady(machine, air)
+    return Published(machine, air) if aero is AirModel.PUBLISHED else QuasiSteady(machine, air)
 
 
 def _gait(
@@ -288,5 +288,5 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
     facts = flight_facts(flight)
     answer({**facts, "file": str(output)}, as_json=as_json, title="Flight")
     if str(flight.attrs["outcome"]) != "COMPLETED":
-        typer.echo(f"patagium: {flight.attrs['message']} The flight is kept in {output}.", err=True)
+        typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
         raise typer.Exit(2)

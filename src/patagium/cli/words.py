@@ -25,6 +25,10 @@ class Vector(NamedTuple):
     z: float
 
 
+class WholeNumbers(tuple[int, ...]):
+    """Positive whole numbers in order; no tuple to typer, which would want its length."""
+
+
 Progress = Callable[[int, int], None]
 Stages = Callable[[str, float], None]
 
@@ -69,12 +73,14 @@ def vector(unit: str, noun: str) -> Callable[[str], Vector]:
     return read
 
 
-def whole_numbers(text: str) -> tuple[int, ...]:
+def whole_numbers(text: str | WholeNumbers) -> WholeNumbers:
     """Positive whole numbers such as "8,8"."""
+    if isinstance(text, WholeNumbers):  # the default
+        return text
     try:
-        numbers = tuple(int(part) for part in text.split(","))
+        numbers = WholeNumbers(int(part) for part in text.split(","))
     except ValueError:
-        numbers = ()
+        numbers = WholeNumbers()
     if not numbers or min(numbers) < 1:
         raise typer.BadParameter(f"expected positive whole numbers such as 8,8, found {text!r}")
     return numbers
@@ -116,8 +122,9 @@ def progress_bar(label: str) -> Iterator[Progress]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    quiet = not console.is_terminal
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -132,15 +139,16 @@ def stage_bar(label: str) -> Iterator[Stages]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    told = ""
-    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
+    quiet, told = not console.is_terminal, ""
+    bars = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), *bars)
+    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         task = bar.add_task(label, total=1.0)
 
         def tell(stage: str, fraction: float) -> None:
             nonlocal told
             bar.update(task, description=f"{label}: {stage}", completed=fraction)
-            if stage != told and not console.is_terminal:
+            if stage != told and quiet:
                 typer.echo(f"{label}: {stage} ({fraction:.0%})", err=True)
             told = stage
 

@@ -1,0 +1,317 @@
+"""The command line as a person meets it: help, answers, refusals, exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import app, run
+from patagium.errors import RobotFileError
+
+VERBS = ("reproduce", "simulate", "identify", "evaluate", "bench", "robots", "check")
+FLY = ("--duration", "0.05", "--time-step", "1e-4")
+BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
+LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "0.003", "--spread", "1.7")
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Speak = Callable[..., Answer]
+
+
+@pytest.fixture
+def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
+    """Say words to the program; get its exit code, its answer and its complaints."""
+
+    def say(*words: object) -> Answer:
+        with pytest.raises(SystemExit) as left:
+            run([str(word) for word in words])
+        said = capsys.readouterr()
+        code = left.value.code
+        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
+
+    return say
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("flight") / "flight.nc"
+    with pytest.raises(SystemExit):
+        run(["simulate", "aerobat", *BEAT, *FLY, "--speed", "3 m/s", "-o", str(path), "--json"])
+    return path
+
+
+def test_every_verb_is_there() -> None:
+    assert tuple(command.name for command in app.registered_commands) == VERBS
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself_with_examples(verb: str, speak: Speak) -> None:
+    answer = speak(verb, "--help")
+    assert answer.code == 0
+    assert "Examples:" in answer.out
+    assert f"patagium {verb}" in answer.out.partition("Examples:")[2]
+
+
+def test_help_is_quick() -> None:
+    command = [sys.executable, "-c", "from patagium.cli.main import run; run(['--help'])"]
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True)
+        times.append(time.perf_counter() - start)
+    assert min(times) < 1.5  # 0.35 s on an idle core; a busy machine may take thrice that
+
+
+def test_version(speak: Speak) -> None:
+    assert speak("--version").out.strip() == f"patagium {pt.__version__}"
+
+
+def test_robots_lists_the_presets(speak: Speak) -> None:
+    found = json.loads(speak("robots", "--json").out)
+    assert [one["robot"] for one in found] == [
+        "aerobat", "aerobat-beta", "aerobat-published", "yeo-wing",
+    ]  # fmt: skip
+    assert found[0]["mass [kg]"] == pytest.approx(0.02, rel=1e-9)  # science.md: 20 g
+    text = speak("robots").out
+    assert "aerobat-beta" in text and "mass [kg]" in text
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_robots_draws(ending: str, tmp_path: Path, speak: Speak) -> None:
+    picture = tmp_path / f"robot.{ending}"
+    assert speak("robots", "aerobat-beta", "--draw", picture).code == 0
+    assert picture.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
+
+
+def test_simulate_keeps_the_flight_it_was_asked_for(flight: Path) -> None:
+    kept = pt.load_flight(flight)
+    assert kept.attrs["robot_name"] == "aerobat"
+    assert float(kept["v"].sel(dof="x")[0]) == 3.0
+    assert float(kept["time"][-1]) == pytest.approx(0.05, rel=1e-12)  # rounding
+    rate = float(kept["v"].sel(dof="left_plunge")[0])
+    assert rate == pytest.approx(2 * np.pi * 5.0 * np.radians(30.0), rel=1e-12)  # rounding
+
+
+def test_simulate_understands_units_as_it_does_si(tmp_path: Path, speak: Speak) -> None:
+    words = {
+        "units": ("--frequency", "0.005 kHz", "--plunge", "30 deg", "--wind", "-7.2,0,0 km/hour"),
+        "si": ("--frequency", "5", "--plunge", str(np.radians(30.0)), "--wind", "-2,0,0"),
+    }
+    ends = []
+    for name, said in words.items():
+        path = tmp_path / f"{name}.nc"
+        answer = speak(
+            "simulate", "aerobat", *said, "--duration", "5 ms", "--time-step", "1e-4", "-o", path,
+            "--amplitude", "left_feather=0.1", "--phase", "left_feather=90 deg",
+            "--offset", "elbow=-0.2",
+        )  # fmt: skip
+        assert answer.code == 0, answer.err
+        ends.append(pt.load_flight(path)["q"].values[-1])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9, atol=1e-12)  # rounding of units
+    assert ends[0][6] != 0.0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--gait", "linkage", "--frequency", "5", "--mount", "fixed", "--wind", "-3,0,0 m/s"),
+        ("--gait", "still", "--pitch", "-5 deg", "--speed", "3", "--aero", "published"),
+    ],
+)
+def test_simulate_other_gaits_and_mounts(
+    words: tuple[str, ...], tmp_path: Path, speak: Speak
+) -> None:
+    path, figure = tmp_path / "f.nc", tmp_path / "f.svg"
+    robot = "aerobat-beta" if "linkage" in words else "aerobat"
+    answer = speak("simulate", robot, *words, *FLY, "-o", path, "--figure", figure, "--json")
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["outcome"] == "COMPLETED"
+    assert figure.stat().st_size > 1_000
+
+
+def test_simulate_as_published(tmp_path: Path, speak: Speak) -> None:
+    path = tmp_path / "published.nc"
+    answer = speak(
+        "simulate", "aerobat-published", "--aero", "published", "--stepping", "published",
+        "--frequency", "15", "--plunge", "1", "--speed", "2", *FLY, "-o", path,
+    )  # fmt: skip
+    assert answer.code == 0, answer.err
+    assert "published" in answer.out
+    assert path.is_file()
+
+
+def test_simulate_keeps_what_was_flown_before_it_broke_down(tmp_path: Path, speak: Speak) -> None:
+    path = tmp_path / "broken.nc"
+    answer = speak(
+        "simulate", "aerobat", "--gait", "still", "--pitch", "85 deg", "--speed", "50",
+        "--duration", "1", "--time-step", "1e-3", "-o", path,
+    )  # fmt: skip
+    assert answer.code == 2
+    assert "pitch" in answer.err and str(path) in answer.err
+    assert 0.0 <= float(pt.load_flight(path)["time"][-1]) < 1.0
+
+
+def test_check_says_what_a_good_file_holds(flight: Path, speak: Speak) -> None:
+    held = json.loads(speak("check", flight, "--json").out)
+    assert held["kind"] == "flight"
+    assert held["energy_audit"] < 1e-6  # acceptance of the corrected flight
+    assert json.loads(speak("check", "aerobat", "--json").out)["kind"] == "robot"
+
+
+def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Speak) -> None:
+    model, page, kept = tmp_path / "m.json", tmp_path / "r.html", tmp_path / "p.nc"
+    answer = speak(
+        "identify", flight, *LEARN, "--every", "5", "--model", model, "--report", page,
+        "--predictions", kept, "--json",
+    )  # fmt: skip
+    assert answer.code == 0, answer.err
+    scores = json.loads(answer.out)
+    assert scores["updates"] == 101
+    assert page.stat().st_size > 10_000 and kept.is_file()
+    frozen = speak("evaluate", model, flight, "--json")
+    assert frozen.code == 0, frozen.err
+    after = json.loads(frozen.out)
+    assert after["updates"] == 0
+    assert after["nmse_mean"] < scores["nmse_mean"]  # it has now seen this flight
+    assert "NMSE" in speak("evaluate", model, flight).out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--network", "dense", "--hidden", "6", "--learner", "extended", *LEARN[:4]),
+        ("--network", "dense", "--learner", "gradient", "--learning-rate", "0.01"),
+        ("--learner", "linear", *LEARN[:4]),
+    ],
+)
+def test_identify_with_every_learner(
+    words: tuple[str, ...], flight: Path, tmp_path: Path, speak: Speak
+) -> None:
+    model = tmp_path / "m.json"
+    answer = speak("identify", flight, *words, "--every", "20", "--model", model, "--json")
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["updates"] == 26
+    assert speak("evaluate", model, flight).code == 0
+
+
+MAPPING = """
+time: {column: t, unit: s}
+inputs: [{column: throttle, unit: "1", range: [0, 1]}]
+outputs: [{column: lift, unit: N, range: [-2, 2]}]
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> tuple[Path, Path]:
+    t = np.arange(200) * 0.01
+    throttle = 0.5 + 0.5 * np.sin(12.0 * t)
+    rows = np.column_stack([t, throttle, throttle**2])
+    table, mapping = tmp_path / "log.csv", tmp_path / "columns.yaml"
+    np.savetxt(table, rows, delimiter=",", header="t,throttle,lift", comments="")
+    mapping.write_text(MAPPING)
+    return table, mapping
+
+
+def test_identify_then_evaluate_a_table(
+    log: tuple[Path, Path], tmp_path: Path, speak: Speak
+) -> None:
+    table, mapping = log
+    model = tmp_path / "m.json"
+    words = ("--mapping", mapping, *LEARN, "--every", "1", "--hidden", "4", "--model", model)
+    answer = speak("identify", table, *words, "--json")
+    assert answer.code == 0, answer.err
+    assert "no gap" in answer.err
+    assert json.loads(answer.out)["nmse_second_half_worst"] < 0.1  # it learned a parabola
+    assert speak("evaluate", model, table, "--mapping", mapping).code == 0
+    assert "200" in speak("check", table, "--mapping", mapping).out
+
+
+def refusals(folder: Path) -> dict[str, tuple[tuple[object, ...], str]]:
+    """Words that cannot be obeyed, and what the one sentence must say."""
+    nothing, text = folder / "nothing.nc", folder / "text.nc"
+    text.write_text("no flight")
+    broken = folder / "robot.yaml"
+    broken.write_text("name: x\nwheels: 4\n")
+    fly = ("simulate", "aerobat", *FLY)
+    return {
+        "unknown robot": (("robots", "albatross"), "albatross"),
+        "figure of another kind": (("robots", "aerobat", "--draw", folder / "a.bmp"), ".png"),
+        "draw nothing": (("robots", "--draw", folder / "a.png"), "one robot"),
+        "no frequency": ((*fly, "--plunge", "1"), "--frequency"),
+        "no such joint": ((*fly, *BEAT, "--amplitude", "tail=1"), "tail"),
+        "not name=value": ((*fly, *BEAT, "--amplitude", "tail"), "NAME=VALUE"),
+        "beyond the limits of sense": ((*fly, *BEAT, "--density", "-1"), "density"),
+        "phase of a linkage": (
+            (*fly, "--gait", "linkage", "--frequency", "5", "--phase", "elbow=1"),
+            "--phase",
+        ),
+        "speed of a held wing": (
+            ("simulate", "yeo-wing", *FLY, "--gait", "still", "--speed", "3"),
+            "floats",
+        ),
+        "no gait table": ((*fly, "--gait", folder / "gait.csv"), "gait.csv"),
+        "no flight": (("check", nothing), "nothing.nc"),
+        "a text for a flight": (("check", text), "text.nc"),
+        "unknown key": (("check", broken), "wheels"),
+        "unknown ending": (("check", folder / "a.docx"), ".yaml"),
+        "table without mapping": (("identify", folder / "log.csv", *LEARN), "--mapping"),
+        "model of nothing": (("evaluate", folder / "m.json", nothing), "m.json"),
+    }
+
+
+@pytest.mark.parametrize("case", range(16))
+def test_what_cannot_be_done_is_one_sentence_and_exit_code_two(
+    case: int, tmp_path: Path, speak: Speak
+) -> None:
+    cases = refusals(tmp_path)
+    assert len(cases) == 16
+    name = list(cases)[case]
+    words, said = cases[name]
+    answer = speak(*words)
+    assert answer.code == 2, name
+    assert answer.err.startswith("patagium: "), name
+    assert said in answer.err, name
+    assert "Traceback" not in answer.err
+    assert answer.out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate", "aerobat"), "--duration"),
+        (("simulate", "aerobat", *FLY, "--frequency", "5 m"), "frequency"),
+        (("simulate", "aerobat", *FLY, "--wind", "1,2"), "three"),
+        (("identify", "x.nc", "--hidden", "8,-1"), "whole"),
+        (("sumilate",), "sumilate"),
+    ],
+)
+def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, speak: Speak) -> None:
+    answer = speak(*words)
+    assert answer.code == 2
+    assert said in answer.err
+
+
+def test_a_learner_is_not_given_what_it_does_not_take(flight: Path, speak: Speak) -> None:
+    missing = speak("identify", flight, "--prior-deviation", "0.3")
+    assert missing.code == 2 and "--measurement-deviation" in missing.err
+    foreign = speak("identify", flight, "--learner", "gradient", "--learning-rate", "1", *LEARN)
+    assert foreign.code == 2 and "gradient learner has none" in foreign.err
+
+
+def test_debug_shows_where_it_went_wrong() -> None:
+    with pytest.raises(RobotFileError, match="albatross"):
+        run(["robots", "albatross", "--debug"])
