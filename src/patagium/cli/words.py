@@ -167,8 +167,13 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
 
 
 def say_json(value: Any) -> None:
-    """A value as JSON on stdout; numbers that are not finite become null."""
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
+    """A value as JSON on stdout."""
+    typer.echo(json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """A value as JSON; numbers that are not finite become null."""
+    return json.dumps(_finite(value), indent=2, ensure_ascii=False)
 
 
 def show_table(table: Table) -> None:
