@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 REMEDY = "scale inputs and outputs, lower the prior deviation or the learning rate"
-MOST_VARIANCES = 200
+MOST_VARIANCES = 100
 """The covariance of the weights is looked at after at most this many updates."""
 
 
