@@ -86,7 +86,7 @@ int rival_build(int rows, const int *parent, const int *kind, const double *plac
     return 10000 * model->nq + model->nv;
 }
 
-void rival_copy(int on) { copy = on != 0; }
+void rival_copies_out(int on) { copy = on != 0; }
 
 void rival_mass_matrix(Input argument, Output result)
 {

@@ -52,7 +52,7 @@ def pinocchio_rival(robot: Robot) -> Rival | str:
     includes = ("-isystem", str(headers), "-isystem", str(eigen))
     library, seconds = compile_rival(
         f"Pinocchio {pinocchio_version()} in C++ (minutes)",
-        text,
+        {"rival.c": text},
         compiler,
         (*FLAGS, *_DEFINES, *includes),
     )
