@@ -1,8 +1,9 @@
 """Pinocchio in C++, compiled from the headers its wheel ships, for this processor.
 
 The headers of Boost come with the same wheel, those of Eigen with CasADi's. The model
-has the coordinates of q (translation and ZYX Euler angles, aligned one-axis joints);
-D is its upper triangle, as Pinocchio leaves it, and nothing is copied out.
+has the coordinates of q (translation and ZYX Euler angles, aligned one-axis joints),
+which on the Aerobat is faster than Pinocchio's own free flyer. D is its upper triangle,
+as Pinocchio leaves it, and nothing is copied out.
 """
 
 from __future__ import annotations

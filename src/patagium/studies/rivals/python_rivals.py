@@ -48,13 +48,42 @@ def python_rivals(robot: Robot, quantity: str) -> dict[str, Callable[..., object
         rivals["SymEngine's Lambdify with cse"] = lambda q, v=still: by_symengine(
             np.concatenate([q, v, parameters])
         )
-    for name, package, model in (
-        ("Pinocchio's Python call", "pinocchio", PinocchioModel),
-        ("MuJoCo's Python calls", "mujoco", MujocoModel),
-    ):
-        if find_spec(package):
-            rivals[name] = getattr(model(robot), quantity)
+    if find_spec("pinocchio"):
+        rivals["Pinocchio's Python call"] = _pinocchio(robot, quantity)
+    if find_spec("mujoco"):
+        rivals["MuJoCo's Python calls"] = _mujoco(robot, quantity)
     return rivals
+
+
+def _pinocchio(robot: Robot, quantity: str) -> Callable[..., object]:
+    """The bare call; which coordinate is which does not matter to its time."""
+    theirs = PinocchioModel(robot)
+    model, data, pinocchio = theirs.model, theirs.data, theirs.pinocchio
+    if quantity == "mass_matrix":
+        return lambda q: pinocchio.crba(model, data, q)
+    return lambda q, v: pinocchio.nonLinearEffects(model, data, q, v)
+
+
+def _mujoco(robot: Robot, quantity: str) -> Callable[..., object]:
+    """The bare calls of the stages a quantity needs."""
+    theirs = MujocoModel(robot)
+    model, state, mujoco = theirs.model, theirs.data, theirs.mujoco
+    force = np.zeros(robot.dof)
+
+    def mass_matrix(q: Array) -> None:
+        state.qpos[:] = q
+        mujoco.mj_kinematics(model, state)
+        mujoco.mj_comPos(model, state)
+        mujoco.mj_crb(model, state)
+
+    def bias(q: Array, v: Array) -> None:
+        state.qpos[:], state.qvel[:] = q, v
+        mujoco.mj_kinematics(model, state)
+        mujoco.mj_comPos(model, state)
+        mujoco.mj_comVel(model, state)
+        mujoco.mj_rne(model, state, 0, force)
+
+    return mass_matrix if quantity == "mass_matrix" else bias
 
 
 def interpreted_energy(robot: Robot, quantity: str) -> Callable[..., object]:
