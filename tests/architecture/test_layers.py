@@ -17,6 +17,7 @@ import patagium
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
     "Air",
+    "ChangeDetection",
     "CompilerError",
     "CubatureLearner",
     "DenseNetwork",
@@ -28,6 +29,7 @@ PUBLIC = {
     "GradientLearner",
     "LinearLearner",
     "LogError",
+    "LowRank",
     "OneMinusCosineGust",
     "Outcome",
     "ParameterError",

@@ -15,21 +15,26 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.array_filter import ArrayFilter, FilterSetting, Prediction
-from patagium.identification.network import Network
+from patagium.identification.kernel_memory import (
+    ACTIVATION_CODES,
+    aligned,
+    install_encoder,
+    kernel_function,
+    rounded_up,
+)
 from patagium.identification.root import with_noise
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
 
 _INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "unused")
-_NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest")
+_NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest", "nis")
 _STATE = ("mean", "noise", "root", "near")
 _WORK = ("slopes", "bends", "steps", "shrinks", "cross", "points", "at_mean", "weighting", "small")
 _ENCODER = ("encode", "encode_arguments", "encode_results")
 _SAMPLE = ("features", "readout", "offset", "measured")
 _RESULT = ("predicted", "innovation", "covariance")
 _ARRAYS = (*_STATE, *_WORK, *_SAMPLE, *_RESULT)
-_ACTIVATIONS = {"softplus": 0, "tanh": 1}
 
 
 class _Cubature(ctypes.Structure):
@@ -69,9 +74,9 @@ class KernelFilter:
         self.setting = setting
         self._arrays = _allocate(setting)
         self._struct = _structure(setting, self._arrays)
-        self._x, self._keep = _install_encoder(setting.network, self._struct, self._arrays)
+        self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
-        self._predict, self._update = (_function(library, name) for name in ("predict", "update"))
+        self._predict, self._update = (kernel_function(library, f"cubature_{name}") for name in ("predict", "update"))
         self._features, self._readout = self._arrays["features"], self._arrays["readout"]
         self._offset, self._measured = self._arrays["offset"], self._arrays["measured"]
         self._arrays["mean"][:] = mean
@@ -86,6 +91,11 @@ class KernelFilter:
     def mean(self) -> Array:
         """W, (n,)."""
         return self._arrays["mean"].copy()
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared of the last sample learned."""
+        return float(self._struct.nis)
 
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
@@ -118,6 +128,16 @@ class KernelFilter:
         """P after the last sample, (n, n)."""
         root = self.root()
         return np.asarray(root @ root.T)
+
+    def variances(self) -> Array:
+        """Its diagonal, (n,)."""
+        root = self.root()
+        return np.asarray(np.einsum("ij,ij->i", root, root))
+
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once."""
+        self._put_root(with_noise(np.sqrt(growth) * self.root(), noise))
+        self._before_noise = None
 
     def _panels(self) -> Iterator[tuple[slice, Array]]:
         """Columns of every panel, and its rows from the first of them on."""
@@ -170,12 +190,6 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
     return KernelFilter(setting, mean, root, library)
 
 
-def _function(library: ctypes.CDLL, name: str) -> Any:
-    function = getattr(library, f"cubature_{name}")
-    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
-    return function
-
-
 def _lanes(setting: FilterSetting) -> int:
     return 64 // np.dtype(setting.dtype).itemsize
 
@@ -189,7 +203,7 @@ def _allocate(setting: FilterSetting) -> dict[str, Array]:
     network, outputs, lanes = setting.network, len(setting.noise), _lanes(setting)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = _panel(setting), len(widths) - 1, max(widths)
-    rows, stride = _up(network.size, panel), _up(outputs, lanes)
+    rows, stride = rounded_up(network.size, panel), rounded_up(outputs, lanes)
     panels = rows // panel
     reals = {
         "root": (panel * (panels * rows - panel * panels * (panels - 1) // 2),),
@@ -200,7 +214,7 @@ def _allocate(setting: FilterSetting) -> dict[str, Array]:
         "shrinks": (rows,),
         "cross": (rows, stride),
         "points": (2, items, widest, panel),
-        "at_mean": (2, layers, _up(items * widest, lanes)),
+        "at_mean": (2, layers, rounded_up(items * widest, lanes)),
         "weighting": (items * widths[-1], stride),
     }
     doubles = {
@@ -215,8 +229,8 @@ def _allocate(setting: FilterSetting) -> dict[str, Array]:
         "innovation": (outputs,),
         "covariance": (outputs, outputs),
     }
-    arrays = {name: _aligned(shape, np.dtype(setting.dtype)) for name, shape in reals.items()}
-    arrays |= {name: _aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
+    arrays = {name: aligned(shape, np.dtype(setting.dtype)) for name, shape in reals.items()}
+    arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
     arrays["widths"] = np.array(widths, np.int32)
     arrays["offset"][:] = network.offset
     return arrays
@@ -232,36 +246,8 @@ def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Cubature:
         stride=arrays["slopes"].shape[1],
         items=network.items,
         layers=len(network.perceptron.widths) - 1,
-        activation=_ACTIVATIONS[network.perceptron.activation],
+        activation=ACTIVATION_CODES[network.perceptron.activation],
         growth=1.0 / np.sqrt(forgets),
         **setting.rule._asdict(),
         **{name: arrays[name].ctypes.data for name in (*_ARRAYS, "widths")},
     )
-
-
-def _install_encoder(
-    network: Network, struct: _Cubature, arrays: dict[str, Array]
-) -> tuple[Array | None, tuple[Any, ...]]:
-    """Let the kernel call a compiled encoder itself; gives the x it reads, or None."""
-    compiled = network.compiled_encoder()
-    if compiled is None:
-        return None, ()
-    address, constants = compiled
-    x = np.zeros(network.inputs)
-    arguments = (ctypes.c_void_p * 2)(x.ctypes.data, constants.ctypes.data)
-    results = (ctypes.c_void_p * 2)(struct.features, struct.readout)
-    struct.encode = address
-    struct.encode_arguments = ctypes.addressof(arguments)
-    struct.encode_results = ctypes.addressof(results)
-    return x, (arguments, results, constants)
-
-
-def _aligned(shape: tuple[int, ...], dtype: Any) -> Any:
-    size = int(np.prod(shape)) * dtype.itemsize
-    raw = np.zeros(size + 64, np.uint8)
-    start = -raw.ctypes.data % 64
-    return raw[start : start + size].view(dtype).reshape(shape)
-
-
-def _up(count: int, multiple: int) -> int:
-    return -(-count // multiple) * multiple

@@ -22,12 +22,9 @@
 #include <math.h>
 
 #include "points.h"
+#include "small.h"
 
 enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
-
-#define WIDE 8 /* doubles in a vector of the small algebra */
-
-typedef double wide __attribute__((vector_size(8 * WIDE)));
 
 /* Rows and vectors of a block of a product that stay in registers. */
 #ifdef __AVX512F__
@@ -37,14 +34,6 @@ typedef double wide __attribute__((vector_size(8 * WIDE)));
 #define ROWS 4
 #define VECTORS 1
 #endif
-
-static inline wide wide_load(const double *p) {
-  wide x;
-  memcpy(&x, p, sizeof x);
-  return x;
-}
-
-static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
 
 /* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
 static inline __attribute__((always_inline)) void block_product(
@@ -153,45 +142,6 @@ static void moments(cubature *f, double *remainder, double *work) {
   }
 }
 
-/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
-static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
-  for (int k = 0; k < m; k++)
-    for (int l = 0; l <= k; l++) {
-      double sum = matrix[k * stride + l];
-      for (int i = 0; i < l; i++) sum -= lower[k * stride + i] * lower[l * stride + i];
-      if (k > l) {
-        lower[k * stride + l] = sum * lower[l * stride + l]; /* the diagonal is inverted */
-      } else {
-        if (!(sum > 0) || !isfinite(sum)) return 0;
-        lower[k * stride + k] = 1 / sqrt(sum);
-      }
-    }
-  for (int l = 0; l < m; l++) {
-    g[l * stride + l] = lower[l * stride + l];
-    for (int k = l + 1; k < m; k++) {
-      double sum = 0;
-      for (int i = l; i < k; i++) sum -= lower[k * stride + i] * g[l * stride + i];
-      g[l * stride + k] = sum * lower[k * stride + k];
-    }
-  }
-  return 1;
-}
-
-/* target <- sum over k of scale[k] rows of g, `count` rows of `stride`. */
-static inline void combine(int count, int stride, const double *scale, const double *g,
-                           double *target) {
-  for (int l = 0; l < stride; l += WIDE) {
-    wide even = {0}, odd = {0};
-    int k = 0;
-    for (; k + 2 <= count; k += 2) {
-      even += scale[k] * wide_load(g + k * stride + l);
-      odd += scale[k + 1] * wide_load(g + (k + 1) * stride + l);
-    }
-    if (k < count) even += scale[k] * wide_load(g + k * stride + l);
-    wide_store(target + l, even + odd);
-  }
-}
-
 /* The recursion over the columns: steps, shrinks; g becomes the root of P_yy^-1.
  * turned is g transposed, kept beside it. */
 static void recur(cubature *f, double *g, double *turned) {
@@ -283,6 +233,8 @@ int cubature_update(cubature *f) {
   double inner[stride], gain[stride];
   combine(m, stride, f->innovation, g, inner);
   combine(m, stride, inner, turned, gain);
+  f->nis = 0;
+  for (int k = 0; k < m; k++) f->nis += inner[k] * inner[k];
   for (int j = 0; j < f->weights; j++) {
     double step = 0;
     for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];

@@ -30,6 +30,7 @@ typedef struct {
   double centered;       /*     + shift_gain D D' + diag(noise); c: half sums less the */
   double shift_gain;     /*     value at the mean, D = sum c / spread^2 */
   double largest;        /* no row of S is longer */
+  double nis;            /* normalized innovation squared of the last sample */
   double *mean;          /* n */
   double *noise;         /* n_y, variances */
   REAL *root;            /* S: panels of (rows - first column) x PANEL */

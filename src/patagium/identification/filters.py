@@ -1,0 +1,72 @@
+"""Which filter of weights a structure of the covariance takes, compiled where it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.identification.array_filter import FilterSetting, WeightFilter
+from patagium.identification.block_filter import BlockFilter, setting_blocks
+from patagium.identification.extended_filter import ExtendedBlockFilter, ExtendedFilter
+from patagium.identification.kernel_filter import restore
+from patagium.identification.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
+from patagium.identification.node_filter import NodeFilter, load_node
+from patagium.identification.structure import LowRank
+
+Array = NDArray[np.float64]
+
+
+def cubature_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+    """A cubature filter whose weights start independent.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        deviation: Their standard deviations, (n,).
+    """
+    if isinstance(setting.structure, LowRank):
+        return LowRankFilter(setting, mean, independent(setting, deviation))
+    if setting.structure == "full":
+        return restore(setting, mean, np.diag(deviation))
+    roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+    return restore_blocks(setting, mean, roots)
+
+
+def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+    """The same with the network linear around its weights.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        deviation: Their standard deviations, (n,).
+    """
+    if isinstance(setting.structure, LowRank):
+        return ExtendedLowRankFilter(setting, mean, independent(setting, deviation))
+    if setting.structure == "full":
+        return ExtendedFilter(setting, mean, np.diag(deviation))
+    roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+    return ExtendedBlockFilter(setting, mean, roots)
+
+
+def independent(setting: FilterSetting, deviation: Array) -> Precision:
+    """The inverse of a diagonal covariance, with columns of zeros."""
+    rank = min(setting.structure.rank, len(deviation)) if isinstance(setting.structure, LowRank) else 0
+    return Precision(1.0 / deviation**2, np.zeros((len(deviation), rank)))
+
+
+def restore_blocks(
+    setting: FilterSetting, mean: Array, roots: Sequence[Array]
+) -> NodeFilter | BlockFilter:
+    """A filter of blocks in the state given, compiled where there is a compiler.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        roots: The lower triangular square root of each block's covariance, (k, k).
+    """
+    library = load_node(setting.dtype) if setting.structure == "node" else None
+    if library is None:
+        return BlockFilter(setting, mean, roots)
+    return NodeFilter(setting, mean, roots, library)
