@@ -5,6 +5,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
 from patagium.aerodynamics.indicial import (
     FOUR_STATE,
+    NO_STATE,
     ONE_STATE,
     TWO_STATE,
     Indicial,
@@ -21,6 +22,7 @@ from patagium.aerodynamics.sections import Section
 
 __all__ = [
     "FOUR_STATE",
+    "NO_STATE",
     "ONE_STATE",
     "PUBLISHED_ERRORS",
     "TWO_STATE",

@@ -36,8 +36,8 @@ class Indicial:
 
     Raises:
         ShapeError: If the three differ in length.
-        ParameterError: If there is no lag, a rate is not positive, a number is not
-            finite, or the response to a step would begin below zero or above one.
+        ParameterError: If a rate is not positive, a number is not finite, or the response
+            to a step would begin below zero or above one.
     """
 
     rate: tuple[float, ...]
@@ -52,8 +52,8 @@ class Indicial:
             if not np.isfinite(values).all():
                 raise ParameterError(name, "finite numbers", getattr(self, name))
             object.__setattr__(self, name, tuple(values.tolist()))
-        if not self.rate or min(self.rate) <= 0:
-            raise ParameterError("rate", "one or more positive rates [1/semichord]", self.rate)
+        if min(self.rate, default=1.0) <= 0:
+            raise ParameterError("rate", "positive rates [1/semichord]", self.rate)
         for name in ("lift", "circulation"):
             total = sum(getattr(self, name))
             if not 0 <= total <= 1:
@@ -106,10 +106,11 @@ class Indicial:
 
     def _response(self, semichords: ArrayLike, amplitude: tuple[float, ...]) -> Array:
         s = np.atleast_1d(np.asarray(semichords, float))
-        return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ amplitude)
+        return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ np.asarray(amplitude, float))
 
     def _transfer(self, reduced_frequency: ArrayLike, amplitude: tuple[float, ...]) -> ComplexArray:
-        return np.asarray(1.0 - _basis(reduced_frequency, self.rate) @ amplitude)
+        basis = _basis(reduced_frequency, self.rate)
+        return np.asarray(1.0 - basis @ np.asarray(amplitude, float))
 
 
 def fitted_indicial(rate: Sequence[float]) -> Indicial:
@@ -155,6 +156,9 @@ def _amplitudes(k: Array, transfer: ComplexArray, rate: Array, total: float | No
     others = np.linalg.lstsq(free, right - total * matrix[:, -1], rcond=None)[0]
     return np.append(others, total - others.sum())
 
+
+NO_STATE = Indicial(rate=(), lift=(), circulation=())
+"""No lag: air without memory, the classic lifting line at every instant."""
 
 ONE_STATE = Indicial(rate=(0.25,), lift=(0.5,), circulation=(0.8,))
 """One lag a section; Izraelevitz, Zhu and Triantafyllou (2017)."""

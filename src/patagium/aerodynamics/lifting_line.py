@@ -45,7 +45,8 @@ class Wash:
     """Normal velocities of the air at the strips of a lifting line, (n, 1) each [m/s].
 
     Attributes:
-        effective: Of the undisturbed wind at three quarters of the chord, with the wind induced by the trailing vortices.
+        effective: Of the undisturbed wind at three quarters of the chord and of the wind
+            induced by the trailing vortices.
         lagged: What the lift answers to, phi(0) effective + sum_k a_k z_k.
         circulation: Bound circulation along forward x normal [m^2/s].
         induced: Velocity induced by the trailing vortices, lattice axes, (3, n) [m/s].
@@ -264,15 +265,15 @@ class _Numbers:
         parts = [[parameters[2 + part * count + k] for k in range(count)] for part in range(3)]
         self.density, self.surface_constant = parameters[0], parameters[1]
         self.rate, self.lift, self.circulation = parts
-        self.first_lift = 1.0 - sum(self.lift[1:], self.lift[0])
-        self.first_circulation = 1.0 - sum(self.circulation[1:], self.circulation[0])
+        self.first_lift = 1.0 - sum(self.lift, ca.SX(0))
+        self.first_circulation = 1.0 - sum(self.circulation, ca.SX(0))
         self.of_section = parameters[2 + 3 * count :]
         self.section, self.stalled = model.section.named(self.of_section)
 
     def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
         """Sum over a strip's lags of amplitude times lagged normalwash."""
         terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
-        return sum(terms[1:], terms[0])
+        return sum(terms, ca.SX(0))
 
 
 def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
@@ -333,7 +334,7 @@ def _pressure(motion: StripMotion, p: _Numbers) -> Any:
 def _state_derivative(
     motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
 ) -> ca.SX:
-    rates = []
+    rates = [ca.SX(0, 1)]
     for i, motion in enumerate(motions):
         semichords = 2 * _airspeed(motion) / motion.strip.chord
         for k, rate in enumerate(p.rate):
@@ -366,7 +367,8 @@ def _load(
 
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2
-    friction = friction * smooth_norm(flow.speed * flow.speed + motion.spanwise * motion.spanwise)
+    spanwise = motion.spanwise_ahead(ahead)
+    friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
     across, along = section.stalled.coefficients(flow, p.stalled)
     pressure = separated * density_area * flow.speed / 2
     return StripLoad(
@@ -379,7 +381,7 @@ def _load(
         - friction * normal,
         ahead=ahead,
         angle_of_attack=2 * ca.atan(lagged / (speed + forward * sign)),
-        spanwise=-friction * motion.spanwise,
+        spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], induced),
     )

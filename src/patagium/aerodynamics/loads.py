@@ -106,7 +106,7 @@ def assemble(
         incidences.append(load.angle_of_attack)
         speeds.append(ca.sqrt(motion.forward**2 + normal_velocity**2))
         power = power + load.forward * motion.forward + load.normal * normal_velocity
-        power = power + load.spanwise * motion.spanwise
+        power = power + load.spanwise * motion.spanwise_ahead(load.ahead)
     return AeroExpressions(
         generalized_force=generalized_force(robot, q, wrenches),
         strip_force=ca.horzcat(*forces),

@@ -38,6 +38,7 @@ class StripMotion:
         spanwise: Velocity along normal x forward [m/s].
         normal: Velocity out of the upper surface [m/s].
         pitch_rate: Rate at which the leading edge rises, about the span [rad/s].
+        turn_rate: Rate of turn about the normal [rad/s].
     """
 
     strip: Strip
@@ -45,6 +46,7 @@ class StripMotion:
     spanwise: ca.SX
     normal: ca.SX
     pitch_rate: ca.SX
+    turn_rate: ca.SX
 
     def normal_ahead(self, distance: Any) -> Any:
         """Normal velocity of the chord point ahead of the quarter chord, scalar [m/s].
@@ -53,6 +55,14 @@ class StripMotion:
             distance: Ahead of the quarter chord, negative behind [m].
         """
         return self.normal + distance * self.pitch_rate
+
+    def spanwise_ahead(self, distance: Any) -> Any:
+        """Spanwise velocity of the chord point ahead of the quarter chord, scalar [m/s].
+
+        Args:
+            distance: Ahead of the quarter chord, negative behind [m].
+        """
+        return self.spanwise + distance * self.turn_rate
 
 
 def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
@@ -106,6 +116,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
                 ca.dot(span, velocity),
                 ca.dot(normal, velocity),
                 -ca.dot(span, twist.angular),
+                ca.dot(normal, twist.angular),
             )
         )
     return motions

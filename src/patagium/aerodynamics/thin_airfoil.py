@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import quad
 from scipy.special import hankel2, i0e, i1e, j0, j1, k0e, k1e
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+_LOGARITHM = np.linspace(-25.0, 6.0, 400)
 
 
 def theodorsen_function(reduced_frequency: ArrayLike) -> ComplexArray:
@@ -61,7 +62,11 @@ def wagner_function(semichords: ArrayLike) -> Array:
     Args:
         semichords: Distance travelled since the step >= 0, (N,) [semichords].
     """
-    return np.array([1.0 - _wake_deficit(s) for s in np.atleast_1d(semichords)])
+    # trapezoidal rule in log x: the integrand and its derivatives vanish at both ends
+    x, step = np.exp(_LOGARITHM), _LOGARITHM[1] - _LOGARITHM[0]
+    wake = (k0e(x) - k1e(x)) ** 2 * np.exp(-4 * x) + np.pi**2 * (i0e(x) + i1e(x)) ** 2
+    decay = np.exp(-np.outer(np.atleast_1d(semichords), x) - 2 * x)
+    return np.asarray(1.0 - step * (decay @ (1.0 / (x * wake))))
 
 
 def kussner_function(semichords: ArrayLike) -> Array:
@@ -85,14 +90,3 @@ def kussner_function(semichords: ArrayLike) -> Array:
         circulatory = growth @ wagner_function(travelled)
         values.append((circulatory + np.sqrt(1.0 - (front - 1.0) ** 2)) / np.pi)
     return np.array(values)
-
-
-def _wake_deficit(s: float) -> float:
-    """Lift still missing s semichords after a step."""
-
-    def integrand(log_x: float) -> float:
-        x = np.exp(log_x)
-        wake = (k0e(x) - k1e(x)) ** 2 * np.exp(-4 * x) + np.pi**2 * (i0e(x) + i1e(x)) ** 2
-        return float(np.exp(-(s + 2.0) * x) / (x * wake))
-
-    return float(quad(integrand, -25.0, 6.0, limit=500, epsabs=1e-12)[0])
