@@ -40,16 +40,16 @@ if TYPE_CHECKING:
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
-    from patagium.identification import identify as identify
-    from patagium.identification import training_data as training_data
+    from patagium.identification.identify import identify as identify
+    from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
     from patagium.simulation import mounts as mounts
     from patagium.simulation import save_flight as save_flight
-    from patagium.simulation import simulate as simulate
     from patagium.simulation import simulate_published as simulate_published
+    from patagium.simulation.simulate import simulate as simulate
 
 _HOMES = {
     "errors": (

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.metadata
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -75,3 +79,34 @@ def test_importing_loads_nothing_heavy(statement: str) -> None:
     program = f"{statement}; import sys; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
+
+
+def third_party_imports(path: Path) -> set[str]:
+    """Top names of what a module imports that is neither Python's nor ours."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module)
+    tops = {name.partition(".")[0] for name in names}
+    return tops - set(sys.stdlib_module_names) - {"patagium"}
+
+
+def test_every_import_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    rivals = project["optional-dependencies"]["bench"]
+    core = {canonical(line) for line in project["dependencies"]}
+    distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
+    for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
+        allowed = core | (
+            {canonical(line) for line in rivals} if "studies" in path.parts else set()
+        )
+        for name in third_party_imports(path):
+            owners = {canonical(owner) for owner in distributions[name]}
+            assert owners & allowed, f"{path.name} imports {name} of {owners}, not declared"
+
+
+def canonical(requirement: str) -> str:
+    """Name of a distribution as the index spells it, from a requirement."""
+    return re.split(r"[^A-Za-z0-9._-]", requirement)[0].lower().replace("_", "-")

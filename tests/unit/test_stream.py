@@ -19,6 +19,7 @@ class Lines:
 
     def __init__(self, inputs: int, outputs: int) -> None:
         self.inputs, self.outputs = inputs, outputs
+        self.size = inputs * outputs
         self.output_names = tuple(f"y{i}" for i in range(outputs))
 
     def evaluate(self, x: Array, weights: Array) -> Array:
@@ -238,6 +239,15 @@ def test_what_does_not_fit_is_refused(
     given: dict[str, Any] = {"time": time, "x": x, "y": y, **change}
     with pytest.raises(error, match=message):
         stream(Kalman(3, 2), every=1, **given)
+
+
+def test_the_largest_variance_is_looked_at_now_and_then_and_at_the_end() -> None:
+    time, x, y = log(400)
+    result = stream(Kalman(3, 2), time, x, y, every=1)
+    seen = np.isfinite(result.prediction["largest_variance"].values)
+    assert seen.sum() == 100 and seen[0] and seen[-1]
+    assert result.scores["largest_variance"] == result.learner.covariance.diagonal().max()
+    assert result.scores["largest_variance"] < 1e-3  # the prior was 1
 
 
 def test_progress_ends_with_all_samples() -> None:

@@ -37,7 +37,7 @@ def test_units_scale_columns_to_si() -> None:
     np.testing.assert_allclose(table.x[:, 1], [0.0, 100.0, 200.0, 300.0])
     np.testing.assert_allclose(table.y[:, 0], 9.80665 * np.array([1.0, 1.1, 0.9, 1.0]), rtol=1e-14)
     assert table.input_names == ("rate", "throttle")
-    assert table.output_units == ("m / s ** 2",) and table.input_units == ("rad / s", "1")
+    assert table.output_units == ("m/s^2",) and table.input_units == ("rad/s", "1")
     np.testing.assert_allclose(table.input_range[0], [-np.pi, np.pi])
     assert np.isnan(table.input_range[1]).all()
 

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from patagium.errors import ParameterError, ShapeError
 
@@ -143,7 +142,7 @@ class DrydenGust:
         if axis == 0:
             drive = sqrt(1.0 - decay**2) * noise[:, 0]
             drive[0] = noise[0, 0]
-            return np.asarray(lfilter([1.0], [1.0, -decay], drive))
+            return _recursion(decay, drive)
         return _transverse(step, decay, noise)
 
 
@@ -158,11 +157,18 @@ def _transverse(step: float, decay: float, noise: NDArray[np.float64]) -> NDArra
     added = np.linalg.cholesky(stationary - transition @ stationary @ transition.T)
     drive = noise @ added.T
     drive[0] = np.linalg.cholesky(stationary) @ noise[0]
-    first = lfilter([1.0], [1.0, -decay], drive[:, 0])
+    first = _recursion(decay, drive[:, 0])
     second_drive = drive[:, 1].copy()
     second_drive[1:] += decay * step * first[:-1]
-    second = lfilter([1.0], [1.0, -decay], second_drive)
+    second = _recursion(decay, second_drive)
     return np.asarray(sqrt(3.0) * first + (1.0 - sqrt(3.0)) * second)
+
+
+def _recursion(decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+    """State s_k = decay s_(k-1) + drive_k, (N,)."""
+    from scipy.signal import lfilter  # half of the time it takes to import patagium
+
+    return np.asarray(lfilter([1.0], [1.0, -decay], drive))
 
 
 def gust_from_description(description: Mapping[str, Any]) -> Gust:

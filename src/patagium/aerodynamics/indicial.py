@@ -84,7 +84,7 @@ class Indicial:
         """Lift over its quasi-steady value in harmonic motion, in place of C(k), (N,).
 
         Args:
-            reduced_frequency: k = angular frequency x semichord / airspeed, (N,).
+            reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
         """
         return self._transfer(reduced_frequency, self.lift)
 
@@ -92,7 +92,7 @@ class Indicial:
         """Circulation over its quasi-steady value in harmonic motion, (N,).
 
         Args:
-            reduced_frequency: k = angular frequency x semichord / airspeed, (N,).
+            reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
         """
         return self._transfer(reduced_frequency, self.circulation)
 

@@ -22,7 +22,7 @@ def theodorsen_function(reduced_frequency: ArrayLike) -> ComplexArray:
     C = H1 / (H1 + i H0), Hankel functions of the second kind.
 
     Args:
-        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,).
+        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
     """
     k = np.asarray(reduced_frequency, float)
     return np.asarray(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
@@ -34,7 +34,7 @@ def circulation_function(reduced_frequency: ArrayLike) -> ComplexArray:
     (2 i / (pi k)) exp(-i k) / (H1 + i H0), Hankel functions of the second kind.
 
     Args:
-        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,).
+        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
     """
     k = np.asarray(reduced_frequency, float)
     wake = hankel2(1, k) + 1j * hankel2(0, k)
@@ -47,7 +47,7 @@ def sears_function(reduced_frequency: ArrayLike) -> ComplexArray:
     S = C (J0 - i J1) + i J1.
 
     Args:
-        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,).
+        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
     """
     k = np.asarray(reduced_frequency, float)
     c = theodorsen_function(k)

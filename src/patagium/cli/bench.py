@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -11,30 +10,35 @@ import typer
 EXAMPLES = (
     "patagium bench",
     "patagium bench --json bench.json",
+    "patagium bench --quick",
+    "patagium bench --only update --only simulation",
 )
 
 
 def bench(
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the list of results there too.")
+        Path | None, typer.Option("--json", help="Write the list of figures there too.")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repetitions, and no rival that compiles long.")
+        bool, typer.Option("--quick", help="Leave out rivals that take minutes to compile.")
     ] = False,
+    only: Annotated[list[str] | None, typer.Option(help="One group of figures. Repeat it.")] = None,
 ) -> None:
     """Time dynamics, air, networks and updates, beside other programs doing the same.
 
-    Random states, medians, one core. Rivals that are not installed are left out and named.
+    Random states, medians, one core. A rival that is missing is named, with the reason.
     """
-    from patagium.cli.words import show_table, stage_bar
+    from patagium.cli.words import json_text, show_table, stage_bar
     from patagium.report import Table
     from patagium.report.page import write_whole
-    from patagium.studies.bench import bench as run
+    from patagium.studies.benchmark import QUICK, run_benchmark
 
+    chosen = only or (QUICK if quick else None)
     with stage_bar("Timing") as progress:
-        results = run(progress=progress, quick=quick)
-    heads = ("name", "value", "unit", "against", "ratio")
-    show_table(Table(heads, [[result[head] for head in heads] for result in results]))
+        figures = run_benchmark(chosen, progress)
+    heads = ("name", "value", "unit", "against", "against_value", "ratio", "note")
+    rows = [[figure[head] for head in heads] for figure in figures]
+    show_table(Table([head.replace("_", " ") for head in heads], rows))
     if json_file is not None:
-        write_whole(json_file, json.dumps(results, indent=2) + "\n")
+        write_whole(json_file, json_text(figures) + "\n")
         typer.echo(f"Written to {json_file}", err=True)

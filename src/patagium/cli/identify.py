@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import WholeNumbers, whole_numbers
+from patagium.cli.words import Numbers, WholeNumbers, numbers, whole_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,8 +24,6 @@ EXAMPLES = (
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-deviation 0.5 --measurement-deviation 0.05",
 )
-
-_HIDDEN = WholeNumbers((8, 8))
 
 
 class NetworkKind(StrEnum):
@@ -60,8 +58,9 @@ def identify(
         NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
     ] = None,
     hidden: Annotated[
-        WholeNumbers, typer.Option(parser=whole_numbers, help="Neurons of each hidden layer.")
-    ] = _HIDDEN,
+        WholeNumbers | None,
+        typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 by default."),
+    ] = None,
     activation: Annotated[Activation, typer.Option(help="Of the hidden layers.")] = (
         Activation.SOFTPLUS
     ),
@@ -74,7 +73,8 @@ def identify(
         typer.Option(help="Of each weight at the start, before dividing by sqrt(fan-in)."),
     ] = None,
     measurement_deviation: Annotated[
-        float | None, typer.Option(help="Of the measurements, in their unit.")
+        Numbers | None,
+        typer.Option(parser=numbers, help="Of the outputs, in their units: one, or one each."),
     ] = None,
     process_deviation: Annotated[
         float | None, typer.Option(help="By which each weight wanders between updates.")
@@ -117,7 +117,7 @@ def identify(
 
     settings = {
         "prior_deviation": prior_deviation,
-        "measurement_deviation": measurement_deviation,
+        "measurement_deviation": _one_or_each(measurement_deviation),
         "process_deviation": process_deviation,
         "spread": spread,
         "forgetting_factor": forgetting_factor,
@@ -125,7 +125,8 @@ def identify(
         "replay": replay,
         "features": features,
     }
-    given = {name: value for name, value in settings.items() if value is not None}
+    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
+    kind, layers = _shape(network, hidden, learner)
     is_flight = file.suffix.lower() == ".nc"
     if is_flight and mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
@@ -134,12 +135,12 @@ def identify(
     with progress_bar(f"Learning from {file.name}") as progress:
         if mapping is None:
             flight = load_flight(existing(file))
-            net = _flight_network(flight, network, hidden, activation.value)
+            net = _flight_network(flight, kind, layers, activation.value)
             student = _learner(learner, net, given, seed)
             result = identify_flight(flight, student, every=every, progress=progress)
         else:
             table = read_table(existing(file), existing(mapping))
-            net = _table_network(table, network, hidden, activation.value)
+            net = _table_network(table, kind, layers, activation.value)
             student = _learner(learner, net, given, seed)
             result = identify_table(table, student, every=every, progress=progress)
             typer.echo(f"{file}: {table.describe_gaps()}", err=True)
@@ -176,8 +177,24 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     typer.echo(summary(scores))
 
 
+def _shape(
+    network: NetworkKind | None, hidden: WholeNumbers | None, learner: LearnerKind
+) -> tuple[NetworkKind | None, tuple[int, ...]]:
+    """The network asked for; the linear learner takes inputs and outputs only."""
+    from patagium.errors import ParameterError
+
+    if learner is not LearnerKind.LINEAR:
+        return network, hidden or (8, 8)
+    if hidden is not None or network is NetworkKind.STRIP:
+        option = "--network" if hidden is None else "--hidden"
+        raise ParameterError(
+            option, "nothing: the linear learner has --features", hidden or network
+        )
+    return NetworkKind.DENSE, ()
+
+
 def _flight_network(
-    flight: Any, kind: NetworkKind | None, hidden: WholeNumbers, activation: str
+    flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     from patagium.identification import DenseNetwork, StripNetwork, training_data
     from patagium.simulation import aero_of, robot_of
@@ -212,7 +229,7 @@ def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def _table_network(
-    table: Table, kind: NetworkKind | None, hidden: WholeNumbers, activation: str
+    table: Table, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     from patagium.errors import ParameterError
     from patagium.identification.logs import network_for
@@ -236,7 +253,7 @@ _TAKEN = {
 }
 
 
-def _learner(kind: LearnerKind, network: Any, given: Mapping[str, float], seed: int) -> Any:
+def _learner(kind: LearnerKind, network: Any, given: Mapping[str, Any], seed: int) -> Any:
     from patagium import identification
     from patagium.errors import ParameterError
 
@@ -246,6 +263,10 @@ def _learner(kind: LearnerKind, network: Any, given: Mapping[str, float], seed: 
         raise ParameterError(_option(name), f"nothing: the {kind} learner has none", given[name])
     make = getattr(identification, f"{kind.value.capitalize()}Learner")
     return make(network, seed=seed, **given)
+
+
+def _one_or_each(deviations: Numbers | None) -> float | Numbers | None:
+    return deviations[0] if deviations is not None and len(deviations) == 1 else deviations
 
 
 def _option(name: str) -> str:

@@ -29,6 +29,10 @@ class WholeNumbers(tuple[int, ...]):
     """Positive whole numbers in order; no tuple to typer, which would want its length."""
 
 
+class Numbers(tuple[float, ...]):
+    """Numbers in order."""
+
+
 Progress = Callable[[int, int], None]
 Stages = Callable[[str, float], None]
 
@@ -73,17 +77,23 @@ def vector(unit: str, noun: str) -> Callable[[str], Vector]:
     return read
 
 
-def whole_numbers(text: str | WholeNumbers) -> WholeNumbers:
-    """Positive whole numbers such as "8,8"."""
-    if isinstance(text, WholeNumbers):  # the default
-        return text
+def numbers(text: str) -> Numbers:
+    """Numbers such as "0.003" or "0.003,0.01"."""
     try:
-        numbers = WholeNumbers(int(part) for part in text.split(","))
+        return Numbers(float(part) for part in text.split(","))
     except ValueError:
-        numbers = WholeNumbers()
-    if not numbers or min(numbers) < 1:
+        raise typer.BadParameter(f"expected numbers such as 0.003,0.01, found {text!r}") from None
+
+
+def whole_numbers(text: str) -> WholeNumbers:
+    """Positive whole numbers such as "8,8"."""
+    try:
+        found = WholeNumbers(int(part) for part in text.split(","))
+    except ValueError:
+        found = WholeNumbers()
+    if not found or min(found) < 1:
         raise typer.BadParameter(f"expected positive whole numbers such as 8,8, found {text!r}")
-    return numbers
+    return found
 
 
 def named_quantities(option: str, words: Sequence[str], unit: str, noun: str) -> dict[str, float]:
@@ -167,8 +177,13 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
 
 
 def say_json(value: Any) -> None:
-    """A value as JSON on stdout; numbers that are not finite become null."""
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
+    """A value as JSON on stdout."""
+    typer.echo(json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """A value as JSON; numbers that are not finite become null."""
+    return json.dumps(_finite(value), indent=2, ensure_ascii=False)
 
 
 def show_table(table: Table) -> None:

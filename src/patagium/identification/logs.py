@@ -18,6 +18,9 @@ from patagium.identification.table import Table
 
 Array = NDArray[np.float64]
 
+HORIZONS = {"10ms": 0.01, "1s": 1.0}
+"""Spans predicted with frozen weights unless others are asked for [s]."""
+
 
 def network_for(table: Table, hidden: Sequence[int], activation: str = "softplus") -> DenseNetwork:
     """A dense network for the columns of a table, scaled by their stated ranges.
@@ -68,7 +71,8 @@ def identify_table(
         table: The log.
         learner: What learns; it is changed.
         every: 100 to use one sample in 100.
-        horizons: Label and length [s] of the spans to predict with frozen weights.
+        horizons: Label and length [s] of the spans to predict with frozen weights; None:
+            10 ms and 1 s.
         progress: Called now and then with samples done and samples in all.
     """
     result = stream(
@@ -77,7 +81,7 @@ def identify_table(
         table.x,
         table.y,
         every=every,
-        horizons=horizons,
+        horizons=HORIZONS if horizons is None else horizons,
         names=table.output_names,
         units=table.output_units,
         gaps=table.gaps,

@@ -19,6 +19,13 @@ from patagium.errors import LogError
 
 _UNIT = re.compile(r"[A-Za-z0-9_µ°·*/^(). -]{0,40}")
 _HIGH_POWER = re.compile(r"(?:\^|\*\*)\s*\(?\s*-?\d{2,}")
+_DERIVED = {
+    "kg m/s^2": "N",
+    "kg m^2/s^2": "N m",
+    "kg m^2/s^3": "W",
+    "kg/m/s^2": "Pa",
+}
+"""How a person writes the SI units of mechanics."""
 
 
 class _Words(BaseModel):
@@ -159,7 +166,7 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
         ) from problem
     if zero.magnitude != 0.0:
         raise LogError(f"{where}: expected a unit that only scales, found {unit!r}")
-    return float(one.magnitude), f"{one.units:~}" or "1"
+    return float(one.magnitude), _written(f"{one.units:~}")
 
 
 @cache
@@ -178,6 +185,11 @@ def _unit(text: str, where: str) -> Any:
         raise LogError(
             f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {text!r}"
         ) from problem
+
+
+def _written(unit: str) -> str:
+    plain = unit.replace(" ** ", "^").replace(" * ", " ").replace(" / ", "/")
+    return _DERIVED.get(plain, plain) or "1"
 
 
 def _dimension(dimension: Any) -> str:

@@ -18,8 +18,8 @@ from patagium.errors import ParameterError
 
 Indices = NDArray[np.int64]
 
-MOST_WINDOWS = 40
-"""Horizons are scored from at most this many instants, spread evenly."""
+MOST_AHEAD = 40_000
+"""A horizon is scored over windows of about this many samples in all, spread evenly."""
 MOST_CHECKS = 500
 """The predicted interval is checked in at most this many hold intervals, spread evenly."""
 
@@ -112,7 +112,7 @@ def plan_horizons(
         begins = begins[begins + length <= len(time)]
         inside = np.searchsorted(gaps, begins + length) - np.searchsorted(gaps, begins)
         begins = begins[inside == 0]
-        planned.append(Horizon(label, duration, length, thin(begins, MOST_WINDOWS)))
+        planned.append(Horizon(label, duration, length, thin(begins, max(2, MOST_AHEAD // length))))
     return tuple(planned)
 
 

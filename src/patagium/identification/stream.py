@@ -33,8 +33,10 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 REMEDY = "scale inputs and outputs, lower the prior deviation or the learning rate"
-MOST_VARIANCES = 200
-"""The covariance of the weights is looked at after at most this many updates."""
+MOST_VARIANCES = 100
+"""The covariance of the weights is looked at after at most this many updates, ..."""
+MOST_ENTRIES = 2e7
+"""... and fewer (ten at least) where that would make it more numbers than this."""
 
 
 def stream(
@@ -118,7 +120,9 @@ class _Stream:
         intervals = list(holds(self.used, len(self.time)))
         checks = check_samples(intervals)
         starts = {h.label: set(h.begins.tolist()) for h in self.horizons}
-        looked = set(thin(np.arange(len(self.used)), MOST_VARIANCES).tolist())
+        most = int(MOST_ENTRIES / self.learner.network.size**2)
+        looks = thin(np.arange(len(self.used)), min(MOST_VARIANCES, max(10, most)))
+        looked = set(looks.tolist())
         told = max(1, len(intervals) // 200)
         for number, hold in enumerate(intervals):
             try:

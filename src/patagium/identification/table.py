@@ -8,7 +8,7 @@ counted and handed on, never bridged. Neglected: clocks that drift, delays betwe
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,22 @@ class Table:
     gaps: NDArray[np.int64]
     gap: float
     source: str
+
+    def part(self, begin: int, end: int) -> Table:
+        """Samples `begin` to `end - 1`, time as it was.
+
+        Args:
+            begin: First sample.
+            end: One past the last sample.
+        """
+        time = self.time[begin:end]
+        return replace(
+            self,
+            time=time,
+            x=self.x[begin:end],
+            y=self.y[begin:end],
+            gaps=find_gaps(time, self.gap),
+        )
 
     def describe_gaps(self) -> str:
         """The gaps in one sentence."""

@@ -200,12 +200,20 @@ def _scalar_text(function: ca.Function, graph: _Graph) -> str:
 
 def _batch_text(function: ca.Function, graph: _Graph, shared: list[bool]) -> str:
     name = function.name()
+    sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     lines = [
         *_header(function),
+        " /* arguments state by state, results entry by entry (rows of `stride` states) */",
         *_includes(graph),
-        f"void {name}_batch(const double *const *arg, double *const *res, long count) {{",
+        f"void {name}_batch(const double *const *arg, double *const *res, long count,"
+        " long stride) {",
         *_pointers(function),
         "  for (long k = 0; k < count; k += LANES) {",
+        *[
+            f"  double x{k}[{max(size, 1)} * LANES]; gather(a{k}, {size}, k, count, x{k});"
+            for k, size in enumerate(sizes)
+            if not shared[k]
+        ],
     ]
 
     def angle_block(group: list[int], number: int) -> list[str]:
@@ -219,10 +227,10 @@ def _batch_text(function: ca.Function, graph: _Graph, shared: list[bool]) -> str
     def load(argument: int, entry: int) -> str:
         if shared[argument]:
             return f"lanes_broadcast(a{argument}[{entry}])"
-        return f"lanes_load(a{argument} + {entry} * count + k)"
+        return f"lanes_load(x{argument} + {entry} * LANES)"
 
     def store(result: int, entry: int, value: str) -> str:
-        return f"  lanes_store(r{result} + {entry} * count + k, {value});"
+        return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
 
     lines += _body(graph, "lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
     return "\n".join([*lines, "  }", "}", ""])

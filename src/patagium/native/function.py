@@ -8,6 +8,7 @@ copies the results out: a few microseconds. Hot loops use `address` from C or
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ from patagium.native.emit import SHARED_SUFFIX
 Shape = tuple[int, int]
 Array = NDArray[np.float64]
 _LANES = 8
+_LARGEST_SPARE = 2**24
+"""Memory of batches up to this size is used again when nobody looks at it any more [B]."""
+_ALIGNMENT = 64
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,7 @@ class NativeFunction:
         self._lock = threading.Lock()
         self._inputs = [_buffer(size) for size in self.size_in]
         self._outputs = [_buffer(size) for size in self.size_out]
+        self._spare: dict[int, Array] = {}
         self._single = len(self._outputs) == 1
         self._scalar = [size == (1, 1) for size in self.size_out]
         self._run: Callable[[], Any]
@@ -135,25 +140,41 @@ class NativeFunction:
         if self._library is None:
             return self._batch_in_python(arrays, count)
         padded = _padded(count)
-        blocks: list[Array] = []
+        blocks = []
         for position, array in enumerate(arrays):
-            if self._is_shared(position):
-                blocks.append(np.ascontiguousarray(array.T).reshape(-1))
-                continue
-            rows, columns = self.size_in[position]
-            block: Array = np.empty((columns, rows, padded))
-            whole = np.broadcast_to(array, (count, *self._inputs[position].shape))
-            block[:, :, :count] = whole.reshape(count, rows, columns).transpose(2, 1, 0)
-            block[:, :, count:] = block[:, :, count - 1 : count]
-            blocks.append(block)
-        results = [np.empty((columns, rows, padded)) for rows, columns in self.size_out]
+            whole = array
+            if not self._is_shared(position):
+                whole = np.broadcast_to(array, (count, *self._inputs[position].shape))
+            if self._inputs[position].ndim == 2:
+                whole = np.swapaxes(whole, -1, -2)  # column-major, as the generated code has it
+            blocks.append(np.ascontiguousarray(whole))
+        results = [
+            self._block(position, (columns, rows, padded))
+            for position, (rows, columns) in enumerate(self.size_out)
+        ]
         function = getattr(self._library, f"{self.name}_batch")
-        function(_pointers(blocks), _pointers(results), ctypes.c_long(padded))
+        function(_pointers(blocks), _pointers(results), ctypes.c_long(count), ctypes.c_long(padded))
         shaped = [
             result[:, :, :count].transpose(2, 1, 0).reshape(count, *buffer.shape)
             for result, buffer in zip(results, self._outputs, strict=True)
         ]
         return shaped[0] if self._single else tuple(shaped)
+
+    def _block(self, position: int, shape: tuple[int, int, int]) -> Array:
+        """Aligned memory: that of an earlier call where nobody holds a view of it any more.
+
+        Fresh memory costs more, in page faults, than the computation that fills it.
+        """
+        size = shape[0] * shape[1] * shape[2]
+        with self._lock:
+            owner = self._spare.get(position)
+            # references: the dictionary, this name, the argument
+            if owner is None or owner.size != size + _LANES or sys.getrefcount(owner) > 3:
+                owner = np.empty(size + _LANES)
+                if owner.nbytes <= _LARGEST_SPARE:
+                    self._spare[position] = owner
+            start = -owner.ctypes.data % _ALIGNMENT // owner.itemsize
+            return owner[start : start + size].reshape(shape)
 
     def _is_shared(self, position: int) -> bool:
         return self.signature.names_in[position].endswith(SHARED_SUFFIX)

@@ -13,7 +13,6 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from patagium.robot.linkage import Linkage
 
@@ -179,6 +178,8 @@ class TableGait:
 
     def motion(self, time: ArrayLike) -> Motion:
         """Joint motion at the times asked for, (N,) [s]."""
+        from scipy.interpolate import CubicSpline  # slow to import, rarely needed
+
         start = self.time[0]
         spline = CubicSpline(self.time - start, self.position, bc_type="periodic")
         phase = np.mod(np.asarray(time, float) - start, self.time[-1] - start)

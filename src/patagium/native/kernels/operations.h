@@ -11,6 +11,14 @@
 #include "lanes.h"
 #include "trigonometry.h"
 
+/* Entries of eight states from state k on, side by side; the last state fills what is missing. */
+static inline void gather(const double *a, long size, long k, long count, double *tile) {
+  for (int lane = 0; lane < LANES; lane++) {
+    const double *row = a + (k + lane < count ? k + lane : count - 1) * size;
+    for (long entry = 0; entry < size; entry++) tile[entry * LANES + lane] = row[entry];
+  }
+}
+
 #define UNARY_OPERATION(name, expression) \
   static inline double scalar_##name(double x) { return expression; } \
   static inline lanes lanes_##name(lanes x) { \

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ class Rival:
         extra: Arrays after q, v, a or f, the same for all states.
         note: How it was made.
         compile_time: Time the compiler took when it was built [s].
+        derivation_time: Time to derive and write the code [s]; zero where there is none.
+        code_size: Length of the generated code [bytes].
     """
 
     name: str
@@ -35,17 +37,28 @@ class Rival:
     order: NDArray[np.intp]
     extra: tuple[NDArray[np.float64], ...] = ()
     note: str = ""
-    compile_time: float = field(default=float("nan"))
+    compile_time: float = float("nan")
+    derivation_time: float = 0.0
+    code_size: int = 0
+
+    @property
+    def story(self) -> str:
+        """How it was made, in words."""
+        parts = [self.note]
+        if self.code_size:
+            size, seconds = self.code_size / 1e6, self.derivation_time
+            parts.append(f"{size:.2f} MB of C for all it offers, derived in {seconds:.2g} s")
+        return "; ".join([*parts, f"compiled in {self.compile_time:.2g} s"])
 
 
 def compile_rival(
-    name: str, text: str, compiler: str, flags: Sequence[str]
+    name: str, sources: Mapping[str, str], compiler: str, flags: Sequence[str]
 ) -> tuple[ctypes.CDLL, float]:
-    """A library compiled from one text, and the seconds the compiler took to build it.
+    """A compiled library, and the seconds the compiler took to build it.
 
     Args:
         name: What is being compiled, for the progress line.
-        text: C, or C++ where the flags say so.
+        sources: File name (`.c`) to text: C, or C++ where the flags say so.
         compiler: Path of the compiler.
         flags: Its flags.
 
@@ -53,7 +66,7 @@ def compile_rival(
         CompilerError: With the compiler's own words.
     """
     started = time.perf_counter()
-    folder = build(compiler, {"rival.c": text}, flags, name)
+    folder = build(compiler, sources, flags, name)
     record = folder / "compile-seconds"
     if not record.exists():
         record.write_text(f"{time.perf_counter() - started:.2f}")

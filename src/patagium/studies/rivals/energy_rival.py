@@ -83,11 +83,18 @@ def _compiled(
         return "no C compiler"
     text = "\n".join([generated_c(functions), *(_wrapper(f) for f in functions)])
     derivation = time.perf_counter() - started
-    library, seconds = compile_rival(name, text, compiler, flags)
+    library, seconds = compile_rival(name, {"rival.c": text}, compiler, flags)
     sizes = {f.name(): tuple(f.numel_out(k) for k in range(f.n_out())) for f in functions}
-    note = f"{len(text) / 1e6:.2f} MB of C derived in {derivation:.2f} s, {flags[0]}"
-    order = np.arange(robot.dof)
-    return Rival(name, library_calls(library, sizes), order, (robot.parameters,), note, seconds)
+    return Rival(
+        name,
+        library_calls(library, sizes),
+        np.arange(robot.dof),
+        (robot.parameters,),
+        flags[0],
+        seconds,
+        derivation,
+        len(text),
+    )
 
 
 def generated_c(functions: list[ca.Function]) -> str:
@@ -97,11 +104,11 @@ def generated_c(functions: list[ca.Function]) -> str:
         functions: Any CasADi functions.
     """
     with tempfile.TemporaryDirectory() as folder:
-        generator = ca.CodeGenerator("rival.c")
+        generator = ca.CodeGenerator("energy.c")
         for function in functions:
             generator.add(function)
         generator.generate(f"{folder}/")
-        return Path(folder, "rival.c").read_text()
+        return Path(folder, "energy.c").read_text()
 
 
 def _wrapper(function: ca.Function) -> str:

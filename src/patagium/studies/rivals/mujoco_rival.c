@@ -20,7 +20,7 @@ int rival_build(const char *path, char *error, int error_size)
     return (int)model->nv;
 }
 
-void rival_copy(int on) { copy_results = on; }
+void rival_copies_out(int on) { copy_results = on; }
 
 static void place(const double *q)
 {

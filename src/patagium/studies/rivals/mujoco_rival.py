@@ -41,7 +41,7 @@ def mujoco_rival(robot: Robot) -> Rival | str:
     ctypes.CDLL(str(shared[0]), mode=ctypes.RTLD_GLOBAL)
     text = (Path(__file__).parent / "mujoco_rival.c").read_text()
     flags = (*SHORT_FLAGS, f"-I{folder / 'include'}")
-    library, seconds = compile_rival("calls of MuJoCo", text, compiler, flags)
+    library, seconds = compile_rival("calls of MuJoCo", {"rival.c": text}, compiler, flags)
     _build(library, robot)
     n = robot.dof
     sizes = {

@@ -58,15 +58,14 @@ pin::JointIndex add(int kind, int parent, const pin::SE3 &placement, const std::
     case 4: return model->addJoint(above, pin::JointModelRY(), placement, name);
     case 5: return model->addJoint(above, pin::JointModelRZ(), placement, name);
     case 6: return model->addJoint(above, pin::JointModelTranslation(), placement, name);
-    case 7: return model->addJoint(above, pin::JointModelSphericalZYX(), placement, name);
-    default: return model->addJoint(above, pin::JointModelFreeFlyer(), placement, name);
+    default: return model->addJoint(above, pin::JointModelSphericalZYX(), placement, name);
     }
 }
 } // namespace
 
 extern "C" {
 
-/* Returns 10000 nq + nv. */
+/* Returns the number of coordinates. */
 int rival_build(int rows, const int *parent, const int *kind, const double *placement,
                 const double *inertia, double gravity)
 {
@@ -83,10 +82,10 @@ int rival_build(int rows, const int *parent, const int *kind, const double *plac
                                  pin::SE3::Identity());
     }
     data = std::make_unique<pin::Data>(*model);
-    return 10000 * model->nq + model->nv;
+    return model->nq;
 }
 
-void rival_copy(int on) { copy = on != 0; }
+void rival_copies_out(int on) { copy = on != 0; }
 
 void rival_mass_matrix(Input argument, Output result)
 {

@@ -51,15 +51,13 @@ def symbolic_rival(
     texts = [c_text(code, robot.dof, quantity, shared) for quantity in quantities]
     text, flags = "\n".join(texts), SHORT_FLAGS if shared else LONG_FLAGS
     name = f"{code.backend} {'with' if shared else 'without'} cse"
-    library, seconds = compile_rival(name, text, compiler, flags)
+    library, seconds = compile_rival(name, {"rival.c": text}, compiler, flags)
     n = robot.dof
     sizes = {"mass_matrix": (n * n,), "bias": (n,), "both": (n * n, n)}
-    note = (
-        f"{len(text) / 1e6:.2f} MB of C, derived in {code.derivation_time:.3g} s, "
-        f"subexpressions found in {code.sharing_time:.2g} s, {flags[0]}"
-    )
     calls = library_calls(library, {quantity: sizes[quantity] for quantity in quantities})
-    return Rival(name, calls, np.arange(n), (robot.parameters,), note, seconds)
+    derivation = code.derivation_time + (code.sharing_time if shared else 0.0)
+    order, extra = np.arange(n), (robot.parameters,)
+    return Rival(name, calls, order, extra, flags[0], seconds, derivation, len(text))
 
 
 def sympy_code(robot: Robot, rederive: bool = False) -> SymbolicCode:

@@ -1,0 +1,241 @@
+"""The cubature filter in NumPy: the readable form of the kernel, and Algorithm 1 itself.
+
+Both hold mean and covariance of the weights and take one encoded sample at a time.
+Whatever fails leaves them as they were. Neglected: speed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import Outcome
+from patagium.identification.network import Network
+from patagium.identification.root import MatrixLost, lower_factor, measured_root, with_noise
+from patagium.identification.spread import Moments, SpreadRule, moments_of
+
+Array = NDArray[np.float64]
+_POINTS_AT_ONCE = 256
+
+
+class FilterSetting(NamedTuple):
+    """What a filter of weights is made of, beside its state.
+
+    Attributes:
+        network: The network whose weights are estimated.
+        rule: Where the points lie.
+        noise: Variances of the measurement, (n_y,).
+        process_noise: Variances added to the weights before each sample, (n,).
+        forgetting_factor: Divides the covariance before each sample.
+        dtype: Of the square root and of the points: "float64" or "float32".
+    """
+
+    network: Network
+    rule: SpreadRule
+    noise: Array
+    process_noise: Array
+    forgetting_factor: float
+    dtype: str
+
+    @property
+    def has_process_noise(self) -> bool:
+        """Whether anything is added before a sample."""
+        return bool(self.process_noise.any())
+
+
+class Prediction(NamedTuple):
+    """y before it is measured.
+
+    Attributes:
+        mean: (n_y,).
+        covariance: Noise of the measurement included, (n_y, n_y).
+    """
+
+    mean: Array
+    covariance: Array
+
+
+class WeightFilter(Protocol):
+    """Mean and covariance of weights, and one step of a filter over them."""
+
+    @property
+    def mean(self) -> Array:
+        """W, (n,)."""
+        ...
+
+    def predict(self, x: Array) -> Prediction:
+        """y at x, before it is measured.
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
+        """
+        ...
+
+    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        """Learn one sample; whatever is not COMPLETED changed nothing."""
+        ...
+
+    def root(self) -> Array:
+        """The square root of the covariance after the last sample, (n, n)."""
+        ...
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        ...
+
+
+class ArrayFilter:
+    """Square-root filter: S is carried through the measurement, see `root.measured_root`.
+
+    Forgetting scales S. Process noise costs a factorization of S S' + Q a sample, of
+    order n^3.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights to start from, (n,).
+        root: The lower triangular square root of their covariance, (n, n).
+    """
+
+    _measured = staticmethod(measured_root)
+
+    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+        self.setting = setting
+        self.mean = np.array(mean, float)
+        self._root = np.array(root, setting.dtype)
+        self._grown: Array | None = None
+
+    def predict(self, x: Array) -> Prediction:
+        """y at x, before it is measured."""
+        found = self._moments(x, self._advanced())
+        return Prediction(found.mean, found.covariance)
+
+    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        """Learn one sample; whatever is not COMPLETED changed nothing."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._step(x, y)
+
+    def root(self) -> Array:
+        """The square root of the covariance after the last sample, (n, n)."""
+        return self._root.astype(float)
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        root = self.root()
+        return np.asarray(root @ root.T)
+
+    def _step(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        root = self._advanced()
+        found = self._moments(x, root)
+        prediction = Prediction(found.mean, found.covariance)
+        innovation = y - found.mean
+        if not (np.isfinite(innovation).all() and np.isfinite(prediction.covariance).all()):
+            return Outcome.NOT_FINITE, prediction
+        try:
+            after, cross, inverse = self._measured(root, found.slopes, found.remainder)
+        except MatrixLost as lost:
+            return lost.outcome, prediction
+        mean = self.mean + cross @ (inverse @ (inverse.T @ innovation))
+        if not (np.isfinite(mean).all() and np.isfinite(after).all()):
+            return Outcome.NOT_FINITE, prediction
+        self._root, self.mean, self._grown = after.astype(root.dtype), mean, None
+        return Outcome.COMPLETED, prediction
+
+    def _advanced(self) -> Array:
+        """S before the next sample, forgetting and process noise done."""
+        setting = self.setting
+        if self._grown is None:
+            grown = self.root() / np.sqrt(setting.forgetting_factor)
+            noisy = with_noise(grown, setting.process_noise) if setting.has_process_noise else grown
+            self._grown = noisy.astype(setting.dtype)
+        return self._grown
+
+    def _moments(self, x: Array, root: Array) -> Moments:
+        return point_moments(self.setting, x, self.mean, root)
+
+
+class CholeskyFilter:
+    """Algorithm 1 of the paper: the covariance itself, factorized before every sample.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights to start from, (n,).
+        root: A square root of their covariance, (n, n).
+    """
+
+    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+        self.setting = setting
+        self.mean = np.array(mean, float)
+        self._covariance = np.asarray(root @ root.T, setting.dtype)
+
+    def predict(self, x: Array) -> Prediction:
+        """y at x, before it is measured.
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
+        """
+        root = lower_factor(self._advanced()).astype(self.setting.dtype)
+        found = point_moments(self.setting, x, self.mean, root)
+        return Prediction(found.mean, found.covariance)
+
+    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        """Learn one sample; whatever is not COMPLETED changed nothing."""
+        covariance = self._advanced()
+        prediction = Prediction(np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan))
+        try:
+            root = lower_factor(covariance).astype(self.setting.dtype)
+            found = point_moments(self.setting, x, self.mean, root)
+            prediction = Prediction(found.mean, found.covariance)
+            lower_factor(prediction.covariance)
+        except MatrixLost as lost:
+            return lost.outcome, prediction
+        cross = root.astype(float) @ found.slopes
+        gain = np.linalg.solve(prediction.covariance, cross.T).T
+        mean = self.mean + gain @ (y - found.mean)
+        if not np.isfinite(mean).all():
+            return Outcome.NOT_FINITE, prediction
+        smaller = covariance - gain @ prediction.covariance @ gain.T
+        self._covariance = ((smaller + smaller.T) / 2).astype(self.setting.dtype)
+        self.mean = mean
+        return Outcome.COMPLETED, prediction
+
+    def root(self) -> Array:
+        """The Cholesky factor of the covariance after the last sample, (n, n).
+
+        Raises:
+            MatrixLost: If it is no longer positive definite.
+        """
+        return lower_factor(self.covariance())
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        return self._covariance.astype(float)
+
+    def _advanced(self) -> Array:
+        covariance = self.covariance() / self.setting.forgetting_factor
+        covariance[np.diag_indices_from(covariance)] += self.setting.process_noise
+        return covariance
+
+
+def point_moments(setting: FilterSetting, x: Array, mean: Array, root: Array) -> Moments:
+    """Moments of y at the points of a rule around the mean.
+
+    Args:
+        setting: What the filter is made of.
+        x: Input, (n_x,).
+        mean: W, (n,).
+        root: S, (n, n); the points are evaluated in its precision.
+    """
+    network, rule, encoding = setting.network, setting.rule, setting.network.encode_one(x)
+    features, center = encoding.features.astype(root.dtype)[None], mean.astype(root.dtype)
+    steps = np.asarray(rule.spread, root.dtype) * root.T
+    values = [network.perceptron.forward(features, center[None])]
+    for sign in (1, -1):
+        for start in range(0, len(steps), _POINTS_AT_ONCE):
+            part = center + sign * steps[start : start + _POINTS_AT_ONCE]
+            values.append(network.perceptron.forward(features, part))
+    out = np.concatenate(values).astype(float)
+    y = out.reshape(len(out), -1) @ encoding.readout.T + encoding.offset
+    count = len(mean)
+    return moments_of(y[0], y[1 : count + 1], y[count + 1 :], setting.noise, rule)

@@ -1,0 +1,243 @@
+"""Recursive least squares, linear or on random features: the anchor every network must beat.
+
+y = offset + scale (B f(x)), f the scaled inputs and 1, or random softplus features of
+them and 1; one covariance of the rows of B serves all outputs. Neglected: different
+noise of the outputs; they are weighed alike, each in its own scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, ParameterError
+from patagium.identification.dense import DESCRIBED, DenseNetwork, described
+from patagium.identification.learner import (
+    Stopwatch,
+    as_input,
+    as_sample,
+    diverged,
+    forgetting,
+    positive,
+)
+from patagium.identification.mlp import softplus
+from patagium.identification.network import Encoding
+from patagium.identification.scaling import scale_of
+
+Array = NDArray[np.float64]
+
+
+class LinearNetwork(DenseNetwork):
+    """A linear readout of fixed random softplus features of the scaled inputs.
+
+    Args:
+        base: Gives inputs, outputs and their scales; must have no hidden layer.
+        features: Number of random features; 0: the scaled inputs themselves.
+        seed: Seed of the features.
+
+    Raises:
+        ParameterError: If `base` has hidden layers, or `features` is negative.
+    """
+
+    kind = "linear"
+
+    def __init__(self, base: DenseNetwork, features: int = 0, seed: int = 0) -> None:
+        if not isinstance(base, DenseNetwork) or len(base.perceptron.widths) != 2:
+            raise ParameterError("network", "a DenseNetwork without hidden layers", base)
+        if not (isinstance(features, int) and features >= 0):
+            raise ParameterError("features", "a whole number of at least 0", features)
+        super().__init__(
+            features or base.inputs,
+            (),
+            base.output_names,
+            output_center=base.output_center,
+            output_scale=base.output_scale,
+        )
+        self._base, self._features, self._seed = base, features, seed
+        draw = np.random.default_rng(seed)
+        self._mixing = draw.standard_normal((base.inputs, features)) * np.sqrt(2 / base.inputs)
+        self._bias = draw.standard_normal(features)
+
+    @property
+    def inputs(self) -> int:
+        """Length of x, n_x."""
+        return self._base.inputs
+
+    def encode(self, x: Array) -> Encoding:
+        """Features, (N, 1, n_f), and the output scales as a readout."""
+        scaled = (x - self._base.input_center) / self._base.input_scale
+        mixed = softplus(scaled @ self._mixing + self._bias) if self._features else scaled
+        readout = np.broadcast_to(self._readout, (len(x), *self._readout.shape))
+        return Encoding(mixed[:, None, :], readout, self.output_center)
+
+    def encode_one(self, x: Array) -> Encoding:
+        """The same of one sample, (1, n_f)."""
+        many = self.encode(x[None])
+        return Encoding(many.features[0], self._readout, self.output_center)
+
+    def initial(self, seed: int) -> Array:
+        """Zero weights: least squares needs no start, (n,).
+
+        Args:
+            seed: Not used.
+        """
+        return np.zeros(self.size)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make the network again, as JSON-able values."""
+        base = self._base.describe()
+        return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> LinearNetwork:
+        """Inverse of `describe`.
+
+        Raises:
+            ParameterError: If a key is missing or unknown.
+        """
+        values = described(cls.kind, description, (*DESCRIBED, "features", "seed"))
+        features, seed = values.pop("features"), values.pop("seed")
+        return cls(DenseNetwork(**values), features, seed)
+
+
+class LinearLearner:
+    """Recursive least squares with forgetting.
+
+    With f the features, all outputs in their scales and r their deviation:
+    P <- P / forgetting_factor, k = P f / (r^2 + f'P f), B' <- B' + k (y - B f)',
+    P <- P - k f'P. The covariance of the features' weights is the same for every output,
+    so an update costs of order n_f^2 and n_f n_y.
+
+    Args:
+        network: A DenseNetwork without hidden layers: inputs, outputs and their scales.
+        prior_deviation: Standard deviation of each weight before any sample.
+        measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
+            the unit of y; its mean over the outputs, in their scales, weighs all of them.
+        features: Number of random softplus features; 0: linear in the inputs.
+        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        seed: Seed of the features.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+        ShapeError: If a deviation has another shape.
+
+    References:
+        Ljung (1999), System Identification, section 11.2.
+    """
+
+    def __init__(
+        self,
+        network: DenseNetwork,
+        *,
+        prior_deviation: float,
+        measurement_deviation: ArrayLike,
+        features: int = 0,
+        forgetting_factor: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        self._network = LinearNetwork(network, features, seed)
+        self._prior = positive("prior_deviation", prior_deviation)
+        self._deviation = scale_of("measurement_deviation", measurement_deviation, network.outputs)
+        self._forgetting = forgetting(forgetting_factor)
+        self._variance = float(np.mean((self._deviation / network.output_scale) ** 2))
+        count = self._network.perceptron.widths[0] + 1
+        self._slopes = np.zeros((count, network.outputs))
+        self._spread = np.eye(count) * self._prior**2
+        self._stopwatch = Stopwatch()
+
+    @property
+    def network(self) -> LinearNetwork:
+        """The features and their readout."""
+        return self._network
+
+    @property
+    def weights(self) -> Array:
+        """The estimate, (n,): B row by row, then the constants."""
+        return np.concatenate([self._slopes[:-1].T.ravel(), self._slopes[-1]])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the weights, (n, n): that of the features' for every output."""
+        count, outputs = self._slopes.shape
+        order = np.array(
+            [o * count + k for o in range(outputs) for k in range(count - 1)]
+            + [o * count + count - 1 for o in range(outputs)]
+        )
+        return np.asarray(np.kron(np.eye(outputs), self._spread)[np.ix_(order, order)])
+
+    @property
+    def count(self) -> int:
+        """Samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        return self._stopwatch.median
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Measurement at x before it is made.
+
+        Args:
+            x: Input, (n_x,).
+
+        Returns:
+            Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        features = self._features(as_input(self._network, x))
+        scale = self._network.output_scale
+        spread = float(features @ self._spread @ features) / self._forgetting
+        mean = self._network.output_center + scale * (features @ self._slopes)
+        return mean, np.diag(spread * scale**2 + self._deviation**2)
+
+    def update(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Learn one sample.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,).
+
+        Returns:
+            Innovation y - mean, (n_y,).
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            FilterDiverged: If a number is not finite or the covariance is lost; the
+                learner is then as it was before.
+        """
+        started = perf_counter_ns()
+        sample, measured = as_sample(self._network, self.count, x, y)
+        features, scale = self._features(sample), self._network.output_scale
+        spread = self._spread / self._forgetting
+        cross = spread @ features
+        total = self._variance + float(features @ cross)
+        error = (measured - self._network.output_center) / scale - features @ self._slopes
+        slopes = self._slopes + np.outer(cross / total, error)
+        smaller = spread - np.outer(cross, cross / total)
+        if not np.isfinite(slopes).all() or not np.isfinite(total):
+            raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
+        if total <= self._variance / 2 or not (np.diagonal(smaller) > 0).all():
+            raise diverged(Outcome.COVARIANCE_LOST, self.count, sample, measured)
+        self._slopes, self._spread = slopes, (smaller + smaller.T) / 2
+        self._stopwatch.add(perf_counter_ns() - started)
+        return np.asarray(error * scale)
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        return {
+            "kind": "linear",
+            "network": self._network.describe(),
+            "prior_deviation": self._prior,
+            "measurement_deviation": self._deviation.tolist(),
+            "forgetting_factor": self._forgetting,
+        }
+
+    def _features(self, x: Array) -> Array:
+        return np.append(self._network.encode_one(x).features[0], 1.0)

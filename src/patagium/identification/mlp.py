@@ -1,0 +1,136 @@
+"""A small multilayer perceptron as arithmetic: outputs, at one or many weights, and slopes.
+
+All hidden layers share one activation, the last layer is linear. Weights are one
+vector: for every layer W (out, in) row by row, then b (out). The readable twin of
+the compiled kernel `cubature.c`. Neglected: anything but dense layers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+
+def softplus(z: Array) -> Array:
+    """Smooth ramp ln(1 + e^z), without overflow."""
+    return np.asarray(np.maximum(z, 0) + np.log1p(np.exp(-np.abs(z))))
+
+
+def softplus_slope(z: Array) -> Array:
+    """Derivative of `softplus`, the logistic function."""
+    decay = np.exp(-np.abs(z))
+    return np.asarray(np.where(z >= 0, 1.0, decay) / (1.0 + decay))
+
+
+def tanh_slope(z: Array) -> Array:
+    """Derivative of tanh, 1 - tanh^2."""
+    return np.asarray(1.0 - np.tanh(z) ** 2)
+
+
+ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
+    "softplus": (softplus, softplus_slope),
+    "tanh": (np.tanh, tanh_slope),
+}
+"""Name of an activation to the function and its derivative."""
+
+
+@dataclass(frozen=True)
+class Perceptron:
+    """Dense layers with one activation, the last one linear.
+
+    Args:
+        widths: Number of inputs, of neurons of each hidden layer, of outputs.
+        activation: "softplus" or "tanh".
+
+    Raises:
+        ParameterError: If a width is not a positive integer or the activation unknown.
+    """
+
+    widths: tuple[int, ...]
+    activation: str = "softplus"
+
+    def __post_init__(self) -> None:
+        widths = tuple(self.widths)
+        if len(widths) < 2 or any(not isinstance(w, int) or w < 1 for w in widths):
+            raise ParameterError("widths", "two or more positive integers", self.widths)
+        if self.activation not in ACTIVATIONS:
+            raise ParameterError("activation", f"one of {', '.join(ACTIVATIONS)}", self.activation)
+        object.__setattr__(self, "widths", widths)
+
+    @property
+    def size(self) -> int:
+        """Number of weights."""
+        return sum((below + 1) * above for below, above in pairwise(self.widths))
+
+    @property
+    def fan_in(self) -> Array:
+        """How many inputs the neuron of each weight sums, 1 for a bias, (size,)."""
+        parts = []
+        for below, above in pairwise(self.widths):
+            parts += [np.full(below * above, float(below)), np.ones(above)]
+        return np.concatenate(parts)
+
+    def forward(self, features: Array, weights: Array) -> Array:
+        """Outputs for many inputs.
+
+        Args:
+            features: Inputs, (..., n_in).
+            weights: (size,), or (p, size) beside features (p or 1, m, n_in): each row of
+                weights evaluates its own or the common m inputs.
+
+        Returns:
+            (..., n_out), or (p, m, n_out).
+        """
+        function = ACTIVATIONS[self.activation][0]
+        z = features
+        for number, (matrix, bias) in enumerate(self._layers(weights)):
+            z = function(z) if number else z
+            z = z @ np.swapaxes(matrix, -1, -2) + (bias if weights.ndim == 1 else bias[:, None])
+        return z
+
+    def linearized(self, features: Array, weights: Array) -> tuple[Array, Array]:
+        """Outputs and their derivative for the weights, by reverse accumulation.
+
+        For every input and every output at once the seed d out / d z goes back through
+        the layers; dz_l/dW_l is the outer product of the seed with the layer's input.
+
+        Args:
+            features: Inputs, (m, n_in).
+            weights: (size,).
+
+        Returns:
+            (m, n_out), and (m, n_out, size).
+        """
+        function, slope = ACTIVATIONS[self.activation]
+        layers = list(self._layers(weights))
+        inputs, sums = [features], []
+        for matrix, bias in layers:
+            sums.append(inputs[-1] @ matrix.T + bias)
+            inputs.append(function(sums[-1]))
+        items, outputs = len(features), self.widths[-1]
+        seed = np.broadcast_to(np.eye(outputs), (items, outputs, outputs))
+        parts: list[Array] = []
+        for number in reversed(range(len(layers))):
+            outer = seed[..., :, None] * inputs[number][:, None, None, :]
+            parts[:0] = [outer.reshape(items, outputs, -1), seed]
+            if number:
+                seed = (seed @ layers[number][0]) * slope(sums[number - 1])[:, None, :]
+        return sums[-1], np.concatenate(parts, axis=-1)
+
+    def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
+        start, leading = 0, weights.shape[:-1]
+        for below, above in pairwise(self.widths):
+            middle, end = start + below * above, start + (below + 1) * above
+            yield (
+                weights[..., start:middle].reshape(*leading, above, below),
+                weights[..., middle:end],
+            )
+            start = end

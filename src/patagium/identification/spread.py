@@ -1,0 +1,107 @@
+"""Where the points of the filter lie and what their outputs say: mean and covariance of y.
+
+Points W +- kappa S e_i, i = 1..n, and W itself. With y0 = y(W) and, along column i,
+
+    d_i = (y_i+ - y_i-) / 2        slope,
+    c_i = (y_i+ + y_i-) / 2 - y0   bend,
+
+the mean of y is y0 + D, D = sum c_i / kappa^2: the weights 1/(2 kappa^2) of the points
+and 1 - n/kappa^2 of the center, exact for every quadratic y(W). Its covariance is
+Z Z' + M with Z = d / kappa in all cases; M is what the bends add.
+
+- kappa^2 >= n (sqrt(n): the cubature rule, no center): all weights are positive and M
+  is the plain weighted sum, M = sum (c_i - D)(c_i - D)' / kappa^2 + (1 - n/kappa^2) D D' + R.
+- kappa^2 < n: the center's weight is negative and the plain sum may be indefinite. The
+  second-order divided differences (Norgaard, Poulsen & Ravn 2000) are used instead:
+  M = sum 2 c_i c_i' / kappa^4 + R, exact for quadratic y(W) without mixed terms, and
+  positive definite whatever the bends are. At kappa = sqrt(3) it is theirs to the letter.
+- kappa -> 0 is the extended Kalman filter with its second-order terms along the columns.
+
+The covariance of W with y is S Z in all cases. Neglected: mixed second derivatives.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+
+class SpreadRule(NamedTuple):
+    """The numbers of a rule.
+
+    Attributes:
+        spread: kappa, distance of the points in standard deviations.
+        bend_gain: M = bend_gain sum (c_i - centered D)(c_i - centered D)' ...
+        centered: 1 or 0.
+        shift_gain: ... + shift_gain D D' + R.
+    """
+
+    spread: float
+    bend_gain: float
+    centered: float
+    shift_gain: float
+
+
+def spread_rule(weights: int, spread: float | None) -> SpreadRule:
+    """The rule for a number of weights.
+
+    Args:
+        weights: n.
+        spread: kappa; None is sqrt(n), the cubature rule.
+
+    Raises:
+        ParameterError: If the spread is not a positive number.
+    """
+    if spread is None:
+        return SpreadRule(sqrt(weights), 1.0 / weights, 1.0, 0.0)
+    if not (isfinite(spread) and spread > 0):
+        raise ParameterError("spread", "a positive number, or None for sqrt(n)", spread)
+    square = spread * spread
+    center = 1.0 - weights / square
+    if center > -1e-12:  # sqrt(n) squared is n to rounding
+        return SpreadRule(float(spread), 1.0 / square, 1.0, max(center, 0.0))
+    return SpreadRule(float(spread), 2.0 / square**2, 0.0, 0.0)
+
+
+class Moments(NamedTuple):
+    """What the points say about y, with S the square root they were placed by.
+
+    Attributes:
+        mean: (n_y,).
+        slopes: Z, (n, n_y): the covariance of W with y is S Z.
+        remainder: M, (n_y, n_y): the covariance of y is Z' Z + M.
+    """
+
+    mean: Array
+    slopes: Array
+    remainder: Array
+
+    @property
+    def covariance(self) -> Array:
+        """P_yy = Z' Z + M, (n_y, n_y)."""
+        return np.asarray(self.slopes.T @ self.slopes + self.remainder)
+
+
+def moments_of(center: Array, plus: Array, minus: Array, noise: Array, rule: SpreadRule) -> Moments:
+    """Mean and covariance of y from its values at the points.
+
+    Args:
+        center: y(W), (n_y,).
+        plus: y(W + kappa S e_i), (n, n_y).
+        minus: y(W - kappa S e_i), (n, n_y).
+        noise: Variances of the measurement, (n_y,).
+        rule: The rule that placed them.
+    """
+    slopes = (plus - minus) / (2 * rule.spread)
+    bends = (plus - center) / 2 + (minus - center) / 2
+    shift = bends.sum(axis=0) / rule.spread**2
+    bends = bends - rule.centered * shift
+    remainder = rule.bend_gain * (bends.T @ bends) + rule.shift_gain * np.outer(shift, shift)
+    return Moments(center + shift, slopes, remainder + np.diag(noise))

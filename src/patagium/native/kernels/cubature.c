@@ -1,0 +1,297 @@
+/* One sample through the square-root cubature filter of a network's weights.
+ *
+ * State: mean W (n) and the lower triangular square root S of the covariance, P = S S'.
+ * Points W +- spread S e_i go through the network y = offset + readout . mlp(features; W),
+ * eight (float: sixteen) at a time; their half differences are Z = d / spread, and what is
+ * left of the covariance of y beside Z'Z is M. With G G' = M^-1 to begin with, the columns
+ * are taken from the last to the first:
+ *
+ *     f = G' z_j,   a = 1 + f'f,   e = G f,
+ *     S_j <- (S_j - C e) / sqrt(a),   C <- C + S_j z_j',   G <- G - e f' / (a + sqrt(a)),
+ *
+ * S_j in C being the old one. That is P <- P - S Z P_yy^-1 Z' S' with S triangular again:
+ * the Cholesky factor of the new P, without factorizing it (Carlson 1973, Potter). In the
+ * end C = S Z, G G' = P_yy^-1, and W <- W + C P_yy^-1 (y - mean).
+ *
+ * A triangular S halves the work, and column i leaves the weights before i alone: layers
+ * before the one weight i belongs to are at the mean, that layer is linear in the step.
+ * S is stored by panels of 128 bytes of columns, each from its first row on. The small
+ * algebra (n_y x n_y) is in double. Nothing is allocated, nothing is raised: the returned
+ * integer is an Outcome, and whatever is not COMPLETED leaves mean and S as they were.
+ */
+#include <math.h>
+
+#include "points.h"
+
+enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
+
+#define WIDE 8 /* doubles in a vector of the small algebra */
+
+typedef double wide __attribute__((vector_size(8 * WIDE)));
+
+/* Rows and vectors of a block of a product that stay in registers. */
+#ifdef __AVX512F__
+#define ROWS 8
+#define VECTORS 2
+#else
+#define ROWS 4
+#define VECTORS 1
+#endif
+
+static inline wide wide_load(const double *p) {
+  wide x;
+  memcpy(&x, p, sizeof x);
+  return x;
+}
+
+static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
+
+/* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
+static inline __attribute__((always_inline)) void block_product(
+    int keep, int vectors, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
+    int b_stride, REAL *target, int stride) {
+  reals sum[ROWS][VECTORS];
+  for (int r = 0; r < ROWS; r++)
+    for (int v = 0; v < vectors; v++)
+      sum[r][v] = keep ? reals_load(target + r * stride + v * WIDTH) : (reals){0};
+  for (int k = 0; k < depth; k++)
+    for (int v = 0; v < vectors; v++) {
+      reals column = reals_load(b + k * b_stride + v * WIDTH);
+      for (int r = 0; r < ROWS; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
+    }
+  for (int r = 0; r < ROWS; r++)
+    for (int v = 0; v < vectors; v++) reals_store(target + r * stride + v * WIDTH, sum[r][v]);
+}
+
+/* The same over all columns of the target. */
+static inline __attribute__((always_inline)) void band_product(
+    int keep, int columns, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
+    int b_stride, REAL *target, int stride) {
+  int v = 0;
+  for (; v + VECTORS * WIDTH <= columns; v += VECTORS * WIDTH)
+    block_product(keep, VECTORS, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+  for (; v < columns; v += WIDTH)
+    block_product(keep, 1, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+}
+
+/* Slopes and bends of y over WIDTH columns, from the mlp's outputs at their points. */
+static void read_out(const cubature *f, int first, REAL *outputs) {
+  const int count = f->items * f->widths[f->layers];
+  const REAL *center = sums_of(f, f->layers - 1);
+  const reals half = reals_all(R(0.5)), gain = reals_all(R(0.5 / f->spread));
+  for (int r = 0; r < count; r++) {
+    REAL *pair = outputs + r * PANEL;
+    reals up = reals_load(pair), down = reals_load(pair + WIDTH);
+    reals_store(pair, (up - down) * gain);
+    reals_store(pair + WIDTH, (up - center[r]) * half + (down - center[r]) * half);
+  }
+  for (int k = 0; k < WIDTH; k += ROWS) {
+    const int at = (first + k) * f->stride;
+    band_product(0, f->stride, count, outputs + k, 1, PANEL, f->weighting, f->stride,
+                 f->slopes + at, f->stride);
+    band_product(0, f->stride, count, outputs + WIDTH + k, 1, PANEL, f->weighting, f->stride,
+                 f->bends + at, f->stride);
+  }
+}
+
+/* All points through the network: slopes, bends, and y at the mean in `predicted`. */
+static void visit(cubature *f) {
+  const int count = f->items * f->widths[f->layers], m = f->outputs;
+  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+  for (int r = 0; r < count; r++)
+    for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
+  run_at_mean(f);
+  for (int first = 0; first < f->weights; first += WIDTH)
+    read_out(f, first, run_at_points(f, first));
+  const REAL *center = sums_of(f, f->layers - 1);
+  for (int k = 0; k < m; k++) {
+    double y = f->offset[k];
+    for (int r = 0; r < count; r++) y += f->readout[r * m + k] * (double)center[r];
+    f->predicted[k] = y;
+  }
+}
+
+/* sum over the weights of x x', (stride, stride), from rows of x. */
+static void gram(const cubature *f, const REAL *x, double *sum) {
+  const int stride = f->stride;
+  for (int k = 0; k < stride; k += 4)
+    for (int l = k / WIDE * WIDE; l < stride; l += WIDE) {
+      wide part[4] = {{0}, {0}, {0}, {0}};
+      for (int i = 0; i < f->weights; i++) {
+        const REAL *row = x + i * stride;
+        wide column;
+        for (int c = 0; c < WIDE; c++) column[c] = (double)row[l + c];
+        for (int r = 0; r < 4; r++) part[r] += (double)row[k + r] * column;
+      }
+      for (int r = 0; r < 4; r++) wide_store(sum + (k + r) * stride + l, part[r]);
+    }
+  for (int k = 0; k < stride; k++)
+    for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
+}
+
+/* Mean of y, M and P_yy from slopes and bends. */
+static void moments(cubature *f, double *remainder, double *work) {
+  const int m = f->outputs, stride = f->stride;
+  double shift[stride];
+  memset(shift, 0, sizeof shift);
+  for (int i = 0; i < f->weights; i++)
+    for (int k = 0; k < stride; k++) shift[k] += (double)f->bends[i * stride + k];
+  for (int k = 0; k < stride; k++) shift[k] /= f->spread * f->spread;
+  if (f->centered != 0)
+    for (int i = 0; i < f->weights; i++)
+      for (int k = 0; k < stride; k++) f->bends[i * stride + k] -= R(f->centered * shift[k]);
+  gram(f, f->bends, remainder);
+  gram(f, f->slopes, work);
+  for (int k = 0; k < m; k++) {
+    f->predicted[k] += shift[k];
+    for (int l = 0; l < m; l++) {
+      double *sum = remainder + k * stride + l;
+      *sum = f->bend_gain * *sum + f->shift_gain * shift[k] * shift[l];
+      if (k == l) *sum += f->noise[k];
+      f->covariance[k * m + l] = *sum + work[k * stride + l];
+    }
+  }
+}
+
+/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
+static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
+  for (int k = 0; k < m; k++)
+    for (int l = 0; l <= k; l++) {
+      double sum = matrix[k * stride + l];
+      for (int i = 0; i < l; i++) sum -= lower[k * stride + i] * lower[l * stride + i];
+      if (k > l) {
+        lower[k * stride + l] = sum * lower[l * stride + l]; /* the diagonal is inverted */
+      } else {
+        if (!(sum > 0) || !isfinite(sum)) return 0;
+        lower[k * stride + k] = 1 / sqrt(sum);
+      }
+    }
+  for (int l = 0; l < m; l++) {
+    g[l * stride + l] = lower[l * stride + l];
+    for (int k = l + 1; k < m; k++) {
+      double sum = 0;
+      for (int i = l; i < k; i++) sum -= lower[k * stride + i] * g[l * stride + i];
+      g[l * stride + k] = sum * lower[k * stride + k];
+    }
+  }
+  return 1;
+}
+
+/* target <- sum over k of scale[k] rows of g, `count` rows of `stride`. */
+static inline void combine(int count, int stride, const double *scale, const double *g,
+                           double *target) {
+  for (int l = 0; l < stride; l += WIDE) {
+    wide even = {0}, odd = {0};
+    int k = 0;
+    for (; k + 2 <= count; k += 2) {
+      even += scale[k] * wide_load(g + k * stride + l);
+      odd += scale[k + 1] * wide_load(g + (k + 1) * stride + l);
+    }
+    if (k < count) even += scale[k] * wide_load(g + k * stride + l);
+    wide_store(target + l, even + odd);
+  }
+}
+
+/* The recursion over the columns: steps, shrinks; g becomes the root of P_yy^-1.
+ * turned is g transposed, kept beside it. */
+static void recur(cubature *f, double *g, double *turned) {
+  const int m = f->outputs, stride = f->stride;
+  double z[stride], inner[stride], e[stride], scaled[stride];
+  for (int i = f->weights - 1; i >= 0; i--) {
+    for (int k = 0; k < stride; k++) z[k] = (double)f->slopes[i * stride + k];
+    combine(m, stride, z, g, inner);
+    combine(m, stride, inner, turned, e);
+    double part[4] = {1, 0, 0, 0};
+    for (int k = 0; k < stride; k += 4)
+      for (int c = 0; c < 4; c++) part[c] += inner[k + c] * inner[k + c];
+    const double alpha = (part[0] + part[1]) + (part[2] + part[3]), root = sqrt(alpha);
+    const double shrink = 1 / root, gain = 1 / (alpha + root);
+    f->shrinks[i] = R(shrink);
+    REAL *step = f->steps + (size_t)(i / PANEL) * m * PANEL + i % PANEL;
+    for (int k = 0; k < m; k++) step[k * PANEL] = R(-shrink * e[k]);
+    for (int k = 0; k < stride; k++) scaled[k] = gain * e[k];
+    for (int k = 0; k < m; k++)
+      for (int l = 0; l < stride; l += WIDE) {
+        double *here = g + k * stride + l, *there = turned + k * stride + l;
+        wide_store(here, wide_load(here) - scaled[k] * wide_load(inner + l));
+        wide_store(there, wide_load(there) - inner[k] * wide_load(scaled + l));
+      }
+  }
+}
+
+/* A panel of S after the sample, and its part of C. */
+static void change_panel(cubature *f, int panel) {
+  const int start = panel * PANEL, m = f->outputs, stride = f->stride;
+  const REAL *steps = f->steps + (size_t)panel * m * PANEL, growth = R(f->growth);
+  REAL *s = panel_of(f, panel), mix[PANEL * PANEL], grown[PANEL * stride], fresh[ROWS * PANEL];
+  for (int i = 0; i < PANEL; i += ROWS)
+    band_product(0, PANEL, m, f->slopes + (start + i) * stride, stride, 1, steps, PANEL,
+                 mix + i * PANEL, PANEL);
+  for (int i = 0; i < PANEL; i++)
+    for (int j = 0; j < PANEL; j++)
+      mix[i * PANEL + j] *= j < i ? growth : R(0);
+  for (int i = 0; i < PANEL; i++) mix[i * PANEL + i] = growth * f->shrinks[start + i];
+  for (int k = 0; k < PANEL * stride; k++) grown[k] = growth * f->slopes[start * stride + k];
+  for (int j = start; j < f->rows; j += ROWS) {
+    REAL *old = s + (ptrdiff_t)j * PANEL, *cross = f->cross + (ptrdiff_t)j * stride;
+    band_product(0, PANEL, m, cross, stride, 1, steps, PANEL, fresh, PANEL);
+    band_product(1, PANEL, WIDTH, old + WIDTH, PANEL, 1, mix + WIDTH * PANEL, PANEL, fresh, PANEL);
+    block_product(1, 1, WIDTH, old, PANEL, 1, mix, PANEL, fresh, PANEL);
+    band_product(1, stride, PANEL, old, PANEL, 1, grown, stride, cross, stride);
+    memcpy(old, fresh, sizeof fresh);
+  }
+}
+
+/* Mean and covariance of y (noise included) before it is measured. */
+int cubature_predict(cubature *f) {
+  const int m = f->outputs;
+  visit(f);
+  moments(f, f->small, f->small + f->stride * f->stride);
+  double sum = 0;
+  for (int k = 0; k < m * m; k++) sum += f->covariance[k];
+  for (int k = 0; k < m; k++) sum += f->predicted[k];
+  return isfinite(sum) ? COMPLETED : NOT_FINITE;
+}
+
+/* Learn one sample. */
+int cubature_update(cubature *f) {
+  const int m = f->outputs, stride = f->stride, size = stride * stride;
+  double *remainder = f->small, *work = remainder + size, *g = work + size, *turned = g + size;
+  const int outcome = cubature_predict(f);
+  double sum = 0, reach = 0;
+  for (int k = 0; k < m; k++) {
+    f->innovation[k] = f->measured[k] - f->predicted[k];
+    sum += f->innovation[k];
+    reach = fmax(reach, f->covariance[k * m + k]);
+  }
+  f->largest *= f->growth;
+  const double limit = SINGLE ? 1e36 : 1e300; /* of C, row by row */
+  if (outcome != COMPLETED || !isfinite(sum) || !(f->largest * sqrt(reach) < limit)) {
+    f->largest /= f->growth;
+    return NOT_FINITE;
+  }
+  memset(g, 0, sizeof(double) * size);
+  if (!invert_root(m, stride, remainder, work, g)) {
+    f->largest /= f->growth;
+    return COVARIANCE_LOST;
+  }
+  for (int k = 0; k < stride; k++)
+    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+  recur(f, g, turned);
+  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
+  for (int panel = (f->weights - 1) / PANEL; panel >= 0; panel--) change_panel(f, panel);
+  double inner[stride], gain[stride];
+  combine(m, stride, f->innovation, g, inner);
+  combine(m, stride, inner, turned, gain);
+  for (int j = 0; j < f->weights; j++) {
+    double step = 0;
+    for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];
+    f->mean[j] += step;
+  }
+  return COMPLETED;
+}
+
+/* The activation over many numbers (a multiple of WIDTH), for its test. */
+void cubature_activate(int activation, int count, REAL *z) {
+  activate(activation, count / WIDTH, z);
+}

@@ -1,0 +1,142 @@
+"""What the paper's two figures of overhead show, measured like for like.
+
+Dynamics: symbolic against algorithmic differentiation, interpreted and compiled, as
+published and as it should be. Aerodynamics: actual against estimated. Medians on
+random states; times of other machines differ, ratios less.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from patagium.dynamics import equations
+from patagium.native.compiler import STRAIGHT_LINE, compiler_path
+from patagium.native.emit import emit
+from patagium.robot.model import Robot
+from patagium.studies import benchmark_learning as learning
+from patagium.studies.benchmark_dynamics import DynamicsBench, walk
+from patagium.studies.benchmark_timing import one_core, time_call, time_python
+from patagium.studies.rivals import energy_rival, symbolic_rival
+from patagium.studies.rivals.compiled import Rival, compile_rival, library_calls
+from patagium.studies.rivals.python_rivals import interpreted_energy, python_rivals
+
+_NAN = float("nan")
+
+
+def dynamics_overhead(robot: Robot, published: bool = True) -> list[dict[str, Any]]:
+    """Time of D, of C v + G and of both, by formulation and by how it is run.
+
+    Args:
+        robot: An Aerobat: symbolic equations are stored for it.
+        published: Whether the experiment's own formulation and the symbolic one without
+            `cse` are among them: their C compiles for about a minute the first time.
+
+    Returns:
+        One dictionary a formulation: formulation, run ("compiled" or "interpreted"),
+        mass_matrix, bias, both [ns] (NaN where it offers none), derivation_time [s],
+        compile_time [s], code_size [bytes].
+    """
+    bench = DynamicsBench(robot)
+    rows = [_interpreted(bench, kind) for kind in ("symbolic", "differentiated")]
+    code = symbolic_rival.sympy_code(robot)
+    rivals = [symbolic_rival.symbolic_rival(robot, code, shared=True)]
+    if published:
+        unshared = symbolic_rival.symbolic_rival(robot, code, False, ("mass_matrix", "bias"))
+        rivals += [unshared, energy_rival.published_rival(robot)]
+    rivals += [energy_rival.short_rival(robot), _recursive(robot)]
+    with one_core():
+        rows += [_compiled(bench, rival) for rival in rivals if isinstance(rival, Rival)]
+    return rows
+
+
+def aerodynamics_overhead() -> list[dict[str, Any]]:
+    """Time of the Aerobat's aerodynamic force by its equations and by networks.
+
+    Returns:
+        One dictionary a model: model, single [ns a state, one state a call, compiled],
+        batch [ns a state, many states in one Python call].
+    """
+    values = {result.name: result.value for result in learning.on_one_thread("air")}
+    return [
+        {"model": name, "single": value, "batch": values[f"{name} batch"]}
+        for name, value in values.items()
+        if not name.endswith(" batch")
+    ]
+
+
+def _interpreted(bench: DynamicsBench, kind: str) -> dict[str, Any]:
+    """One state a Python call, nothing compiled."""
+    symbolic, times, derivation = kind == "symbolic", {}, 0.0
+    for quantity in ("mass_matrix", "bias"):
+        started = time.process_time()
+        if symbolic:
+            function = python_rivals(bench.robot, quantity)["SymPy's lambdify with cse"]
+        else:
+            function = interpreted_energy(bench.robot, quantity)
+            derivation += time.process_time() - started
+        rows = list(zip(*bench.states.of(quantity), strict=True))
+        times[quantity] = time_python(walk(function, rows))
+    if symbolic:
+        code = symbolic_rival.sympy_code(bench.robot)
+        derivation = code.derivation_time + code.sharing_time
+    return {
+        "formulation": "SymPy, lambdify with cse" if symbolic else "energy form, CasADi call",
+        "run": "interpreted",
+        **times,
+        "both": sum(times.values()),
+        "derivation_time": derivation,
+        "compile_time": 0.0,
+        "code_size": 0,
+    }
+
+
+def _recursive(robot: Robot) -> Rival | str:
+    """Our own D, C v + G and both, built alone so that their making can be timed."""
+    compiler = compiler_path()
+    if compiler is None:
+        return "no C compiler"
+    started = time.process_time()
+    machine, p = robot.symbolic()
+    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+    mass_matrix, bias = equations.mass_matrix(machine, q), equations.bias(machine, q, v)
+    functions = [
+        ca.Function("rival_mass_matrix", [q, p], [mass_matrix], ["q", "parameters"], ["D"]),
+        ca.Function("rival_bias", [q, v, p], [bias], ["q", "v", "parameters"], ["h"]),
+        ca.Function(
+            "rival_both", [q, v, p], [mass_matrix, bias], ["q", "v", "parameters"], ["D", "h"]
+        ),
+    ]
+    sources = {f"{function.name()}.c": emit(function)[0] for function in functions}
+    derivation = time.process_time() - started
+    library, seconds = compile_rival("our D and C v + G", sources, compiler, STRAIGHT_LINE)
+    n = robot.dof
+    sizes = {"mass_matrix": (n * n,), "bias": (n,), "both": (n * n, n)}
+    return Rival(
+        "recursive, SX (patagium)",
+        library_calls(library, sizes),
+        np.arange(n),
+        (robot.parameters,),
+        compile_time=seconds,
+        derivation_time=derivation,
+        code_size=sum(map(len, sources.values())),
+    )
+
+
+def _compiled(bench: DynamicsBench, rival: Rival) -> dict[str, Any]:
+    times = {}
+    for quantity in ("mass_matrix", "bias", "both"):
+        call = rival.calls.get(quantity)
+        inputs = bench.states.of("bias" if quantity == "both" else quantity)
+        times[quantity] = time_call(call, [*inputs, *rival.extra]) if call else _NAN
+    return {
+        "formulation": rival.name,
+        "run": "compiled",
+        **times,
+        "derivation_time": rival.derivation_time,
+        "compile_time": rival.compile_time,
+        "code_size": rival.code_size,
+    }
