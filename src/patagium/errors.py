@@ -81,8 +81,9 @@ class LinkageError(PatagiumError, ValueError):
     ) -> None:
         first, second = (1e3 * k for k in lengths)
         super().__init__(
-            f"linkage: at phase {phase:.4g} rad the loop of {loop} cannot close: expected bars that "
-            f"span {1e3 * distance:.4g} mm with a bend, found {first:.4g} mm and {second:.4g} mm"
+            f"linkage: at phase {phase:.4g} rad the loop of {loop} cannot close: expected bars "
+            f"that span {1e3 * distance:.4g} mm with a bend, "
+            f"found {first:.4g} mm and {second:.4g} mm"
         )
         self.loop, self.phase, self.lengths, self.distance = loop, phase, lengths, distance
 

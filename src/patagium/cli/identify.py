@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "patagium identify flight.nc --network strip --hidden 8,8 --prior-deviation 0.3 "
-    "--measurement-deviation 0.003 --spread 1.7 --model model.json --report report.html",
+    "--measurement-deviation 3e-4 --spread 1.7 --model model.json --report report.html",
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-deviation 0.5 --measurement-deviation 0.05",
 )

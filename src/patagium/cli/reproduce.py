@@ -18,14 +18,18 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="Short flights: the same pages, rougher numbers.")
     ] = False,
+    crazyflie: Annotated[
+        Path | None, typer.Option(help="A quadrotor's log, log16.csv.gz, for a section on it.")
+    ] = None,
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.
 
     Writes report.html, metrics.json, the flights (*.nc) and figures/.
     """
-    from patagium.cli.words import stage_bar
+    from patagium.cli.words import existing, stage_bar
     from patagium.studies.reproduction import reproduce as run
 
     with stage_bar("Reproducing the paper") as progress:
-        report = run(out, progress=progress, quick=quick)
+        log = None if crazyflie is None else existing(crazyflie)
+        report = run(out, progress=progress, quick=quick, crazyflie=log)
     typer.echo(f"The report is in {report}")

@@ -2,7 +2,10 @@
 
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
+from patagium.identification.extended import ExtendedLearner
+from patagium.identification.gradient import GradientLearner
 from patagium.identification.identify import evaluate, identify
+from patagium.identification.linear import LinearLearner
 from patagium.identification.logs import evaluate_table, identify_table, network_for
 from patagium.identification.mapping import TableMapping, load_mapping
 from patagium.identification.model_file import Model, load_model, model_of, save_model
@@ -16,7 +19,10 @@ from patagium.identification.training_data import training_data
 __all__ = [
     "CubatureLearner",
     "DenseNetwork",
+    "ExtendedLearner",
+    "GradientLearner",
     "Identification",
+    "LinearLearner",
     "Model",
     "StripNetwork",
     "Table",

@@ -75,7 +75,7 @@ class Model:
         mean = self.network(sample, self.weights)
         if self.covariance is None or self.measurement_deviation is None:
             return mean, np.full((len(mean), len(mean)), np.nan)
-        slope = self.network.jacobian(self.network.encode_one(sample), self.weights)
+        _, slope = self.network.linearized(self.network.encode_one(sample), self.weights)
         noise = np.diag(self.measurement_deviation**2)
         return mean, slope @ self.covariance @ slope.T + noise
 

@@ -30,17 +30,25 @@ Array = NDArray[np.float64]
 Measured = Sequence[str] | ArrayLike | None
 
 _COEFFICIENTS = 2
+_GAIN = 3.0  # of the direction: neurons then bend within the incidences a wing meets
+_PARTING, _PARTING_WIDTH = 0.4, 0.1  # how far, and how steeply, above and below are parted
 
 
 class StripNetwork(Network):
     """Section coefficients learned, the rest known: y = sum_i B_i(q) 1/2 rho A_i |v_i|^2 c_i.
 
     v_i = (forward, normal) is the velocity of the strip's force point relative to the air,
-    c_i = scale * mlp(v_i / |v_i|; W) its force coefficients forward and normal, B_i the
-    transposed Jacobian of that point. The force point is a quarter chord ahead of mid-chord, behind it
-    where the strip moves backward (`smooth_sign`, as `QuasiSteady`); |v| in the direction
-    is smoothed near zero. Mirrored wings share the perceptron through their mirrored axes.
-    x is the state [q, v].
+    (f, n) = v_i / |v_i| its direction, c_i = scale * mlp(parted(f, n); W) the section's force
+    coefficients forward and normal, B_i the transposed Jacobian of the force point. That is
+    a quarter chord ahead of mid-chord, behind it where the strip moves backward
+    (`smooth_sign`, as `QuasiSteady`); |v| in the direction is smoothed near zero.
+    Mirrored wings share the perceptron through their mirrored axes. x is the state [q, v].
+
+        parted(f, n) = 3 (f (1 + 0.4 n / sqrt(n^2 + 0.1^2)), n)
+
+    is the circle of directions with its two crossings of the chord line drawn apart along
+    f: coefficients change fastest there (a section answers flow from above and from below
+    with different sides), while n stays as it is for sections that do not care.
 
     Args:
         robot: The machine; its numbers are taken as they are.
@@ -50,15 +58,16 @@ class StripNetwork(Network):
         measured: What y is. None: the generalized force, (n,) [N, N m]. Names of
             coordinates: those components of it. A matrix (n_y, 3 n_strips): that linear
             function of the strip forces in world axes, x y z of one strip after the other.
+        chord_fraction: Where on the chord v_i is taken, behind the leading edge, 0 to 1;
+            None: at the force point. The published experiment takes it at 0.5 (E9).
         rotation: Whether the reduced pitch rate of the strip, chord * rate / |v|, is a third
-            input of the perceptron: what the incidence at another point of the chord, or
-            circulation by pitching, needs.
+            input of the perceptron, as circulation by pitching needs.
         coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
 
     Raises:
         ParameterError: If the robot has no strips, a name is not one of its coordinates,
-            the matrix not finite, the scale not positive, or a width or the activation not
-            what it may be.
+            the matrix not finite, the scale not positive, the fraction not on the chord,
+            or a width or the activation not what it may be.
         ShapeError: If the matrix has another shape.
     """
 
@@ -71,14 +80,19 @@ class StripNetwork(Network):
         air: Air | None = None,
         activation: str = "softplus",
         measured: Measured = None,
+        *,
+        chord_fraction: float | None = None,
         rotation: bool = False,
-        coefficient_scale: float = 1.0,
+        coefficient_scale: float = 4.0,
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         if not (np.isfinite(coefficient_scale) and coefficient_scale > 0):
             raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
-        self.rotation, self.coefficient_scale = rotation, float(coefficient_scale)
+        if chord_fraction is not None and not 0 <= chord_fraction <= 1:
+            raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
+        self.chord_fraction, self.rotation = chord_fraction, rotation
+        self.coefficient_scale = float(coefficient_scale)
         self.robot, self.air = robot, Air() if air is None else air
         self._perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
         self._names, self._matrix = _measurement(robot, measured)
@@ -86,15 +100,15 @@ class StripNetwork(Network):
         pressure = self.air.density * self.coefficient_scale
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
         symbolic, _ = robot.symbolic()
-        key = f"strip network {self._names} {self._matrix_key()} {rotation} {symbolic!r}"
-        label = f"strip network of {robot.name}"
+        options = f"{self._names} {self._matrix_key()} {chord_fraction} {rotation}"
+        key, label = f"strip network {options} {symbolic!r}", f"strip network of {robot.name}"
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
 
     def __reduce__(self) -> tuple[Any, ...]:
         measured = self._names if self._matrix is None else self._matrix
         hidden, activation = self._perceptron.widths[1:-1], self._perceptron.activation
-        options = (measured, self.rotation, self.coefficient_scale)
-        return StripNetwork, (self.robot, hidden, self.air, activation, *options)
+        arguments = (self.robot, hidden, self.air, activation, measured)
+        return _again, (arguments, self._options())
 
     def __deepcopy__(self, memo: dict[int, Any]) -> StripNetwork:
         return self  # nothing in it changes
@@ -125,7 +139,7 @@ class StripNetwork(Network):
         return self._perceptron
 
     def encode(self, x: Array) -> Encoding:
-        """Directions of flow, (N, n_strips, 2), and force of unit coefficients, (N, n_y, 2 n_s)."""
+        """Flow of strips, (N, n_strips, n_in), and force of unit coefficients, (N, n_y, 2 n_s)."""
         features, readout = self._encode.batch(x, self._parameters)
         return Encoding(
             features.reshape(len(x), self._perceptron.widths[0], -1).transpose(0, 2, 1),
@@ -142,10 +156,37 @@ class StripNetwork(Network):
             self._offset,
         )
 
+    def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Flow of strips, (n_in, n_strips), and readout, (n_y, 2 n_strips), of x (n_x,)."""
+        features, readout = self._encode.expression(x, self._parameters)
+        return features, readout
+
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""
         address = self._encode.address
         return None if address is None else (address, self._parameters)
+
+    def initial(self, seed: int) -> Array:
+        """Weights to start from, (n,): small coefficients, and neurons that look all around.
+
+        Directions of the first layer are spread evenly over the circle from a random one
+        on; other weights are standard normal over sqrt(fan-in), a quarter of that in the
+        last layer; biases zero.
+
+        Args:
+            seed: Seed of the draw.
+        """
+        draw = np.random.default_rng(seed)
+        normal = draw.standard_normal(self.size) / np.sqrt(self.fan_in)
+        weights = np.where(self.fan_in > 1, normal, 0.0)
+        inputs, neurons = self._perceptron.widths[:2]
+        if inputs == 2:
+            angles = 2 * np.pi * (draw.random() + np.arange(neurons) / neurons)
+            directions = np.column_stack([np.cos(angles), np.sin(angles)])
+            weights[: inputs * neurons] = directions.ravel()
+        below, above = self._perceptron.widths[-2:]
+        weights[-(below + 1) * above :] *= 0.25
+        return weights
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
@@ -156,8 +197,7 @@ class StripNetwork(Network):
             "air": self.air.describe(),
             "activation": self._perceptron.activation,
             "measured": list(self._names) if self._matrix is None else self._matrix.tolist(),
-            "rotation": self.rotation,
-            "coefficient_scale": self.coefficient_scale,
+            **self._options(),
         }
 
     @classmethod
@@ -171,29 +211,39 @@ class StripNetwork(Network):
         from patagium.robot import load_robot_text
 
         names = ("robot", "hidden", "air", "activation", "measured")
-        keys = (*names, "rotation", "coefficient_scale")
+        keys = (*names, "chord_fraction", "rotation", "coefficient_scale")
         values = described(cls.kind, description, keys)
         air = air_from_description(values.pop("air"))
         return cls(load_robot_text(values.pop("robot")), air=air, **values)
+
+    def _options(self) -> dict[str, Any]:
+        return {
+            "chord_fraction": self.chord_fraction,
+            "rotation": self.rotation,
+            "coefficient_scale": self.coefficient_scale,
+        }
 
     def _matrix_key(self) -> str:
         return "" if self._matrix is None else repr(self._matrix.tolist())
 
     def _function(self) -> ca.Function:
         robot, robot_parameters = self.robot.symbolic()
-        x, wind, density = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
+        x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
         q, v = x[: robot.dof], x[robot.dof :]
         coefficients = ca.SX.sym("c", _COEFFICIENTS, len(robot.strips))
         seen, loads = [], []
         for number, motion in enumerate(strip_motions(robot, q, v, wind)):
             strip = motion.strip
             ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
-            flow = ca.vertcat(motion.forward, motion.normal_ahead(ahead))
+            looking = ahead
+            if self.chord_fraction is not None:
+                looking = (0.25 - self.chord_fraction) * strip.chord
+            flow = ca.vertcat(motion.forward, motion.normal_ahead(looking))
             square = ca.sumsqr(flow)
             speed = smooth_norm(square)
             turn = [strip.chord * motion.pitch_rate / speed] if self.rotation else []
-            seen.append(ca.vertcat(flow / speed, *turn))
-            force = density * strip.chord * strip.width * square / 2 * coefficients[:, number]
+            seen.append(ca.vertcat(_parted(flow / speed), *turn))
+            force = pressure * strip.chord * strip.width * square / 2 * coefficients[:, number]
             loads.append(StripLoad(motion, force[0], force[1], ahead, ca.SX(0)))
         air = assemble(robot, q, loads, ca.SX(0, 1))
         if self._matrix is None:
@@ -201,9 +251,21 @@ class StripNetwork(Network):
         else:
             y = ca.sparsify(ca.DM(self._matrix)) @ ca.vec(air.strip_force)
         outputs = [ca.horzcat(*seen), ca.jacobian(y, ca.vec(coefficients))]
-        parameters = ca.vertcat(wind, density, robot_parameters)
+        parameters = ca.vertcat(wind, pressure, robot_parameters)
         names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
         return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
+
+
+def _again(arguments: tuple[Any, ...], options: dict[str, Any]) -> StripNetwork:
+    """A network unpickled."""
+    return StripNetwork(*arguments, **options)
+
+
+def _parted(direction: ca.SX) -> ca.SX:
+    """The circle of directions, its crossings of the chord line drawn apart, (2, 1)."""
+    forward, normal = direction[0], direction[1]
+    side = normal / ca.sqrt(normal**2 + _PARTING_WIDTH**2)
+    return _GAIN * ca.vertcat(forward * (1 + _PARTING * side), normal)
 
 
 def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Array | None]:

@@ -56,21 +56,17 @@ class Table:
     gap: float
     source: str
 
-    def part(self, begin: int, end: int) -> Table:
-        """Samples `begin` to `end - 1`, time as it was.
+    def where(self, kept: slice | ArrayLike) -> Table:
+        """Some of the samples, time as it was; what is left out becomes a gap.
 
         Args:
-            begin: First sample.
-            end: One past the last sample.
+            kept: A slice, indices in order, or a bool for each sample.
         """
-        time = self.time[begin:end]
-        return replace(
-            self,
-            time=time,
-            x=self.x[begin:end],
-            y=self.y[begin:end],
-            gaps=find_gaps(time, self.gap),
-        )
+        chosen = kept if isinstance(kept, slice) else np.asarray(kept)
+        time = self.time[chosen]
+        step = float(np.median(np.diff(self.time)))
+        gaps = np.flatnonzero(np.diff(time) > self.gap * step) + 1
+        return replace(self, time=time, x=self.x[chosen], y=self.y[chosen], gaps=gaps)
 
     def describe_gaps(self) -> str:
         """The gaps in one sentence."""

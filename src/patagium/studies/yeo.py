@@ -153,13 +153,14 @@ def _candidates(case: YeoCase, baseline: Array) -> dict[str, _Candidate]:
     strips = StripNetwork(robot, HIDDEN, _air(case), measured=lift_balance(robot))
     dense = DenseNetwork(2, HIDDEN, ("lift",), input_scale=FLAP_SCALE, output_scale=0.1)
     state = _state(robot, case, case.flap_angle)
-    cold = {"prior_deviation": 0.5, "measurement_deviation": 0.005, "spread": 3**0.5}
-    warm = {**cold, "measurement_deviation": 0.01, "process_deviation": 0.003}
+    blank = {"prior_deviation": 0.5, "measurement_deviation": 0.005, "spread": 3**0.5}
+    cold = {**blank, "prior_deviation": 0.2}
+    warm = {**cold, "measurement_deviation": 0.01, "process_deviation": 0.001}
     flap = state[:, [robot.index("left_plunge"), robot.dof + robot.index("left_plunge")]]
     return {
         "strip network": _Candidate(strips, state, cold),
         "strip network, quasi-steady taught first": _Candidate(strips, state, warm, baseline),
-        "dense network": _Candidate(dense, flap, cold),
+        "dense network": _Candidate(dense, flap, blank),
     }
 
 

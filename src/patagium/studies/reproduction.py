@@ -1,0 +1,241 @@
+"""The paper's whole experiment, as published and corrected, in one run and one report.
+
+Two flights are flown, their forces learned by every network, learner and rate of samples;
+the learned models are frozen and tried on gaits they never saw; each error of the published
+experiment is put in and taken away; overheads are measured; a measured wing is learned.
+Neglected: hardware, closed loops.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from patagium import __version__
+from patagium.identification.scores import json_ready
+from patagium.report import Section, write_page
+from patagium.report.page import write_whole
+from patagium.robot import load_robot
+from patagium.simulation import save_flight
+from patagium.studies import overhead, yeo
+from patagium.studies import reproduction_figures as figures
+from patagium.studies import reproduction_flights as flights
+from patagium.studies import reproduction_subjects as subjects
+from patagium.studies.benchmark import environment
+from patagium.studies.claims import claims, targets
+from patagium.studies.reproduction_errors import error_study
+from patagium.studies.reproduction_learning import Run, run_trials, write_samples
+from patagium.studies.reproduction_plan import Plan
+from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+
+Stages = Callable[[str, float], None]
+"""Told the stage and the part of all done, 0 to 1."""
+
+
+@dataclass
+class _Course:
+    """Stages as they pass: their share of the whole, and the time they took."""
+
+    progress: Stages | None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, begin: float, end: float) -> Iterator[Callable[[float], None]]:
+        def tell(part: float) -> None:
+            if self.progress is not None:
+                self.progress(name, begin + part * (end - begin))
+
+        started = time.perf_counter()
+        tell(0.0)
+        yield tell
+        self.seconds[name] = time.perf_counter() - started
+
+
+def reproduce(
+    out: Path,
+    *,
+    progress: Stages | None = None,
+    quick: bool = False,
+    crazyflie: Path | None = None,
+) -> Path:
+    """Run everything and write the report.
+
+    Learners run in two worker processes: a script that calls this needs the usual guard
+    `if __name__ == "__main__":`.
+
+    Args:
+        out: Folder of the results, made if need be.
+        progress: Told the stage and the part of all done.
+        quick: Short flights and fewer runs: the same pages, rougher numbers.
+        crazyflie: The log of a quadrotor, `log16.csv.gz`, for a section on it.
+
+    Returns:
+        Path of report.html; beside it metrics.json, the flights (*.nc) and figures/.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    plan, course = Plan.of(quick), _Course(progress)
+    with course.stage("flying", 0.0, 0.04):
+        flown, unseen = _fly(plan)
+        for name, flight in flown.items():
+            save_flight(flight, out / f"{name}.nc")
+    with course.stage("errors, one by one", 0.04, 0.1) as tell:
+        errors = error_study(plan.duration, lambda done, total: tell(done / total))
+    with course.stage("learning", 0.1, 0.8) as tell:
+        runs = _learn(plan, flown, unseen, tell)
+    with course.stage("overheads", 0.8, 0.85):
+        overheads = {
+            "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.published_overhead),
+            "aerodynamics": overhead.aerodynamics_overhead(),
+        }
+    with course.stage("measured data", 0.85, 0.9):
+        studied, measured = _measured(plan, crazyflie)
+    metrics: dict[str, Any] = {
+        "environment": {"program": f"patagium {__version__}", "machine": environment().note},
+        "plan": plan.describe(),
+        "choices": _choices(),
+        "flights": _summaries(flown, unseen),
+        "errors": errors,
+        "learning": [run.scores for run in runs if run.trial.kind == "table"],
+        "starts": [_brief(run) for run in runs if run.trial.starts],
+        "limits": [_brief(run) for run in runs if run.trial.kind == "limit"],
+        "overhead": overheads,
+        **studied,
+        "left_out": plan.left_out,
+    }
+    with course.stage("drawing", 0.9, 0.99):
+        gallery = _draw(out, metrics, flown, runs)
+    metrics["stages"] = course.seconds
+    metrics["targets"] = targets(metrics)
+    metrics["claims"] = claims(metrics)
+    text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
+    write_whole(out / "metrics.json", text + "\n")
+    page = write_page(
+        out / "report.html",
+        TITLE,
+        sections(metrics, gallery.pictures, measured),
+        summary=summary(metrics),
+        facts=facts(metrics),
+    )
+    if progress is not None:
+        progress("done", 1.0)
+    return page
+
+
+def _fly(plan: Plan) -> tuple[dict[str, xr.Dataset], dict[str, dict[str, xr.Dataset]]]:
+    """The two flights, and the gaits that are not learned."""
+    flown = {
+        "published": flights.published_flight(plan.duration),
+        "corrected": flights.corrected_flight(plan.duration),
+    }
+    span = plan.unseen_duration
+    unseen = {
+        "published": {
+            name: flights.published_flight(span, **gait)
+            for name, gait in flights.UNSEEN_PUBLISHED.items()
+        },
+        "corrected": {
+            name: flights.corrected_flight(span, wingbeat)
+            for name, wingbeat in flights.UNSEEN.items()
+        },
+    }
+    return flown, unseen
+
+
+def _learn(
+    plan: Plan,
+    flown: dict[str, xr.Dataset],
+    unseen: dict[str, dict[str, xr.Dataset]],
+    tell: Callable[[float], None],
+) -> list[Run]:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for key, flight in flown.items():
+            beat = 1.0 / flights.beat_frequency(flight)
+            write_samples(folder, key, flight, unseen[key], beat)
+        return run_trials(plan.trials(), folder, tell)
+
+
+def _measured(plan: Plan, crazyflie: Path | None) -> tuple[dict[str, Any], list[Section]]:
+    """Studies of measured data: the Yeo wing always, the quadrotor where its log is given."""
+    wing = yeo.yeo_study(plan.yeo_cycles)
+    metrics: dict[str, Any] = {"yeo": wing.scores}
+    pages = yeo.yeo_sections(wing)
+    if crazyflie is not None:
+        from patagium.studies.crazyflie import crazyflie_sections, crazyflie_study
+
+        log = crazyflie_study(crazyflie)
+        metrics["crazyflie"] = {"rows": log.rows, "samples": log.samples, "gaps": log.gaps}
+        pages += crazyflie_sections(log)
+    return metrics, pages
+
+
+def _summaries(
+    flown: dict[str, xr.Dataset], unseen: dict[str, dict[str, xr.Dataset]]
+) -> dict[str, Any]:
+    summaries: dict[str, Any] = {name: flights.summary(flight) for name, flight in flown.items()}
+    summaries["unseen"] = {
+        key: {name: flights.summary(flight) for name, flight in group.items()}
+        for key, group in unseen.items()
+    }
+    learned = summaries["corrected"]["incidence_largest"]
+    asked = {
+        name: one["incidence_largest"] for name, one in summaries["unseen"]["corrected"].items()
+    }
+    within = [name for name, largest in asked.items() if largest <= flights.MARGIN * learned]
+    summaries["unseen_within"] = within
+    summaries["unseen_beyond"] = [name for name in asked if name not in within]
+    return summaries
+
+
+def _draw(
+    out: Path, metrics: dict[str, Any], flown: dict[str, xr.Dataset], runs: list[Run]
+) -> figures.Gallery:
+    gallery = figures.Gallery(out / "figures")
+    table = [run for run in runs if run.trial.kind == "table"]
+    for name, flight in flown.items():
+        figures.overview_figure(gallery, name, flight)
+        mine = [run for run in table if run.trial.flight == name]
+        kept = {run.trial.network: run.record for run in mine if run.record is not None}
+        shown = {"strip network": kept["strip_rotation"], "dense network": kept["dense"]}
+        figures.force_figures(gallery, name, shown, 1.0 / flights.beat_frequency(flight))
+        figures.innovation_figure(gallery, name, kept["strip_rotation"])
+        figures.curve_figure(gallery, name, mine)
+        frozen = {
+            subjects.NETWORKS.get(run.trial.network, "100 random features"): run
+            for run in mine
+            if run.trial.every == 100 and run.trial.learner in ("cubature", "features")
+        }
+        figures.unseen_figure(gallery, name, frozen)
+    figures.overhead_figures(gallery, metrics["overhead"])
+    return gallery
+
+
+def _brief(run: Run) -> dict[str, Any]:
+    """Scores of a run that stands in a table as one line."""
+    return {key: value for key, value in run.scores.items() if key not in ("curve", "unseen")}
+
+
+def _choices() -> dict[str, Any]:
+    """Every number a person chose, for the report."""
+    return {
+        "spread": subjects.SPREAD,
+        "weight_deviation": subjects.WEIGHT_DEVIATION,
+        "strip_deviation": {
+            name: subject.strip_deviation for name, subject in subjects.SUBJECTS.items()
+        },
+        "coefficient_scale": {
+            name: subject.coefficient_scale for name, subject in subjects.SUBJECTS.items()
+        },
+        "dense_prior": subjects.DENSE_PRIOR,
+        "dense_noise": subjects.DENSE_NOISE,
+        "memory": subjects.MEMORY,
+        "steps_of_gradient": dict(subjects.STEP),
+    }

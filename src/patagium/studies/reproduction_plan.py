@@ -1,0 +1,147 @@
+"""What the reproduction runs, and what it leaves out and why.
+
+A run of the whole takes a few minutes on two cores; without a C compiler, or when a quick
+look is asked for, the longest runs are left out and the report says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from patagium.native.compiler import compiler_path
+from patagium.studies.reproduction_learning import Trial
+from patagium.studies.reproduction_subjects import AS_RUN, SUBJECTS, Setting
+
+EVERY = (100, 10, 1)
+KEPT = ("strip", "strip_rotation", "dense")
+"""Networks whose predictions at one sample in 100 come back for the figures."""
+STRIPS = ("strip", "strip_rotation")
+DENSE = ("dense", "dense_published", "dense_velocity")
+LIMITS = {
+    "as run": ("dense_velocity", AS_RUN),
+    "inputs not scaled (E7)": ("dense_velocity", replace(AS_RUN, scaled=False)),
+    "never forgets": ("dense_velocity", replace(AS_RUN, memory=None)),
+    "forgets in 1 s": ("dense_velocity", replace(AS_RUN, memory=1.0)),
+    "spread sqrt(n), the cubature rule": ("dense_velocity", replace(AS_RUN, spread=None)),
+    "never forgets, spread sqrt(n)": (
+        "dense_velocity",
+        replace(AS_RUN, memory=None, spread=None),
+    ),
+    "measurement deviation ten times smaller": (
+        "dense_velocity",
+        replace(AS_RUN, noise=0.1 * AS_RUN.noise),
+    ),
+    "all 28 inputs": ("dense_published", AS_RUN),
+    "all 28 inputs, two hidden layers": ("dense", AS_RUN),
+}
+"""What is changed, one thing at a time, to find what limits the dense network."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is run.
+
+    Attributes:
+        duration: Of each flight [s].
+        unseen_duration: Of each flight that is not learned [s].
+        every: Rates of samples, one in so many.
+        starts: How many starts of the strip network.
+        long_runs: Whether large networks learn at every sample.
+        published_overhead: Whether the published C, which compiles for a minute, is timed.
+        yeo_cycles: Cycles of the measured wing.
+    """
+
+    duration: float = 2.0
+    unseen_duration: float = 1.0
+    every: tuple[int, ...] = EVERY
+    starts: int = 8
+    long_runs: bool = True
+    published_overhead: bool = True
+    yeo_cycles: int = 10
+
+    @classmethod
+    def of(cls, quick: bool) -> Plan:
+        """The plan for this machine.
+
+        Args:
+            quick: Short flights and fewer runs.
+        """
+        if quick:
+            return cls(0.2, 0.1, (100, 10), 2, False, False, 3)
+        return cls(long_runs=compiler_path() is not None)
+
+    def trials(self) -> list[Trial]:
+        """Every run of a learner."""
+        table = [trial for flight in SUBJECTS for trial in self._table(flight)]
+        starts = [
+            Trial(flight, network, "cubature", every, seed, kind="start")
+            for flight in SUBJECTS
+            for network in STRIPS
+            for every in (100, 10)
+            for seed in range(1, self.starts)
+        ]
+        limits = [
+            Trial("published", network, "cubature", 10, setting=setting, label=label, kind="limit")
+            for label, (network, setting) in self._limits().items()
+        ]
+        return table + starts + limits
+
+    @property
+    def left_out(self) -> list[str]:
+        """What was not run, and why, in sentences."""
+        words = [
+            "The extended filter runs in NumPy, several times slower than the cubature filter in "
+            "C: with the large network it learns from one sample in 10 at most. Gradient steps "
+            "with replay likewise.",
+        ]
+        if not self.long_runs:
+            words.append(
+                "Large networks at every sample are left out: a short run was asked for, or there "
+                "is no C compiler."
+            )
+        if not self.published_overhead:
+            words.append("The published experiment's own C is not timed: it compiles for a minute.")
+        return words
+
+    def describe(self) -> dict[str, Any]:
+        """The plan as JSON-able values."""
+        return {
+            "duration": self.duration,
+            "unseen_duration": self.unseen_duration,
+            "every": list(self.every),
+            "starts": self.starts,
+            "long_runs": self.long_runs,
+            "published_overhead": self.published_overhead,
+        }
+
+    def _limits(self) -> dict[str, tuple[str, Setting]]:
+        return LIMITS if self.long_runs else dict(list(LIMITS.items())[:3])
+
+    def _table(self, flight: str) -> list[Trial]:
+        return [
+            Trial(
+                flight,
+                network,
+                learner,
+                every,
+                keep=every == 100 and learner == "cubature" and network in KEPT,
+            )
+            for network, learner, rates in self._methods()
+            for every in self.every
+            if every >= rates
+        ]
+
+    def _methods(self) -> list[tuple[str, str, int]]:
+        """Network, learner, and the most samples it learns from: one in so many."""
+        slow = 1 if self.long_runs else 10
+        return [
+            *((network, "cubature", 1) for network in STRIPS),
+            *((network, "cubature", slow) for network in DENSE),
+            *((network, "extended", 1) for network in STRIPS),
+            ("dense_published", "extended", 10),
+            *((network, "gradient", 1) for network in ("strip", "dense_published")),
+            *((network, "replay", 10) for network in ("strip", "dense_published")),
+            ("", "linear", 1),
+            ("", "features", 1),
+        ]

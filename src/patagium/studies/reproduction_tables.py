@@ -1,0 +1,241 @@
+"""Tables of the reproduction, made of its metrics and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from patagium.report import Table
+from patagium.studies.reproduction_subjects import LEARNERS, NETWORKS
+
+Metrics = Mapping[str, Any]
+
+
+def flight_table(metrics: Metrics) -> Table:
+    """The two flights in numbers.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    flights = metrics["flights"]
+    quantities = {
+        "duration [s]": "duration",
+        "beats a second [Hz]": "beat_frequency",
+        "speed at the start [m/s]": "speed_start",
+        "largest speed [m/s]": "speed_largest",
+        "speed at the end [m/s]": "speed_end",
+        "distance [m]": "distance",
+        "change of height [m]": "height_change",
+        "largest force of the air [N]": "force_largest",
+        "mean lift over weight, second half": "lift_over_weight",
+        "largest incidence [rad]": "incidence_largest",
+        "reduced frequency at the start": "reduced_frequency_start",
+        "reduced frequency at the end": "reduced_frequency_end",
+        "energy residual over energy exchanged": "energy_audit",
+        "momentum residual over impulse exchanged": "momentum_audit",
+        "largest power of the air [W]": "aero_power_largest",
+    }
+    rows = [
+        [title, *(flights[name][key] for name in ("published", "corrected"))]
+        for title, key in quantities.items()
+    ]
+    return Table(("quantity", "published", "corrected"), rows)
+
+
+def learner_table(metrics: Metrics, flight: str) -> Table:
+    """Every learner, network and rate of samples on one flight.
+
+    Args:
+        metrics: Of the reproduction.
+        flight: Key of the flight.
+    """
+    rows, held = [], set[int]()
+    runs = [row for row in metrics["learning"] if row["flight"] == flight]
+    for row in sorted(runs, key=lambda row: -row["every"]):
+        if row["every"] not in held:
+            held.add(row["every"])
+            rows.append(_persistence(row))
+        rows.append(_learner(row))
+    columns = (
+        "learner",
+        "network",
+        "one in",
+        "NMSE mean",
+        "NMSE worst",
+        "10 ms ahead",
+        "one beat ahead",
+        "in the 95 % interval",
+        "largest variance",
+        "update [µs]",
+    )
+    return Table(
+        columns,
+        rows,
+        "Normalized mean square error over the second half: mean and worst of the forces, "
+        "predicted before the sample was used; worst at two horizons with frozen weights. Holding "
+        "the last used sample is the bar.",
+    )
+
+
+def _persistence(row: Mapping[str, Any]) -> list[Any]:
+    return [
+        "last used sample held",
+        None,
+        row["every"],
+        row.get("persistence_second_half_mean"),
+        row.get("persistence_second_half_worst"),
+        row.get("horizon_10ms_persistence_second_half_worst"),
+        row.get("horizon_beat_persistence_second_half_worst"),
+        None,
+        None,
+        None,
+    ]
+
+
+def _learner(row: Mapping[str, Any]) -> list[Any]:
+    completed = row["outcome"] == "COMPLETED"
+    return [
+        LEARNERS[row["learner"]] + ("" if completed else ", diverged"),
+        NETWORKS.get(row["network"], "all inputs"),
+        row["every"],
+        row.get("nmse_second_half_mean"),
+        row.get("nmse_second_half_worst"),
+        row.get("horizon_10ms_nmse_second_half_worst"),
+        row.get("horizon_beat_nmse_second_half_worst"),
+        row.get("coverage_second_half"),
+        row.get("largest_variance"),
+        row["microseconds_per_update"],
+    ]
+
+
+def unseen_table(metrics: Metrics, flight: str) -> Table:
+    """Frozen models on gaits they never saw, learned from one sample in 100.
+
+    Args:
+        metrics: Of the reproduction.
+        flight: Key of the flight.
+    """
+    runs = [
+        row
+        for row in metrics["learning"]
+        if row["flight"] == flight and row["every"] == 100 and row["unseen"]
+    ]
+    gaits = list(runs[0]["unseen"]) if runs else []
+    held = [runs[0]["unseen"][gait]["persistence_worst"] for gait in gaits]
+    rows: list[list[Any]] = [["last sample held (it sees one in 100)", None, *held]] if runs else []
+    for row in runs:
+        name = [LEARNERS[row["learner"]], NETWORKS.get(row["network"], "all inputs")]
+        rows.append([*name, *(row["unseen"][gait]["worst"] for gait in gaits)])
+    return Table(
+        ("learner", "network", *gaits),
+        rows,
+        "Worst normalized mean square error of the forces over 1 s of a gait that was not "
+        "learned, weights frozen after the flight that was.",
+    )
+
+
+def limit_table(metrics: Metrics) -> Table:
+    """What limits the dense network.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    rows = [
+        [
+            row["label"],
+            row["weights"],
+            row.get("nmse_second_half_mean"),
+            row.get("nmse_second_half_worst"),
+            row.get("coverage_second_half"),
+            row.get("largest_variance"),
+            row["outcome"] == "COMPLETED",
+        ]
+        for row in metrics["limits"]
+    ]
+    columns = (
+        "published flight, one in 10",
+        "weights",
+        "NMSE mean",
+        "NMSE worst",
+        "in the 95 % interval",
+        "largest variance",
+        "finished",
+    )
+    return Table(columns, rows, "One thing changed at a time; second half of the flight.")
+
+
+def starts_table(metrics: Metrics) -> Table:
+    """How much the strip network's scores depend on the weights it starts from.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    groups: dict[tuple[str, str, int], list[Mapping[str, Any]]] = {}
+    for row in metrics["starts"]:
+        groups.setdefault((row["flight"], row["network"], row["every"]), []).append(row)
+    rows: list[list[Any]] = []
+    for (flight, network, every), runs in groups.items():
+        errors = [row.get("nmse_second_half_worst", np.nan) for row in runs]
+        shares = [row.get("coverage_second_half", np.nan) for row in runs]
+        spans = [_span(errors), _span(shares)]
+        rows.append([flight, NETWORKS[network], every, len(runs), *spans[0], *spans[1]])
+    columns = (
+        *("flight", "network", "one in", "starts"),
+        *("NMSE worst: best start", "median", "worst start"),
+        *("in the 95 % interval: least", "median", "most"),
+    )
+    return Table(columns, rows, "Strip network, cubature filter, from several random starts.")
+
+
+def _span(values: Sequence[float]) -> tuple[float, float, float]:
+    return float(np.min(values)), float(np.median(values)), float(np.max(values))
+
+
+def dynamics_table(metrics: Metrics) -> Table:
+    """Overhead of dynamics by formulation.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    rows = [
+        [
+            row["formulation"],
+            row["run"],
+            row["mass_matrix"],
+            row["bias"],
+            row["both"],
+            row["derivation_time"],
+            row["compile_time"],
+            row["code_size"] or None,
+        ]
+        for row in metrics["overhead"]["dynamics"]
+    ]
+    columns = (
+        *("formulation", "run", "D [ns]", "C v + G [ns]", "both [ns]"),
+        *("derivation [s]", "compiling [s]", "code [bytes]"),
+    )
+    return Table(columns, rows, "Median time of a call on random states, one core.")
+
+
+def aerodynamics_table(metrics: Metrics) -> Table:
+    """Overhead of aerodynamics, actual and estimated.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    rows = [
+        [row["model"].replace("_", " "), row["single"], row["batch"]]
+        for row in metrics["overhead"]["aerodynamics"]
+    ]
+    return Table(("model", "one state a call [ns]", "a state of many [ns]"), rows)
+
+
+def stage_table(metrics: Metrics) -> Table:
+    """Where the time of the reproduction went.
+
+    Args:
+        metrics: Of the reproduction.
+    """
+    return Table(("stage", "time [s]"), list(metrics["stages"].items()))
