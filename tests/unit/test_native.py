@@ -141,6 +141,27 @@ def test_a_second_load_makes_no_expression(tmp_path, monkeypatch):
     assert turn(0.0)[1] == 1.0
 
 
+@needs_compiler
+def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    turn = load_functions("late", trigonometry, label="test")["turn"]
+    assert len(list(tmp_path.glob("index-*"))) == 1
+    turn.batch(np.zeros(3))
+    assert len(list(tmp_path.glob("index-*"))) == 2
+
+
+def test_results_of_batches_stay_what_they_were():
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    x = np.linspace(-1, 1, 40)
+    first = turn.batch(x)
+    second = turn.batch(2 * x)
+    np.testing.assert_allclose(first[:, 0], np.sin(x), rtol=1e-15)
+    np.testing.assert_allclose(second[:, 0], np.sin(2 * x), rtol=1e-15)
+    part = turn.batch(x)[5:7]
+    turn.batch(3 * x)
+    np.testing.assert_allclose(part[:, 0], np.sin(x[5:7]), rtol=1e-15)
+
+
 def _load_in(cache: str, results) -> None:
     import os
 
