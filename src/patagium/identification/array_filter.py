@@ -106,26 +106,15 @@ class ArrayFilter:
         self._root = np.array(root, setting.dtype)
         self._grown: Array | None = None
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         found = self._moments(x, self._advanced())
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._step(x, y)
-
-    def root(self) -> Array:
-        """The square root of the covariance after the last sample, (n, n)."""
-        return self._root.astype(float)
-
-    def covariance(self) -> Array:
-        """P after the last sample, (n, n)."""
-        root = self.root()
-        return np.asarray(root @ root.T)
-
-    def _step(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         root = self._advanced()
         found = self._moments(x, root)
         prediction = Prediction(found.mean, found.covariance)
@@ -141,6 +130,15 @@ class ArrayFilter:
             return Outcome.NOT_FINITE, prediction
         self._root, self.mean, self._grown = after.astype(root.dtype), mean, None
         return Outcome.COMPLETED, prediction
+
+    def root(self) -> Array:
+        """The square root of the covariance after the last sample, (n, n)."""
+        return self._root.astype(float)
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        root = self.root()
+        return np.asarray(root @ root.T)
 
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
@@ -169,6 +167,7 @@ class CholeskyFilter:
         self.mean = np.array(mean, float)
         self._covariance = np.asarray(root @ root.T, setting.dtype)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured.
 
@@ -179,6 +178,7 @@ class CholeskyFilter:
         found = point_moments(self.setting, x, self.mean, root)
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
         covariance = self._advanced()
