@@ -115,10 +115,9 @@ def test_a_measured_root_is_the_factor_of_the_measured_covariance(size, outputs,
         np.testing.assert_allclose(inverse @ inverse.T @ total, np.eye(outputs), atol=1e-9)
     after = measured_root(root, slopes, remainder)[0]
     np.testing.assert_array_equal(np.triu(after, 1), 0.0)
-    signs = np.sign(np.diag(root))
-    np.testing.assert_array_equal(np.sign(np.diag(after)), signs)
+    assert (np.diag(after) > 0).all()
     if size < 10:  # better conditioned than the squared matrix in the factorization allows
-        np.testing.assert_allclose(after * signs, lower_factor(expected), atol=1e-6)
+        np.testing.assert_allclose(after, lower_factor(expected), atol=1e-6)
 
 
 def test_a_sharp_measurement_leaves_no_negative_variance(rng):

@@ -89,8 +89,7 @@ class WeightFilter(Protocol):
 class ArrayFilter:
     """Square-root filter: S is carried through the measurement, see `root.measured_root`.
 
-    Forgetting scales S. Process noise costs a factorization of S S' + Q a sample, of
-    order n^3.
+    Forgetting scales S; process noise costs a factorization of S S' + Q a sample.
 
     Args:
         setting: What it is made of.
