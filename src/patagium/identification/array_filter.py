@@ -127,7 +127,7 @@ class ArrayFilter:
         mean = self.mean + cross @ (inverse @ (inverse.T @ innovation))
         if not (np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
-        self._root, self.mean, self._grown = after.astype(root.dtype), mean, None
+        self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
         return Outcome.COMPLETED, prediction
 
     def root(self) -> Array:
@@ -142,6 +142,8 @@ class ArrayFilter:
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
         setting = self.setting
+        if setting.forgetting_factor == 1 and not setting.has_process_noise:
+            return self._root
         if self._grown is None:
             grown = self.root() / np.sqrt(setting.forgetting_factor)
             noisy = with_noise(grown, setting.process_noise) if setting.has_process_noise else grown
