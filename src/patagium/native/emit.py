@@ -1,6 +1,6 @@
 """C text of a CasADi function: straight-line, shared subexpressions once.
 
-Each function can be written for one state, and for eight states side by side
+Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time
 are taken in one branch-free vector call. A function that CasADi was told never to
 inline stays one call of a kernel written by hand (`KERNELS`): its SX form is the
@@ -193,7 +193,7 @@ def emit(function: ca.Function) -> str:
 
 
 def emit_batch(function: ca.Function) -> str:
-    """C text of a function of many states, eight side by side, that defines `name_batch`.
+    """C text of a function of many states, several side by side, that defines `name_batch`.
 
     Args:
         function: An SX function. Inputs whose name ends in `parameters` are the
