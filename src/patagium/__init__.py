@@ -16,9 +16,12 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air as Air
     from patagium.aerodynamics import DrydenGust as DrydenGust
+    from patagium.aerodynamics import Indicial as Indicial
+    from patagium.aerodynamics import LiftingLine as LiftingLine
     from patagium.aerodynamics import OneMinusCosineGust as OneMinusCosineGust
     from patagium.aerodynamics import Published as Published
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
+    from patagium.aerodynamics import Section as Section
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import CompilerError as CompilerError
     from patagium.errors import FilterDiverged as FilterDiverged
@@ -65,7 +68,16 @@ _HOMES = {
     ),
     "robot": ("Robot", "load_robot"),
     "dynamics": ("Dynamics",),
-    "aerodynamics": ("Air", "DrydenGust", "OneMinusCosineGust", "Published", "QuasiSteady"),
+    "aerodynamics": (
+        "Air",
+        "DrydenGust",
+        "Indicial",
+        "LiftingLine",
+        "OneMinusCosineGust",
+        "Published",
+        "QuasiSteady",
+        "Section",
+    ),
     "simulation": (
         "gaits",
         "load_flight",

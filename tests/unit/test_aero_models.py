@@ -53,6 +53,8 @@ def test_methods_give_one_entry_a_coordinate_and_a_strip(
         "angle_of_attack": (10,),
         "strip_airspeed": (10,),
         "power": (),
+        "circulation": (10,),
+        "downwash": (10,),
     }
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report import Note, Section, Table, cell_text, figures, picture, views, write_page
-from patagium.report.style import envelope
+from patagium.report.style import WIDTH, envelope, legend_columns
 
 
 @pytest.mark.parametrize(
@@ -234,3 +234,12 @@ def test_machine_shows_every_strip_in_both_views() -> None:
 def test_overview_names_what_a_flight_misses() -> None:
     with pytest.raises(FlightError, match="aero_force"):
         views.flight_overview({"q": 0})
+
+
+@pytest.mark.parametrize("words", [1, 3, 6])
+def test_legend_stays_on_the_page(words: int) -> None:
+    labels = [f"{' '.join(['network'] * words)} {i}" for i in range(7)]
+    figure = figures.overhead_bars({"D": dict.fromkeys(labels, 1e-3)})
+    figure.draw_without_rendering()
+    assert figure.legends[0].get_window_extent().x1 / figure.dpi <= WIDTH
+    assert legend_columns(["short"] * 7) == 5

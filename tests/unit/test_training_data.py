@@ -1,5 +1,6 @@
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,7 +8,14 @@ import xarray as xr
 
 import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError
-from patagium.identification.identify import evaluate, flight_horizons, identify, state_columns
+from patagium.identification.identify import (
+    evaluate,
+    flight_horizons,
+    identify,
+    samples,
+    state_columns,
+)
+from patagium.identification.model_file import load_model, model_of, save_model
 from patagium.identification.training_data import training_data
 
 
@@ -118,3 +126,47 @@ def test_horizons_follow_the_gait(flight: xr.Dataset) -> None:
         assert flight_horizons(told)["beat"] == pytest.approx(beat)
     told.attrs = {"gait": json.dumps({"kind": "fourier", "frequency": 0.0})}
     assert flight_horizons(told) == {"10ms": 0.01}
+
+
+def test_a_load_cell_is_a_linear_function_of_the_strip_forces(flight: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    balance = np.zeros((2, 3 * len(robot.strips)))
+    balance[0, 0::3], balance[1, 2::3] = 1.0, 1.0  # total force forward and up
+    network = pt.StripNetwork(robot, (4,), measured=balance)
+    _, x, y, _ = samples(flight, network)
+    np.testing.assert_allclose(y, flight["strip_force"].sum("strip")[:, [0, 2]], atol=1e-14)
+    learner = pt.CubatureLearner(
+        network, prior_deviation=0.3, measurement_deviation=1e-3, spread=1.7
+    )
+    scores = identify(flight, learner, every=1).scores
+    assert list(scores["nmse"]) == ["y0", "y1"]
+    assert scores["nmse_second_half"]["y1"] < 0.05  # after one beat, four neurons
+
+
+@pytest.mark.parametrize("kind", ["extended", "gradient", "linear"])
+def test_every_learner_goes_through_the_same_stream(flight: xr.Dataset, kind: str) -> None:
+    hidden = () if kind == "linear" else (6,)
+    network = pt.DenseNetwork(28, hidden, ("z",), input_scale=10.0, output_scale=0.2)
+    deviations = {"prior_deviation": 0.3, "measurement_deviation": 2e-3}
+    learner = {
+        "extended": lambda: pt.ExtendedLearner(network, **deviations),
+        "gradient": lambda: pt.GradientLearner(network, learning_rate=0.01),
+        "linear": lambda: pt.LinearLearner(network, features=20, **deviations),
+    }[kind]()
+    scores = identify(flight, learner, every=1).scores
+    assert scores["outcome"] == "COMPLETED" and scores["updates"] == 251
+    assert scores["nmse_second_half_worst"] < 1.0  # predicting the mean scores 1
+    assert np.isnan(scores["coverage"]) == (kind == "gradient")
+    assert np.isnan(scores["largest_variance"]) == (kind == "gradient")
+    assert scores["time_per_update"] > 0
+
+
+def test_a_saved_model_meets_another_flight(flight: xr.Dataset, tmp_path: Path) -> None:
+    student = learner(2, ("z",), (15.0, 1.0))
+    names = ("v.left_plunge", "v.z")
+    identify(flight, student, every=1, inputs=names)
+    save_model(tmp_path / "model.json", model_of(student, inputs=names))
+    model = load_model(tmp_path / "model.json")
+    saved, living = evaluate(flight, model).scores, evaluate(flight, student, inputs=names).scores
+    assert saved["nmse"] == living["nmse"]
+    assert saved["coverage"] == pytest.approx(living["coverage"], abs=0.2)  # linear, not points

@@ -3,26 +3,45 @@
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
+from patagium.aerodynamics.indicial import (
+    FOUR_STATE,
+    NO_STATE,
+    ONE_STATE,
+    TWO_STATE,
+    Indicial,
+    fitted_indicial,
+)
+from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.loads import AeroExpressions
 from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar
 from patagium.aerodynamics.published import PUBLISHED_ERRORS, Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.aerodynamics.sections import Section
 
 __all__ = [
+    "FOUR_STATE",
+    "NO_STATE",
+    "ONE_STATE",
     "PUBLISHED_ERRORS",
+    "TWO_STATE",
     "AeroExpressions",
     "Aerodynamics",
     "Air",
     "DickinsonPolar",
     "DrydenGust",
+    "Indicial",
+    "LiftingLine",
     "LocalFlow",
     "OneMinusCosineGust",
     "Published",
     "QuasiSteady",
+    "Section",
     "SmoothPolar",
+    "StateSpace",
     "aero_from_description",
+    "fitted_indicial",
     "strip_flow",
     "strip_points",
 ]

@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
+from patagium.aerodynamics.indicial import indicial_from_description
+from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.published import Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.aerodynamics.sections import section_from_description
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
 _KEYS = {
     QuasiSteady.name: {"air", "polar", "rotational"},
     Published.name: {"air", "errors"},
+    LiftingLine.name: {"air", "lags", "section", "surface_constant"},
 }
 
 
@@ -34,5 +38,13 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     air = air_from_description(values["air"])
     if name == Published.name:
         return Published(robot, air, errors=values["errors"])
+    if name == LiftingLine.name:
+        return LiftingLine(
+            robot,
+            air,
+            lags=indicial_from_description(values["lags"]),
+            section=section_from_description(values["section"]),
+            surface_constant=values["surface_constant"],
+        )
     polar = polar_from_description(values["polar"])
     return QuasiSteady(robot, air, polar=polar, rotational=values["rotational"])

@@ -33,6 +33,10 @@ class AeroExpressions:
         power: Sum of force times velocity of its point relative to the air, scalar [W];
             in still air the power of the air on the robot.
         state_derivative: Rate of the model's own states, (n_z, 1).
+        circulation: Of each strip, positive where it lifts a wing that moves forward,
+            (n_strips, 1) [m^2/s]; zero in models without.
+        downwash: Normal velocity that the wings induce at each strip, against its normal,
+            (n_strips, 1) [m/s]; zero in models without.
     """
 
     generalized_force: ca.SX
@@ -42,6 +46,8 @@ class AeroExpressions:
     strip_airspeed: ca.SX
     power: ca.SX
     state_derivative: ca.SX
+    circulation: ca.SX
+    downwash: ca.SX
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,9 @@ class StripLoad:
         normal: Force out of the upper surface [N].
         ahead: Where it acts, ahead of the quarter chord [m].
         angle_of_attack: Incidence that made it [rad].
+        spanwise: Force along normal x forward [N].
+        circulation: Bound circulation [m^2/s].
+        downwash: Velocity that the wings induce, against the normal [m/s].
     """
 
     motion: StripMotion
@@ -61,6 +70,9 @@ class StripLoad:
     normal: Any
     ahead: Any
     angle_of_attack: Any
+    spanwise: Any = 0.0
+    circulation: Any = 0.0
+    downwash: Any = 0.0
 
 
 def assemble(
@@ -83,6 +95,7 @@ def assemble(
         motion, strip = load.motion, load.motion.strip
         forward, normal = vector(strip.forward), vector(strip.normal)
         force = forward * load.forward + normal * load.normal
+        force = force + cross(normal, forward) * load.spanwise
         point = vector(strip.quarter_chord) + forward * load.ahead
         total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
         wrenches[strip.body] = (total + force, moment + cross(point, force))
@@ -93,6 +106,7 @@ def assemble(
         incidences.append(load.angle_of_attack)
         speeds.append(ca.sqrt(motion.forward**2 + normal_velocity**2))
         power = power + load.forward * motion.forward + load.normal * normal_velocity
+        power = power + load.spanwise * motion.spanwise_ahead(load.ahead)
     return AeroExpressions(
         generalized_force=generalized_force(robot, q, wrenches),
         strip_force=ca.horzcat(*forces),
@@ -101,4 +115,6 @@ def assemble(
         strip_airspeed=ca.vertcat(*speeds),
         power=power,
         state_derivative=state_derivative,
+        circulation=ca.vertcat(ca.SX(0, 1), *[load.circulation for load in loads]),
+        downwash=ca.vertcat(ca.SX(0, 1), *[load.downwash for load in loads]),
     )

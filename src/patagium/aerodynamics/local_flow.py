@@ -23,7 +23,7 @@ from patagium.dynamics.chain import (
     orientation_matrix,
     vector,
 )
-from patagium.dynamics.kinematics import body_poses, body_velocities
+from patagium.dynamics.kinematics import Twist, body_poses, body_velocities
 from patagium.native import load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -38,6 +38,7 @@ class StripMotion:
         spanwise: Velocity along normal x forward [m/s].
         normal: Velocity out of the upper surface [m/s].
         pitch_rate: Rate at which the leading edge rises, about the span [rad/s].
+        turn_rate: Rate of turn about the normal [rad/s].
     """
 
     strip: Strip
@@ -45,6 +46,7 @@ class StripMotion:
     spanwise: ca.SX
     normal: ca.SX
     pitch_rate: ca.SX
+    turn_rate: ca.SX
 
     def normal_ahead(self, distance: Any) -> Any:
         """Normal velocity of the chord point ahead of the quarter chord, scalar [m/s].
@@ -53,6 +55,39 @@ class StripMotion:
             distance: Ahead of the quarter chord, negative behind [m].
         """
         return self.normal + distance * self.pitch_rate
+
+    def spanwise_ahead(self, distance: Any) -> Any:
+        """Spanwise velocity of the chord point ahead of the quarter chord, scalar [m/s].
+
+        Args:
+            distance: Ahead of the quarter chord, negative behind [m].
+        """
+        return self.spanwise + distance * self.turn_rate
+
+
+def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
+    """Velocity of every body relative to the air, in body axes.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: Velocity of the air, world axes, (3,) [m/s].
+    """
+    twists, winds = body_velocities(robot, q, v), _wind_in_bodies(robot, q, wind)
+    return [
+        Twist(twist.linear - wind, twist.angular) for twist, wind in zip(twists, winds, strict=True)
+    ]
+
+
+def velocity_at(twist: Twist, offset: ca.SX) -> ca.SX:
+    """Velocity of a point fixed to a body, body axes, (3, 1) [m/s].
+
+    Args:
+        twist: How the body moves.
+        offset: The point from the body's origin, body axes, (3, 1) [m].
+    """
+    return twist.linear + cross(twist.angular, offset)
 
 
 def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMotion]:
@@ -67,15 +102,13 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
     Returns:
         One motion a strip.
     """
-    twists = body_velocities(robot, q, v)
-    winds = _wind_in_bodies(robot, q, wind)
+    airflows = body_airflows(robot, q, v, wind)
     motions = []
     for strip in robot.strips:
-        twist = twists[strip.body]
+        twist = airflows[strip.body]
         forward, normal = vector(strip.forward), vector(strip.normal)
         span = cross(normal, forward)
-        velocity = twist.linear + cross(twist.angular, vector(strip.quarter_chord))
-        velocity = velocity - winds[strip.body]
+        velocity = velocity_at(twist, vector(strip.quarter_chord))
         motions.append(
             StripMotion(
                 strip,
@@ -83,6 +116,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
                 ca.dot(span, velocity),
                 ca.dot(normal, velocity),
                 -ca.dot(span, twist.angular),
+                ca.dot(normal, twist.angular),
             )
         )
     return motions

@@ -99,7 +99,8 @@ class Aerodynamics(Protocol):
 
         Returns:
             strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
-            angle_of_attack (n_strips,) [rad], strip_airspeed (n_strips,) [m/s], power [W].
+            angle_of_attack (n_strips,) [rad], strip_airspeed (n_strips,) [m/s], power [W],
+            circulation (n_strips,) [m^2/s] and downwash (n_strips,) [m/s].
         """
         return self._compiled.strips(q, v, state, wind)
 
@@ -147,13 +148,17 @@ class CompiledAero:
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
         """What each strip meets and makes, each ([N,] ...); names and units as in the protocol."""
-        force, point, incidence, speed, power = self._call("strips", q, v, state, wind)
+        force, point, incidence, speed, power, circulation, downwash = self._call(
+            "strips", q, v, state, wind
+        )
         return {
             "strip_force": self._vectors(force),
             "strip_point": self._vectors(point),
             "angle_of_attack": self._column(incidence),
             "strip_airspeed": self._column(speed),
             "power": power,
+            "circulation": self._column(circulation),
+            "downwash": self._column(downwash),
         }
 
     def state_derivative(
@@ -217,7 +222,10 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     air = model.expressions(robot, q, v, state, wind, parameters)
     outputs = {
         "generalized_force": ["generalized_force"],
-        "strips": ["strip_force", "strip_point", "angle_of_attack", "strip_airspeed", "power"],
+        "strips": [
+            *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed", "power"),
+            *("circulation", "downwash"),
+        ],
         "state_derivative": ["state_derivative"],
     }
     return [

@@ -11,7 +11,7 @@ import typer
 from patagium.cli.words import Vector, quantity, vector
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from patagium.aerodynamics import Aerodynamics, Air
     from patagium.robot import Robot
@@ -22,6 +22,7 @@ class AirModel(StrEnum):
     """Models of the air."""
 
     QUASI_STEADY = "quasi-steady"
+    LIFTING_LINE = "lifting-line"
     PUBLISHED = "published"
 
 
@@ -160,9 +161,14 @@ _TOLD = (
 
 
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
-    from patagium.aerodynamics import Published, QuasiSteady
+    from patagium.aerodynamics import LiftingLine, Published, QuasiSteady
 
-    return Published(machine, air) if aero is AirModel.PUBLISHED else QuasiSteady(machine, air)
+    models: dict[AirModel, Callable[[Robot, Air], Aerodynamics]] = {
+        AirModel.QUASI_STEADY: QuasiSteady,
+        AirModel.LIFTING_LINE: LiftingLine,
+        AirModel.PUBLISHED: Published,
+    }
+    return models[aero](machine, air)
 
 
 def _gait(

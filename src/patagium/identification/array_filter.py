@@ -105,8 +105,7 @@ class WeightFilter(Protocol):
 class ArrayFilter:
     """Square-root filter: S is carried through the measurement, see `root.measured_root`.
 
-    Forgetting scales S. Process noise costs a factorization of S S' + Q a sample, of
-    order n^3.
+    Forgetting scales S; process noise costs a factorization of S S' + Q a sample.
 
     Args:
         setting: What it is made of.
@@ -123,15 +122,32 @@ class ArrayFilter:
         self._root = np.array(root, setting.dtype)
         self._grown: Array | None = None
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         found = self._moments(x, self._advanced())
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._step(x, y)
+        root = self._advanced()
+        found = self._moments(x, root)
+        prediction = Prediction(found.mean, found.covariance)
+        innovation = y - found.mean
+        if not (np.isfinite(innovation).all() and np.isfinite(prediction.covariance).all()):
+            return Outcome.NOT_FINITE, prediction
+        try:
+            after, cross, inverse = self._measured(root, found.slopes, found.remainder)
+        except MatrixLost as lost:
+            return lost.outcome, prediction
+        whitened = inverse.T @ innovation
+        mean = self.mean + cross @ (inverse @ whitened)
+        if not (np.isfinite(mean).all() and np.isfinite(after).all()):
+            return Outcome.NOT_FINITE, prediction
+        self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
+        self.nis = float(whitened @ whitened)
+        return Outcome.COMPLETED, prediction
 
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once."""
@@ -152,28 +168,11 @@ class ArrayFilter:
         root = self.root()
         return np.asarray(np.einsum("ij,ij->i", root, root))
 
-    def _step(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        root = self._advanced()
-        found = self._moments(x, root)
-        prediction = Prediction(found.mean, found.covariance)
-        innovation = y - found.mean
-        if not (np.isfinite(innovation).all() and np.isfinite(prediction.covariance).all()):
-            return Outcome.NOT_FINITE, prediction
-        try:
-            after, cross, inverse = self._measured(root, found.slopes, found.remainder)
-        except MatrixLost as lost:
-            return lost.outcome, prediction
-        whitened = inverse.T @ innovation
-        mean = self.mean + cross @ (inverse @ whitened)
-        if not (np.isfinite(mean).all() and np.isfinite(after).all()):
-            return Outcome.NOT_FINITE, prediction
-        self._root, self.mean, self._grown = after.astype(root.dtype), mean, None
-        self.nis = float(whitened @ whitened)
-        return Outcome.COMPLETED, prediction
-
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
         setting = self.setting
+        if setting.forgetting_factor == 1 and not setting.has_process_noise:
+            return self._root
         if self._grown is None:
             grown = self.root() / np.sqrt(setting.forgetting_factor)
             noisy = with_noise(grown, setting.process_noise) if setting.has_process_noise else grown
@@ -199,6 +198,7 @@ class CholeskyFilter:
         self.nis = float("nan")
         self._covariance = np.asarray(root @ root.T, setting.dtype)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured.
 
@@ -209,6 +209,7 @@ class CholeskyFilter:
         found = point_moments(self.setting, x, self.mean, root)
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
         covariance = self._advanced()

@@ -46,9 +46,10 @@ class CubatureLearner(FilterLearner):
     - LowRank(r): the inverse of a diagonal plus r columns; n (r + n_y)^2, n (r + 2 n_y): for
       10^4 weights and more. NumPy; the points lie along n_y columns and dy/dW is used.
 
-    `square_root="transform"` carries S itself through the update (compiled; positive definite
-    by construction). `"cholesky"` is Algorithm 1 of the paper to rounding: P is carried, full,
-    and factorized at every sample (n^3).
+    `square_root="transform"` carries S itself, lower triangular, through the update: compiled,
+    positive definite by construction. Its points are those of the Cholesky factor, so with
+    "full" it equals Algorithm 1 of the paper but for rounding. `"cholesky"` is Algorithm 1 to
+    rounding: P is carried, full, and factorized at every sample (order n^3).
 
     Forgetting alone makes P grow without bound along what the samples do not excite; with
     prior_share alone it never exceeds P0.

@@ -52,7 +52,9 @@ def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
 
 def independent(setting: FilterSetting, deviation: Array) -> Precision:
     """The inverse of a diagonal covariance, with columns of zeros."""
-    rank = min(setting.structure.rank, len(deviation)) if isinstance(setting.structure, LowRank) else 0
+    rank = (
+        min(setting.structure.rank, len(deviation)) if isinstance(setting.structure, LowRank) else 0
+    )
     return Precision(1.0 / deviation**2, np.zeros((len(deviation), rank)))
 
 

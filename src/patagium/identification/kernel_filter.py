@@ -72,11 +72,14 @@ class KernelFilter:
         self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
-        self._arrays = _allocate(setting)
+        self._lanes = int(library.cubature_lanes())
+        self._arrays = _allocate(setting, self._lanes)
         self._struct = _structure(setting, self._arrays)
         self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
-        self._predict, self._update = (kernel_function(library, f"cubature_{name}") for name in ("predict", "update"))
+        self._predict, self._update = (
+            kernel_function(library, f"cubature_{name}") for name in ("predict", "update")
+        )
         self._features, self._readout = self._arrays["features"], self._arrays["readout"]
         self._offset, self._measured = self._arrays["offset"], self._arrays["measured"]
         self._arrays["mean"][:] = mean
@@ -141,7 +144,7 @@ class KernelFilter:
 
     def _panels(self) -> Iterator[tuple[slice, Array]]:
         """Columns of every panel, and its rows from the first of them on."""
-        width, rows, start = _panel(self.setting), self._struct.rows, 0
+        width, rows, start = 2 * self._lanes, self._struct.rows, 0
         for first in range(0, rows, width):
             end = start + (rows - first) * width
             yield slice(first, first + width), self._arrays["root"][start:end].reshape(-1, width)
@@ -190,20 +193,12 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
     return KernelFilter(setting, mean, root, library)
 
 
-def _lanes(setting: FilterSetting) -> int:
-    return 64 // np.dtype(setting.dtype).itemsize
-
-
-def _panel(setting: FilterSetting) -> int:
-    return 2 * _lanes(setting)
-
-
-def _allocate(setting: FilterSetting) -> dict[str, Array]:
+def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `cubature.h` names, on cache lines."""
-    network, outputs, lanes = setting.network, len(setting.noise), _lanes(setting)
+    network, outputs = setting.network, len(setting.noise)
     widths, items = network.perceptron.widths, network.items
-    panel, layers, widest = _panel(setting), len(widths) - 1, max(widths)
-    rows, stride = rounded_up(network.size, panel), rounded_up(outputs, lanes)
+    panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
+    rows, stride = rounded_up(network.size, panel), rounded_up(outputs, max(lanes, 4))
     panels = rows // panel
     reals = {
         "root": (panel * (panels * rows - panel * panels * (panels - 1) // 2),),

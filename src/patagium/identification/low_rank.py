@@ -172,8 +172,10 @@ class LowRankFilter:
         clear = variances > _UNSEEN * max(variances.max(), 0.0)
         turn = axes[:, clear] / np.sqrt(variances[clear])
         columns = reached @ turn
-        return self._moments(encoding, y, columns, variances[clear], axes[:, clear]), columns, (
-            slope.T @ turn
+        return (
+            self._moments(encoding, y, columns, variances[clear], axes[:, clear]),
+            columns,
+            (slope.T @ turn),
         )
 
     def _moments(

@@ -87,7 +87,7 @@ class NodeFilter:
     ) -> None:
         self.setting = setting
         self._blocks = setting_blocks(setting)
-        self._arrays = _allocate(setting)
+        self._arrays = _allocate(setting, int(library.node_lanes()))
         self._struct = _structure(setting, self._arrays)
         self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
@@ -137,7 +137,9 @@ class NodeFilter:
         flat = np.zeros(int((sizes**2).sum()))
         self._unpack(self._address, flat.ctypes.data)
         ends = np.cumsum(sizes**2)
-        return [part.reshape(k, k) for part, k in zip(np.split(flat, ends[:-1]), sizes, strict=True)]
+        return [
+            part.reshape(k, k) for part, k in zip(np.split(flat, ends[:-1]), sizes, strict=True)
+        ]
 
     def root(self) -> Array:
         """The same in a matrix of all weights, (n, n)."""
@@ -179,13 +181,15 @@ class NodeFilter:
         return Prediction(self._predicted.copy(), self._covariance.copy())
 
 
-def _allocate(setting: FilterSetting) -> dict[str, Array]:
+def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `node.h` names, on cache lines."""
     network, real = setting.network, np.dtype(setting.dtype)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
-    lanes, stride = 64 // real.itemsize, rounded_up(outputs, _WIDE)
+    stride = rounded_up(outputs, _WIDE)
     groups = [
-        below + 1 for below, above in pairwise(widths) for _ in range(rounded_up(above, lanes) // lanes)
+        below + 1
+        for below, above in pairwise(widths)
+        for _ in range(rounded_up(above, lanes) // lanes)
     ]
     rows, most, widest, nodes = sum(groups), max(groups), max(widths), sum(widths[1:])
     entries = sum(_entries(k) for k in groups)

@@ -1,9 +1,11 @@
 """C text of a CasADi function: straight-line, shared subexpressions once.
 
-Each function is written twice: for one state, and for eight states side by side
+Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time
-are taken in one branch-free vector call. Differs from CasADi's own generator in
-these three things only; the operations and their order are CasADi's.
+are taken in one branch-free vector call. A function that CasADi was told never to
+inline stays one call of a kernel written by hand (`KERNELS`): its SX form is the
+kernel's oracle, its derivative and its fallback. Differs from CasADi's own generator
+in these things only; the operations and their order are CasADi's.
 """
 
 from __future__ import annotations
@@ -17,6 +19,9 @@ import casadi as ca
 from patagium.errors import ParameterError
 
 SHARED_SUFFIX = "parameters"
+
+KERNELS = ("horseshoes",)
+"""Headers of `kernels/` that hold an inner call: functions named `<kernel>_<size>_<size>...`."""
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
@@ -68,6 +73,7 @@ class _Node:
     op: int
     inputs: tuple[int, ...]
     detail: tuple[float, ...] = ()
+    callee: str = ""
 
 
 class _Graph:
@@ -76,13 +82,20 @@ class _Graph:
     def __init__(self, function: ca.Function) -> None:
         self.nodes: list[_Node] = []
         self.outputs: list[tuple[int, int, int]] = []  # result, entry, node
-        known: dict[_Node, int] = {}
+        self.callees: dict[str, ca.Function] = {}
+        self._known: dict[_Node, int] = {}
         work: dict[int, int] = {}
+        steps = ca.vertsplit(function.instructions_sx()) if function.find_functions() else []
         for k in range(function.n_instructions()):
             op = function.instruction_id(k)
             if op == ca.OP_OUTPUT:
                 result, entry = function.instruction_output(k)
                 self.outputs.append((result, entry, work[function.instruction_input(k)[0]]))
+                continue
+            if op == ca.OP_CALL:
+                inputs = tuple(work[i] for i in function.instruction_input(k))
+                results = self._call(steps[k].which_function(), inputs)
+                work.update(zip(function.instruction_output(k), results, strict=True))
                 continue
             if op == ca.OP_CONST:
                 node = _Node(op, (), (function.instruction_constant(k),))
@@ -92,10 +105,27 @@ class _Graph:
             else:
                 inputs = tuple(work[i] for i in function.instruction_input(k))
                 node = _Node(op, tuple(sorted(inputs)) if op in _COMMUTATIVE else inputs)
-            if node not in known:
-                known[node] = len(self.nodes)
-                self.nodes.append(node)
-            work[function.instruction_output(k)[0]] = known[node]
+            work[function.instruction_output(k)[0]] = self._place(node)
+
+    def _place(self, node: _Node) -> int:
+        """Position of a node, which is new or known."""
+        if node not in self._known:
+            self._known[node] = len(self.nodes)
+            self.nodes.append(node)
+        return self._known[node]
+
+    def _call(self, callee: ca.Function, inputs: tuple[int, ...]) -> list[int]:
+        """Positions of all numbers that an inner call gives."""
+        name = callee.name()
+        if name.partition("_")[0] not in KERNELS:
+            raise ParameterError("inner call", f"a kernel among {', '.join(KERNELS)}", name)
+        self.callees[name] = callee
+        call = self._place(_Node(ca.OP_CALL, inputs, (), name))
+        return [
+            self._place(_Node(ca.OP_CALL, (call,), (result, entry)))
+            for result in range(callee.n_out())
+            for entry in range(callee.nnz_out(result))
+        ]
 
     def angle_levels(self) -> list[list[int]]:
         """Angles of all sines and cosines, by how many such calls precede them."""
@@ -123,28 +153,22 @@ class _Graph:
         return needed
 
 
-def emit(function: ca.Function) -> tuple[str, str]:
-    """C text of a function for one state and for eight side by side.
-
-    Args:
-        function: An SX function. Inputs whose name ends in `parameters` are the
-            same for all states of a batch.
-
-    Returns:
-        Two translation units: `name` and `name_batch`.
-    """
+def _dense_graph(function: ca.Function) -> _Graph:
     inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
     outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
-    graph = _Graph(ca.Function(function.name(), inputs, outputs))
-    shared = [name.endswith(SHARED_SUFFIX) for name in function.name_in()]
-    return _scalar_text(function, graph), _batch_text(function, graph, shared)
+    return _Graph(ca.Function(function.name(), inputs, outputs))
 
 
-def _scalar_text(function: ca.Function, graph: _Graph) -> str:
-    name = function.name()
+def emit(function: ca.Function) -> str:
+    """C text of a function of one state: a translation unit that defines `name`.
+
+    Args:
+        function: An SX function.
+    """
+    name, graph = function.name(), _dense_graph(function)
     lines = [
         *_header(function),
-        '#include "operations.h"',
+        *_includes(graph),
         f"void {name}(const double *const *arg, double *const *res) {{",
         *_pointers(function),
     ]
@@ -168,13 +192,20 @@ def _scalar_text(function: ca.Function, graph: _Graph) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def _batch_text(function: ca.Function, graph: _Graph, shared: list[bool]) -> str:
-    name = function.name()
+def emit_batch(function: ca.Function) -> str:
+    """C text of a function of many states, several side by side, that defines `name_batch`.
+
+    Args:
+        function: An SX function. Inputs whose name ends in `parameters` are the
+            same for all states.
+    """
+    name, graph = function.name(), _dense_graph(function)
+    shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     lines = [
         *_header(function),
         " /* arguments state by state, results entry by entry (rows of `stride` states) */",
-        '#include "operations.h"',
+        *_includes(graph),
         f"void {name}_batch(const double *const *arg, double *const *res, long count,"
         " long stride) {",
         *_pointers(function),
@@ -221,6 +252,11 @@ def _header(function: ca.Function) -> list[str]:
         f" * inputs (dense, column-major): {text[0]}",
         f" * outputs: {text[1]} */",
     ]
+
+
+def _includes(graph: _Graph) -> list[str]:
+    kernels = sorted({name.partition("_")[0] for name in graph.callees})
+    return [f'#include "{name}.h"' for name in ("operations", *kernels)]
 
 
 def _pointers(function: ca.Function) -> list[str]:
@@ -270,6 +306,8 @@ def _body(
         node = graph.nodes[k]
         if node.op == ca.OP_INPUT:
             return load(int(node.detail[0]), int(node.detail[1]))
+        if node.op == ca.OP_CALL:
+            return f"call{node.inputs[0]}_r{node.detail[0]}[{node.detail[1]}]"
         if node.op in (ca.OP_SIN, ca.OP_COS):
             number, position = where[node.inputs[0]]
             stem = "sine" if node.op == ca.OP_SIN else "cosine"
@@ -282,8 +320,13 @@ def _body(
         return f"{prefix}{_CALLS[node.op]}({', '.join(argument(i) for i in node.inputs)})"
 
     def write(k: int) -> None:
-        lines.append(f"  const {kind} t{k} = {value(k)};")
         written[k] = True
+        node = graph.nodes[k]
+        if node.callee:
+            values = [argument(i) for i in node.inputs]
+            lines.extend(_call_block(graph.callees[node.callee], f"call{k}", kind, values))
+            return
+        lines.append(f"  const {kind} t{k} = {value(k)};")
         lines.extend(store(result, entry, f"t{k}") for result, entry in stores.get(k, ()))
 
     for number, group in enumerate(graph.angle_levels()):
@@ -299,3 +342,21 @@ def _body(
         if graph.nodes[k].op == ca.OP_CONST:
             lines.extend(store(result, entry, argument(k)) for result, entry in places)
     return lines
+
+
+def _call_block(callee: ca.Function, label: str, kind: str, values: list[str]) -> list[str]:
+    """Statements that call a kernel: `<kernel>_<kind>(number of sizes, sizes, in, out)`."""
+    kernel, *sizes = callee.name().split("_")
+    block, start = [], 0
+    for k in range(callee.n_in()):
+        count = callee.nnz_in(k)
+        block.append(f"  {kind} {label}_a{k}[] = {{{', '.join(values[start : start + count])}}};")
+        start += count
+    block += [f"  {kind} {label}_r{k}[{callee.nnz_out(k)}];" for k in range(callee.n_out())]
+    arguments = ", ".join(f"{label}_a{k}" for k in range(callee.n_in()))
+    results = ", ".join(f"{label}_r{k}" for k in range(callee.n_out()))
+    return [
+        *block,
+        f"  {kernel}_{kind}({len(sizes)}, (const int[]){{{', '.join(sizes)}}},",
+        f"    (const {kind} *const[]){{{arguments}}}, ({kind} *const[]){{{results}}});",
+    ]

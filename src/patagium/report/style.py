@@ -8,7 +8,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -93,7 +93,24 @@ def legend_above(figure: Figure, axes: Axes) -> None:
     """One legend for all panels, over them, from the labels of one."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside upper left", ncols=min(len(labels), 5))
+        figure.legend(handles, labels, loc="outside upper left", ncols=legend_columns(labels))
+
+
+def legend_columns(labels: Sequence[str]) -> int:
+    """Most columns of a legend that fit across the page, five at most.
+
+    Args:
+        labels: In the order of the legend, which fills column by column.
+    """
+    for columns in range(min(len(labels), 5), 1, -1):
+        rows = -(-len(labels) // columns)
+        longest = (max(map(len, labels[i : i + rows])) for i in range(0, len(labels), rows))
+        if sum(_HANDLE + _LETTER * count for count in longest) <= WIDTH:
+            return columns
+    return 1
+
+
+_HANDLE, _LETTER = 0.65, 0.075  # inches of a legend's key and of a wide letter
 
 
 def envelope(

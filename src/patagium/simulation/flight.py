@@ -59,6 +59,10 @@ QUANTITIES: dict[str, Quantity] = {
     "strip_point": Quantity(("strip", "axis"), "m", "where it acts, world axes"),
     "angle_of_attack": Quantity(("strip",), "rad", "incidence of each strip"),
     "strip_airspeed": Quantity(("strip",), "m/s", "speed of each strip relative to the air"),
+    "circulation": Quantity(("strip",), "m^2/s", "bound circulation of each strip, if modeled"),
+    "downwash": Quantity(
+        ("strip",), "m/s", "velocity the wings induce at each strip, against its normal, if modeled"
+    ),
     "wind": Quantity(("axis",), "m/s", "velocity of the air, world axes"),
     "kinetic_energy": Quantity((), "J", "kinetic energy"),
     "potential_energy": Quantity((), "J", "potential energy of gravity"),

@@ -39,6 +39,7 @@ IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 RECORDED = (
     *("q", "v", "a", "u1", "aero_force", "damping_force", "mount_force", "mount_wrench"),
     *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed"),
+    *("circulation", "downwash"),
     *("kinetic_energy", "potential_energy", "aero_power", "momentum", "works", "impulse"),
     "aero_state",
 )
@@ -179,6 +180,8 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
         "strip_point": air.strip_point,
         "angle_of_attack": air.angle_of_attack,
         "strip_airspeed": air.strip_airspeed,
+        "circulation": air.circulation,
+        "downwash": air.downwash,
         "kinetic_energy": kinetic_energy(machine, q, v),
         "potential_energy": potential_energy(machine, q),
         "aero_power": air.power,

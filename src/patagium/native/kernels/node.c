@@ -303,6 +303,9 @@ int node_update(node_filter *f) {
   return COMPLETED;
 }
 
+/* Lanes of a vector: the caller lays out the memory by it. */
+int node_lanes(void) { return WIDTH; }
+
 /* Roots packed by bands from, and to, dense lower blocks (k, k) of every neuron, one after the
  * other, in double; and the mean into the precision of the points. */
 void node_pack(node_filter *f, const double *blocks) {

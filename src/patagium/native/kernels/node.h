@@ -20,7 +20,7 @@ enum { SOFTPLUS = 0, TANH = 1 };
 typedef struct {
   int32_t weights;       /* n */
   int32_t outputs;       /* n_y */
-  int32_t stride;        /* n_y rounded up to a multiple of WIDE */
+  int32_t stride;        /* n_y rounded up to a multiple of 8    */
   int32_t items;         /* how often the mlp is evaluated for one y */
   int32_t layers;        /* of the mlp */
   int32_t activation;

@@ -8,9 +8,11 @@
 #include <math.h>
 #include <string.h>
 
-#define WIDE 8 /* doubles in a vector of the small algebra */
+#include "activations.h"
 
-typedef double wide __attribute__((vector_size(8 * WIDE)));
+#define WIDE ((int)(VECTOR_BYTES / sizeof(double))) /* a vector of the small algebra */
+
+typedef double wide __attribute__((vector_size(VECTOR_BYTES)));
 
 static inline wide wide_load(const double *p) {
   wide x;

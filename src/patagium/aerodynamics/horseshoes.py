@@ -1,0 +1,340 @@
+"""Horseshoe vortices: strips of wing that induce velocity on each other.
+
+Each strip carries a bound vortex at its quarter chord and sheds a straight
+semi-infinite leg from each end, along the wind relative to that end; neighbors
+share a leg. Neglected: what bound vortices induce on other strips, and the bending
+of the wake by its own velocity and by the motion of long ago.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.local_flow import body_airflows, velocity_at
+from patagium.aerodynamics.smooth import smooth_norm
+from patagium.dynamics.chain import vector
+from patagium.dynamics.kinematics import Pose, Twist, body_poses
+from patagium.robot.model import Robot, Strip
+
+Array = NDArray[np.float64]
+
+CORE = 0.125
+"""Core radius of a leg over the mean width of its strips: a quarter of their half width."""
+
+JOINED = 0.5
+"""Gap below which the ends of two strips are one, over their chord: bodies carry lift across."""
+
+INSET = 0.125
+"""How far a leg at a free end starts inside of it, over the width of a narrow strip.
+
+The circulation near a tip grows as the square root of the distance; with this inset the
+error of strips of equal circulation falls with the power 3/2 of their width, not the first.
+"""
+
+NEAR = 1e-12
+"""Added to squared distances, in squared core radii: no division by zero."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Strips side by side that share legs.
+
+    Attributes:
+        strips: Indices in `robot.strips`, in order.
+        right: For each strip 1 where the order runs along forward x normal (to the right
+            of one who flies forward), else -1.
+    """
+
+    strips: tuple[int, ...]
+    right: tuple[int, ...]
+
+    @property
+    def reverse(self) -> Chain:
+        """The same chain from its other end."""
+        return Chain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
+
+
+def strip_chains(robot: Robot) -> tuple[Chain, ...]:
+    """Which strips share legs: those whose ends meet with all coordinates at zero.
+
+    Strips of a wing follow each other; wings that meet (left and right at a root) join.
+
+    Args:
+        robot: The machine, in numbers.
+    """
+    poses = body_poses(robot, ca.SX.zeros(robot.dof, 1))
+    chains: list[Chain] = []
+    for index in range(len(robot.strips)):
+        new = Chain((index,), (_order(robot, index),))
+        last = chains[-1] if chains else None
+        if last and _wing(robot, last) == _wing(robot, new) and _meet(robot, poses, last, new):
+            chains[-1] = Chain(last.strips + new.strips, last.right + new.right)
+        else:
+            chains.append(new)
+    joined: list[Chain] = []
+    for chain in chains:
+        joined = _with_joined(robot, poses, joined, chain)
+    return tuple(joined)
+
+
+def _with_joined(
+    robot: Robot, poses: Sequence[Pose], chains: list[Chain], new: Chain
+) -> list[Chain]:
+    """The chains with a new one, put on the end of one that it meets."""
+    for position, old in enumerate(chains):
+        for first in (old, old.reverse):
+            for second in (new, new.reverse):
+                if _meet(robot, poses, first, second):
+                    both = Chain(first.strips + second.strips, first.right + second.right)
+                    return [*chains[:position], both, *chains[position + 1 :]]
+    return [*chains, new]
+
+
+def _wing(robot: Robot, chain: Chain) -> str:
+    return robot.strips[chain.strips[-1]].wing
+
+
+def _order(robot: Robot, index: int) -> int:
+    """1 where the strips of a wing follow each other along forward x normal, else -1."""
+    strip = robot.strips[index]
+    same = [s for s in robot.strips if (s.wing, s.body) == (strip.wing, strip.body)]
+    if len(same) < 2:
+        return 1 if strip.mirrored else -1
+    along = np.subtract(same[-1].quarter_chord, same[0].quarter_chord)
+    return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
+
+
+def _meet(robot: Robot, poses: Sequence[Pose], first: Chain, second: Chain) -> bool:
+    """Whether the last strip of one chain ends where the first strip of another begins."""
+    end = _end(robot, poses, first.strips[-1], first.right[-1])
+    begin = _end(robot, poses, second.strips[0], -second.right[0])
+    chord = robot.strips[first.strips[-1]].chord + robot.strips[second.strips[0]].chord
+    return bool(np.linalg.norm(end - begin) < JOINED * chord / 2)
+
+
+def _end(robot: Robot, poses: Sequence[Pose], index: int, right: int) -> Array:
+    """Right (1) or left (-1) end of a strip's quarter chord in the world, (3,) [m]."""
+    strip = robot.strips[index]
+    pose, half = poses[strip.body], right * strip.width / 2
+    offset = np.add(strip.quarter_chord, half * np.cross(strip.forward, strip.normal))
+    position, rotation = np.array(ca.DM(pose.position)), np.array(ca.DM(pose.rotation))
+    return np.asarray(position.ravel() + rotation @ offset)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Where strips and legs are, in the axes of the floating body (or the world's).
+
+    Strips in the order of `robot.strips`, legs in that of the chains.
+
+    Attributes:
+        points: Quarter-chord points, (3, n) [m].
+        normals: Unit vectors out of the upper surface, (3, n).
+        forwards: Unit vectors to the leading edge, (3, n).
+        edges: Where legs begin, (3, m) [m].
+        directions: Where they go, (3, m); of unit length but near rest.
+        core_squares: Squared core radii, (m, 1) [m^2].
+        shares: Length of each bound vortex, from leg to leg, over the strip's width, (n, 1).
+    """
+
+    points: ca.SX
+    normals: ca.SX
+    forwards: ca.SX
+    edges: ca.SX
+    directions: ca.SX
+    core_squares: ca.SX
+    shares: ca.SX
+
+
+def lattice(robot: Robot, chains: Sequence[Chain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
+    """Strips and legs of a moving robot.
+
+    Args:
+        robot: The machine.
+        chains: Which strips share legs.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: Velocity of the air, world axes, (3,) [m/s].
+    """
+    poses = body_poses(robot, _from_floating_body(robot, q))
+    airflows = body_airflows(robot, q, v, wind)
+    strips = robot.strips
+    legs = [leg for chain in chains for leg in _legs(robot, chain, poses, airflows)]
+    return Lattice(
+        points=ca.horzcat(*[_place(poses, s, vector(s.quarter_chord)) for s in strips]),
+        normals=ca.horzcat(*[poses[s.body].rotation @ vector(s.normal) for s in strips]),
+        forwards=ca.horzcat(*[poses[s.body].rotation @ vector(s.forward) for s in strips]),
+        edges=ca.horzcat(*[leg[0] for leg in legs]),
+        directions=ca.horzcat(*[leg[1] for leg in legs]),
+        core_squares=ca.vertcat(*[leg[2] for leg in legs]),
+        shares=_shares(robot, chains),
+    )
+
+
+def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
+    """Coordinates with the floating body at the world's origin, if there is one and only one."""
+    floating = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
+    held = set(floating[0]) if len(floating) == 1 and robot.bodies[0].floating_dofs else set()
+    return ca.vertcat(*[ca.SX(0) if i in held else q[i] for i in range(robot.dof)])
+
+
+def _place(poses: Sequence[Pose], strip: Strip, offset: ca.SX) -> ca.SX:
+    return poses[strip.body].position + poses[strip.body].rotation @ offset
+
+
+def _shares(robot: Robot, chains: Sequence[Chain]) -> ca.SX:
+    """Length of each bound vortex over its strip's width, (n, 1)."""
+    shares = ca.SX.ones(len(robot.strips), 1)
+    for chain in chains:
+        for index in (chain.strips[0], chain.strips[-1]):
+            strip = robot.strips[index]
+            shares[index] = shares[index] - _inset(strip) / strip.width
+    return shares
+
+
+def _inset(strip: Strip) -> Any:
+    """How far a leg at a free end starts inside of it: of a wide strip half a chord [m]."""
+    ratio = strip.width / (4 * strip.chord)
+    return INSET * strip.width / ca.sqrt(1.0 + ratio * ratio)
+
+
+def _legs(
+    robot: Robot, chain: Chain, poses: Sequence[Pose], airflows: Sequence[Twist]
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Beginning, direction and squared core radius of a chain's legs."""
+    strips = [robot.strips[i] for i in chain.strips]
+    ends = [_end_offsets(strips, chain.right, k) for k in range(len(strips))]
+    legs = []
+    for k in range(len(strips) + 1):
+        # the leg at the end of the strip before it and at the beginning of the strip after it
+        sides = [(strips[i], ends[i][k - i]) for i in (k - 1, k) if 0 <= i < len(strips)]
+        core = CORE * sum(strip.width for strip, _ in sides) / len(sides)
+        if len(sides) == 2 and sides[0][0].body == sides[1][0].body:
+            sides = sides[:1]
+        edge, velocity = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
+        for strip, offset in sides:
+            edge = edge + _place(poses, strip, offset) / len(sides)
+            local = velocity_at(airflows[strip.body], offset)
+            velocity = velocity + poses[strip.body].rotation @ local / len(sides)
+        direction = -velocity / smooth_norm(ca.dot(velocity, velocity))
+        legs.append((edge, direction, ca.SX(core * core)))
+    return legs
+
+
+def _end_offsets(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
+    """Where the legs of a strip begin, body axes, (3, 1) each [m].
+
+    On the line through the quarter chords of neighbors on the same body, which goes on
+    beyond the last of them; inside of a free end.
+    """
+    strip = strips[k]
+    center, width = vector(strip.quarter_chord), strip.width
+    slopes: dict[int, ca.SX] = {}
+    for side, i in ((-1, k - 1), (1, k + 1)):
+        if 0 <= i < len(strips) and strips[i].body == strip.body:
+            step = (vector(strips[i].quarter_chord) - center) * side
+            slopes[side] = step / (width + strips[i].width)
+    alone = vector(np.cross(strip.forward, strip.normal) * right[k]) / 2
+    before = slopes.get(-1, slopes.get(1, alone))
+    after = slopes.get(1, slopes.get(-1, alone))
+    inset = 2 * _inset(strip)
+    begin = width - (inset if k == 0 else 0.0)
+    end = width - (inset if k == len(strips) - 1 else 0.0)
+    return center - before * begin, center + after * end
+
+
+@functools.cache
+def horseshoe_function(sizes: tuple[int, ...]) -> ca.Function:
+    """Circulation of chains of strips, and the velocity that their legs induce.
+
+    A leg that begins at E and goes along the unit vector d gives a point at r = p - E
+        K = d x r (1 + d.r/|r|) / (4 pi |d x r|^2)
+    for unit circulation along d (a polynomial within its core). With the circulation
+    c_i of strip i along the chain, leg k carries c_(k-1) - c_k, and
+        c_i = gain_i (wash_i + feedthrough n_i . sum_k K_ki (c_(k-1) - c_k)).
+    One call in compiled code: `kernels/horseshoes.h`.
+
+    Args:
+        sizes: Number of strips of each chain.
+
+    Returns:
+        (points (3, n) [m], normals (3, n), edges (3, m) [m], directions (3, m),
+        core_squares (m,) [m^2], gain (n,) [m], wash (n,) [m/s], feedthrough)
+        -> (circulation (n,) [m^2/s], velocity (3, n) [m/s]).
+    """
+    count, legs = sum(sizes), sum(sizes) + len(sizes)
+    points, normals = ca.SX.sym("points", 3, count), ca.SX.sym("normals", 3, count)
+    edges, directions = ca.SX.sym("edges", 3, legs), ca.SX.sym("directions", 3, legs)
+    core_squares, gain = ca.SX.sym("core_squares", legs), ca.SX.sym("gain", count)
+    wash, feedthrough = ca.SX.sym("wash", count), ca.SX.sym("feedthrough")
+    influence = _influence(points, edges, directions, core_squares)
+    normalwash = sum((k * ca.repmat(n, legs, 1) for k, n in _pairs(influence, normals)), ca.SX(0))
+    # which strips' circulation each leg carries: + of the one before, - of the one after
+    carried = np.zeros((legs, count))
+    leg = strip = 0
+    for size in sizes:
+        for k in range(size):
+            carried[leg + k, strip + k], carried[leg + k + 1, strip + k] = -1.0, 1.0
+        leg, strip = leg + size + 1, strip + size
+    carries = ca.sparsify(ca.DM(carried))
+    matrix = ca.SX.eye(count) - ca.diag(gain * feedthrough) @ (normalwash.T @ carries)
+    circulation = _solve(ca.densify(matrix), gain * wash)
+    trailing = carries @ circulation
+    velocity = ca.vertcat(*[(k.T @ trailing).T for k in influence])
+    inputs = [points, normals, edges, directions, core_squares, gain, wash, feedthrough]
+    return ca.Function(
+        "_".join(["horseshoes", *map(str, sizes)]),
+        inputs,
+        [circulation, ca.densify(velocity)],
+        ["points", "normals", "edges", "directions", "core_squares", "gain", "wash", "feedthrough"],
+        ["circulation", "velocity"],
+        {"never_inline": True},
+    )
+
+
+def _pairs(influence: Sequence[ca.SX], normals: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    return [(influence[axis], normals[axis, :]) for axis in range(3)]
+
+
+def _influence(
+    points: ca.SX, edges: ca.SX, directions: ca.SX, core_squares: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """x, y and z of K for every leg (row) and strip (column), (m, n) each [1/m]."""
+    legs, count = edges.shape[1], points.shape[1]
+    d = [ca.repmat(directions[axis, :].T, 1, count) for axis in range(3)]
+    r = [
+        ca.repmat(points[axis, :], legs, 1) - ca.repmat(edges[axis, :].T, 1, count)
+        for axis in range(3)
+    ]
+    core = ca.repmat(core_squares, 1, count)
+    across = [d[i] * r[j] - d[j] * r[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    distance = across[0] ** 2 + across[1] ** 2 + across[2] ** 2
+    square = r[0] ** 2 + r[1] ** 2 + r[2] ** 2 + NEAR * core
+    along = d[0] * r[0] + d[1] * r[1] + d[2] * r[2]
+    e = ca.fmin(distance / core, 1.0) - 1.0
+    inverse = 1.0 / ca.fmax(distance, core) - e * (1.0 - e * (1.0 - e)) / core
+    strength = inverse * (1.0 + along / ca.sqrt(square)) / (4 * pi)
+    x, y, z = (component * strength for component in across)
+    return x, y, z
+
+
+def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """Solution of a linear system by Gaussian elimination without pivots, (n, 1)."""
+    size = matrix.shape[0]
+    table = ca.horzcat(matrix, right)
+    for p in range(size - 1):
+        factor = table[p + 1 :, p] / table[p, p]
+        table[p + 1 :, p + 1 :] = table[p + 1 :, p + 1 :] - factor @ table[p, p + 1 :]
+    x = ca.SX.zeros(size, 1)
+    for p in reversed(range(size)):
+        known = table[p, p + 1 : size] @ x[p + 1 :] if p + 1 < size else ca.SX(0)
+        x[p] = (table[p, size] - known) / table[p, p]
+    return x

@@ -1,0 +1,174 @@
+"""Memory of the air as a few exponentials: lift and circulation after a step.
+
+    phi(s)   = 1 - sum_k a_k exp(-beta_k s)       lift (Wagner's function)
+    Gamma(s) = 1 - sum_k g_k exp(-beta_k s)       bound circulation
+
+in s semichords travelled, with the same rates beta for both. A section then
+carries one lagged normalwash a rate, d z_k/ds = beta_k (w - z_k), and the
+effective normalwashes are phi(0) w + sum a_k z_k and Gamma(0) w + sum g_k z_k.
+Neglected: what potential flow about a flat section neglects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.thin_airfoil import circulation_function, theodorsen_function
+from patagium.errors import ParameterError, ShapeError
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Indicial:
+    """Rates and amplitudes of the lags of a section.
+
+    Args:
+        rate: beta, how fast each lag fades [1/semichord].
+        lift: a, part of the lift that each lag holds back.
+        circulation: g, part of the circulation that each lag holds back.
+
+    Raises:
+        ShapeError: If the three differ in length.
+        ParameterError: If a rate is not positive, a number is not finite, or the response
+            to a step would begin below zero or above one.
+    """
+
+    rate: tuple[float, ...]
+    lift: tuple[float, ...]
+    circulation: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "lift", "circulation"):
+            values = np.asarray(getattr(self, name), float)
+            if values.shape != (len(self.rate),):
+                raise ShapeError(name, (len(self.rate),), values.shape)
+            if not np.isfinite(values).all():
+                raise ParameterError(name, "finite numbers", getattr(self, name))
+            object.__setattr__(self, name, tuple(values.tolist()))
+        if min(self.rate, default=1.0) <= 0:
+            raise ParameterError("rate", "positive rates [1/semichord]", self.rate)
+        for name in ("lift", "circulation"):
+            total = sum(getattr(self, name))
+            if not 0 <= total <= 1:
+                raise ParameterError(name, "amplitudes that sum to 0..1", total)
+
+    @property
+    def size(self) -> int:
+        """Number of lags a section carries."""
+        return len(self.rate)
+
+    def lift_response(self, semichords: ArrayLike) -> Array:
+        """phi(s): lift after a step, over its final value, (N,).
+
+        Args:
+            semichords: Distance travelled since the step, (N,) [semichords].
+        """
+        return self._response(semichords, self.lift)
+
+    def circulation_response(self, semichords: ArrayLike) -> Array:
+        """Gamma(s): circulation after a step, over its final value, (N,).
+
+        Args:
+            semichords: Distance travelled since the step, (N,) [semichords].
+        """
+        return self._response(semichords, self.circulation)
+
+    def lift_transfer(self, reduced_frequency: ArrayLike) -> ComplexArray:
+        """Lift over its quasi-steady value in harmonic motion, in place of C(k), (N,).
+
+        Args:
+            reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
+        """
+        return self._transfer(reduced_frequency, self.lift)
+
+    def circulation_transfer(self, reduced_frequency: ArrayLike) -> ComplexArray:
+        """Circulation over its quasi-steady value in harmonic motion, (N,).
+
+        Args:
+            reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
+        """
+        return self._transfer(reduced_frequency, self.circulation)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        return {
+            "rate": list(self.rate),
+            "lift": list(self.lift),
+            "circulation": list(self.circulation),
+        }
+
+    def _response(self, semichords: ArrayLike, amplitude: tuple[float, ...]) -> Array:
+        s = np.atleast_1d(np.asarray(semichords, float))
+        return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ np.asarray(amplitude, float))
+
+    def _transfer(self, reduced_frequency: ArrayLike, amplitude: tuple[float, ...]) -> ComplexArray:
+        basis = _basis(reduced_frequency, self.rate)
+        return np.asarray(1.0 - basis @ np.asarray(amplitude, float))
+
+
+def fitted_indicial(rate: Sequence[float]) -> Indicial:
+    """Amplitudes of given rates by linear least squares on the exact functions.
+
+    Lift on Theodorsen's function at 200 reduced frequencies from .01 to 10, its sum
+    held at Wagner's phi(0) = 1/2; circulation on its exact transfer function from .01 to 2.
+
+    Args:
+        rate: Rates [1/semichord].
+    """
+    low, high = np.geomspace(0.01, 10.0, 200), np.geomspace(0.01, 2.0, 200)
+    rates = np.asarray(rate, float)
+    lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
+    circulation = _amplitudes(high, circulation_function(high), rates, total=None)
+    return Indicial(tuple(rates), tuple(lift), tuple(circulation))
+
+
+def indicial_from_description(description: Mapping[str, Any]) -> Indicial:
+    """The lags of `describe()`.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    known = {"rate", "lift", "circulation"}
+    if set(description) != known:
+        raise ParameterError("lags", f"the keys {sorted(known)}", sorted(description))
+    return Indicial(**{name: tuple(values) for name, values in description.items()})
+
+
+def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:
+    frequency = 1j * np.atleast_1d(np.asarray(reduced_frequency, float))[:, None]
+    return np.asarray(frequency / (frequency + np.asarray(rate, float)))
+
+
+def _amplitudes(k: Array, transfer: ComplexArray, rate: Array, total: float | None) -> Array:
+    basis, wanted = _basis(k, rate), 1.0 - transfer
+    matrix, right = np.vstack([basis.real, basis.imag]), np.append(wanted.real, wanted.imag)
+    if total is None:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+    # the sum is held exactly: the last amplitude is what the others leave of it
+    free = matrix[:, :-1] - matrix[:, -1:]
+    others = np.linalg.lstsq(free, right - total * matrix[:, -1], rcond=None)[0]
+    return np.append(others, total - others.sum())
+
+
+NO_STATE = Indicial(rate=(), lift=(), circulation=())
+"""No lag: air without memory, the classic lifting line at every instant."""
+
+ONE_STATE = Indicial(rate=(0.25,), lift=(0.5,), circulation=(0.8,))
+"""One lag a section; Izraelevitz, Zhu and Triantafyllou (2017)."""
+
+TWO_STATE = Indicial(rate=(0.0455, 0.3), lift=(0.165, 0.335), circulation=(0.1469, 0.6133))
+"""R. T. Jones' two lags for the lift; the circulation's amplitudes fitted by `fitted_indicial`."""
+
+FOUR_STATE = Indicial(
+    rate=(0.02, 0.1, 0.3, 1.0),
+    lift=(0.0551, 0.1847, 0.2202, 0.04),
+    circulation=(0.0527, 0.2316, 0.3084, 0.2674),
+)
+"""Four lags, all amplitudes by `fitted_indicial`."""

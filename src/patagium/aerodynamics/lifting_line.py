@@ -1,0 +1,387 @@
+"""Unsteady lifting line in state-space form: strips with memory that feel each other.
+
+Every strip is an unsteady thin airfoil in the wind that all strips' trailing vortices
+induce; its memory of the wake shed across the span is a few lagged normalwashes.
+Neglected: added mass (apart, `added_mass`), wake that bends, bound vortices' wind on
+other strips, lift of a body between wings, the time separation takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite, pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.horseshoes import (
+    Chain,
+    Lattice,
+    horseshoe_function,
+    lattice,
+    strip_chains,
+)
+from patagium.aerodynamics.indicial import TWO_STATE, Indicial
+from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section
+from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.errors import ParameterError, ShapeError
+from patagium.robot.model import Robot, Strip
+
+SURFACE_CONSTANT = 13.5
+"""K of the line-to-surface gain (Izraelevitz, Zhu and Triantafyllou 2017)."""
+
+
+@dataclass(frozen=True)
+class Wash:
+    """Normal velocities of the air at the strips of a lifting line, (n, 1) each [m/s].
+
+    Attributes:
+        effective: Of the undisturbed wind at three quarters of the chord and of the wind
+            induced by the trailing vortices.
+        lagged: What the lift answers to, phi(0) effective + sum_k a_k z_k.
+        circulation: Bound circulation along forward x normal [m^2/s].
+        induced: Velocity induced by the trailing vortices, lattice axes, (3, n) [m/s].
+    """
+
+    effective: ca.SX
+    lagged: ca.SX
+    circulation: ca.SX
+    induced: ca.SX
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """The air as a linear system at a state of the robot, before stall.
+
+    dz/dt = A z + B w, L = C z + D w: z the lagged normalwashes (n_z,) [m/s], w the
+    geometric normalwash of each strip (n_s,) [m/s], L its attached lift (n_s,) [N].
+
+    Attributes:
+        a: (n_z, n_z) [1/s].
+        b: (n_z, n_s) [1/s].
+        c: (n_s, n_z) [N s/m].
+        d: (n_s, n_s) [N s/m].
+    """
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    c: NDArray[np.float64]
+    d: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LiftingLine(Aerodynamics):
+    """State-space unsteady lifting line with induced drag, profile drag and stall.
+
+    With w the normalwash at three quarters of the chord c, Q_n the normal velocity that
+    unit circulations induce, g_k, a_k, b_k the amplitudes and rates of the lags z_k:
+
+        circulation  G = 1/2 c a0 (Gamma(0) w_e + sum_k g_k z_k),   w_e = w + Q_n G,
+        memory       dz_k/dt = (2U/c) b_k (w_e - z_k),
+        lift         L = 1/2 rho c ds a0 U W,                       W = phi(0) w_e + sum_k a_k z_k,
+
+    perpendicular to the wind u + Q G + (W - w_e) along the lift: induced drag is the tilt.
+    Low aspect ratio takes a gain off L and G; profile drag is 1/2 rho c ds C_d |u| u; the
+    section says what share of the flow is separated at the effective incidence
+    atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
+    Signs and norms are smoothed within `smooth.SWITCH_SPEED` of zero.
+
+    Args:
+        robot: The machine.
+        air: Density, wind and gusts.
+        lags: Memory of each strip.
+        section: What a strip's section makes of its wind.
+        surface_constant: K of the gain of a lifting surface over a lifting line,
+            [1/2pi + 1/(pi AR)] / [1/2pi + 1/(pi AR) + K pi/(180 AR^2)]; 0: none.
+
+    Raises:
+        ParameterError: If `surface_constant` is negative or not finite.
+
+    References:
+        Izraelevitz, Zhu & Triantafyllou (2017), State-space adaptation of unsteady lifting
+        line theory: twisting/flapping wings of finite span, AIAA Journal 55, 1279-1294.
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    lags: Indicial = TWO_STATE
+    section: Section = field(default_factory=Section)
+    surface_constant: float = SURFACE_CONSTANT
+
+    name = "lifting_line"
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.surface_constant) and self.surface_constant >= 0):
+            raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
+
+    @property
+    def chains(self) -> tuple[Chain, ...]:
+        """Which strips share trailing vortices."""
+        return strip_chains(self.robot)
+
+    @property
+    def state_size(self) -> int:
+        """Number of lagged normalwashes: strip by strip, the lags of each together."""
+        return len(self.robot.strips) * self.lags.size
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        return f"{self.name} lags={self.lags.size} {self.section.structure} {self.chains}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        lags = [f"lags.{part}[{k}]" for part in _LAGS for k in range(self.lags.size)]
+        section = [f"section.{name}" for name in self.section.parameter_names]
+        return ("density", "surface_constant", *lags, *section)
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the model's parameters, (n_c,)."""
+        lags = [getattr(self.lags, part) for part in _LAGS]
+        first = [self.air.density, self.surface_constant]
+        return np.concatenate([first, *lags, self.section.parameters])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make the model again, as JSON-able values."""
+        return {
+            "model": self.name,
+            "air": self.air.describe(),
+            "lags": self.lags.describe(),
+            "section": self.section.describe(),
+            "surface_constant": self.surface_constant,
+        }
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        motions = strip_motions(robot, q, v, wind)
+        if not motions:
+            return assemble(robot, q, [], ca.SX(0, 1))
+        p = _Numbers(self, parameters)
+        net = lattice(robot, self.chains, q, v, wind)
+        geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
+        wash = self._wash(net, motions, geometric, state, p)
+        gains = surface_gains(self.robot, robot, p.surface_constant)
+        loads = [
+            _load(motion, net, wash, gains[i], p, i, self.section)
+            for i, motion in enumerate(motions)
+        ]
+        return assemble(robot, q, loads, _state_derivative(motions, wash, state, p))
+
+    def state_space(self, q: ArrayLike, v: ArrayLike, wind: ArrayLike | None = None) -> StateSpace:
+        """The attached flow's matrices at a state of the robot.
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
+                default.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+        """
+        given = self.air.wind_at([0.0])[0] if wind is None else wind
+        sizes = {"q": self.robot.dof, "v": self.robot.dof, "wind": 3}
+        arrays = [np.asarray(value, float) for value in (q, v, given)]
+        for (name, size), array in zip(sizes.items(), arrays, strict=True):
+            if array.shape != (size,):
+                raise ShapeError(name, (size,), array.shape)
+        matrices = self._state_space(*arrays, 0, 0)  # linear: the same at any lag and normalwash
+        return StateSpace(*[np.array(matrix) for matrix in matrices])
+
+    @cached_property
+    def _state_space(self) -> ca.Function:
+        robot, p = self.robot, _Numbers(self, ca.SX(ca.DM(self.parameters)))
+        q, v, wind = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof), ca.SX.sym("wind", 3)
+        state, normalwash = ca.SX.sym("z", self.state_size), ca.SX.sym("w", len(robot.strips))
+        motions = strip_motions(robot, q, v, wind)
+        net = lattice(robot, self.chains, q, v, wind)
+        wash = self._wash(net, motions, normalwash, state, p)
+        gains = surface_gains(robot, robot, p.surface_constant)
+        derivative = _state_derivative(motions, wash, state, p)
+        lift = [
+            gain * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
+            for i, (motion, gain) in enumerate(zip(motions, gains, strict=True))
+        ]
+        results = [
+            ca.densify(ca.jacobian(y, x))
+            for y in (derivative, ca.vertcat(*lift))
+            for x in (state, normalwash)
+        ]
+        return ca.Function("state_space", [q, v, wind, state, normalwash], results)
+
+    def _wash(
+        self,
+        net: Lattice,
+        motions: Sequence[StripMotion],
+        geometric: ca.SX,
+        state: ca.SX,
+        p: _Numbers,
+    ) -> Wash:
+        """Normalwashes of all strips; linear in the geometric ones and the state."""
+        sizes = tuple(len(chain.strips) for chain in self.chains)
+        order = [i for chain in self.chains for i in chain.strips]
+        right = [sign for chain in self.chains for sign in chain.right]
+        gain, wash = [], []
+        for i, along in zip(order, right, strict=True):
+            sign = along * smooth_sign(motions[i].forward)
+            gain.append(sign * motions[i].strip.chord * p.section["lift_slope"] / 2)
+            wash.append(p.first_circulation * geometric[i] + p.lagged(p.circulation, state, i))
+        circulation, induced = horseshoe_function(sizes)(
+            *(net.points[:, order], net.normals[:, order]),
+            *(net.edges, net.directions, net.core_squares),
+            *(ca.vertcat(*gain), ca.vertcat(*wash), p.first_circulation),
+        )
+        of_strip = [order.index(i) for i in range(len(order))]
+        induced = induced[:, of_strip]
+        effective = geometric + ca.sum1(net.normals * induced).T
+        lagged = [
+            p.first_lift * effective[i] + p.lagged(p.lift, state, i) for i in range(len(order))
+        ]
+        signed = [circulation[k] * right[k] for k in of_strip]
+        return Wash(effective, ca.vertcat(*lagged), ca.vertcat(*signed), induced)
+
+
+_LAGS = ("rate", "lift", "circulation")
+
+
+class _Numbers:
+    """Parameters of a lifting line by name, from its symbols or values."""
+
+    def __init__(self, model: LiftingLine, parameters: Any) -> None:
+        count = model.lags.size
+        parts = [[parameters[2 + part * count + k] for k in range(count)] for part in range(3)]
+        self.density, self.surface_constant = parameters[0], parameters[1]
+        self.rate, self.lift, self.circulation = parts
+        self.first_lift = 1.0 - sum(self.lift, ca.SX(0))
+        self.first_circulation = 1.0 - sum(self.circulation, ca.SX(0))
+        self.of_section = parameters[2 + 3 * count :]
+        self.section, self.stalled = model.section.named(self.of_section)
+
+    def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
+        """Sum over a strip's lags of amplitude times lagged normalwash."""
+        terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
+        return sum(terms, ca.SX(0))
+
+
+def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
+    """Lift of a lifting surface over that of a lifting line, for every strip.
+
+    The aspect ratio is that of a wing and its mirror image together.
+
+    Args:
+        numbers: The robot in numbers: which wings are mirror images.
+        robot: The same in numbers or symbols.
+        constant: K.
+    """
+    twins = {
+        strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
+    }
+    gains = {}
+    for wing in {strip.wing: None for strip in robot.strips}:
+        strips = [strip for strip in robot.strips if strip.wing == wing]
+        span, area = ca.SX(0), ca.SX(0)
+        for strip in strips:
+            span, area = span + strip.width, area + strip.width * strip.chord
+        aspect_ratio = (2 if wing in twins else 1) * span * span / area
+        line = 1 / (2 * pi) + 1 / (pi * aspect_ratio)
+        gains[wing] = line / (line + constant * pi / (180 * aspect_ratio * aspect_ratio))
+    return [gains[strip.wing] for strip in robot.strips]
+
+
+def _has_mirror(robot: Robot, strip: Strip) -> bool:
+    return any(
+        other.mirrored and (other.chord, other.width) == (strip.chord, strip.width)
+        for other in robot.strips
+    )
+
+
+def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
+    """Air through the strip at three quarters of its chord, camber included [m/s]."""
+    camber = p.section["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
+    return -motion.normal_ahead(_collocation(motion)) - camber
+
+
+def _collocation(motion: StripMotion) -> Any:
+    """Where the normalwash is taken, ahead of the quarter chord [m]."""
+    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
+
+
+def _airspeed(motion: StripMotion) -> Any:
+    """Speed across the span where the normalwash is taken, never zero [m/s]."""
+    normal = motion.normal_ahead(_collocation(motion))
+    return smooth_norm(motion.forward * motion.forward + normal * normal)
+
+
+def _pressure(motion: StripMotion, p: _Numbers) -> Any:
+    """Attached lift per normalwash, 1/2 rho c ds a0 U [N s/m]."""
+    area = motion.strip.chord * motion.strip.width
+    return p.density * area * p.section["lift_slope"] * _airspeed(motion) / 2
+
+
+def _state_derivative(
+    motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
+) -> ca.SX:
+    rates = [ca.SX(0, 1)]
+    for i, motion in enumerate(motions):
+        semichords = 2 * _airspeed(motion) / motion.strip.chord
+        for k, rate in enumerate(p.rate):
+            lag = state[i * len(p.rate) + k]
+            rates.append(semichords * rate * (wash.effective[i] - lag))
+    return ca.vertcat(*rates)
+
+
+def _load(
+    motion: StripMotion, net: Lattice, wash: Wash, gain: Any, p: _Numbers, i: int, section: Section
+) -> StripLoad:
+    strip, forward = motion.strip, motion.forward
+    sign, lagged = smooth_sign(forward), wash.lagged[i]
+    speed = smooth_norm(lagged * lagged + forward * forward)
+    sine_square = lagged * lagged / (speed * speed)
+    separated = section.separated_share(sine_square, p.of_section)
+    attached = 1.0 - separated
+    shift = sign * CENTER_OF_PRESSURE_SHIFT * sine_square * separated
+    ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
+    normal = motion.normal_ahead(ahead)
+
+    # wind at the force: undisturbed, induced by all legs, and by the wake shed across the span
+    flow = section_flow(forward, normal)
+    shed = sign * (lagged - wash.effective[i]) / flow.speed
+    induced = wash.induced[:, i]
+    wind_forward = -forward + gain * ca.dot(net.forwards[:, i], induced) - shed * normal
+    wind_normal = -normal + gain * ca.dot(net.normals[:, i], induced) + shed * forward
+    wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
+    lift = attached * sign * gain * net.shares[i] * _pressure(motion, p) * lagged / wind
+
+    density_area = p.density * strip.chord * strip.width
+    friction = attached * density_area * p.section["profile_drag"] / 2
+    spanwise = motion.spanwise_ahead(ahead)
+    friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
+    across, along = section.stalled.coefficients(flow, p.stalled)
+    pressure = separated * density_area * flow.speed / 2
+    return StripLoad(
+        motion=motion,
+        forward=lift * wind_normal
+        - pressure * (across * normal + along * forward)
+        - friction * forward,
+        normal=-lift * wind_forward
+        + pressure * (across * forward - along * normal)
+        - friction * normal,
+        ahead=ahead,
+        angle_of_attack=2 * ca.atan(lagged / (speed + forward * sign)),
+        spanwise=-friction * spanwise,
+        circulation=gain * wash.circulation[i],
+        downwash=-gain * ca.dot(net.normals[:, i], induced),
+    )

@@ -1,0 +1,122 @@
+"""A section of a lifting line: lift slope, profile drag, and what happens beyond stall.
+
+Attached up to an effective incidence, fully separated from another on, a smooth
+share of both between. Neglected: the time separation takes (dynamic stall),
+Reynolds number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, pi, radians
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.polars import DickinsonPolar, Polar, polar_from_description
+from patagium.errors import ParameterError
+
+CENTER_OF_PRESSURE_SHIFT = 0.175
+"""How far behind the quarter chord a separated plate across the flow is pushed, in chords
+(Lindenburg 2003, ECN-C--03-025)."""
+
+_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag", "stall_begins", "stall_complete")
+
+
+@dataclass(frozen=True)
+class Section:
+    """Section of a thin wing, attached and beyond stall.
+
+    Attached flow has the lift of a thin airfoil and profile drag; separated flow the
+    polar's coefficients at the geometric incidence. The separated share s grows with the
+    effective incidence a_e: s = x^4 (35 - 84 x + 70 x^2 - 20 x^3), x running from 0 to 1
+    in sin^2 a_e from `stall_begins` to `stall_complete`.
+
+    Args:
+        lift_slope: Of attached flow, two-dimensional [1/rad].
+        zero_lift_angle: Incidence of no lift, negative for usual camber [rad].
+        profile_drag: Drag coefficient of attached flow.
+        stall_begins: Effective incidence up to which flow is attached [rad].
+        stall_complete: Effective incidence beyond which it is separated [rad].
+        stalled: Coefficients of separated flow.
+
+    Raises:
+        ParameterError: If a number is not finite or not possible.
+
+    References:
+        DeLaurier (1993), Aeronautical Journal 97 (stall of flapping wings at 13 degrees).
+        Beard & McLain (2012), Small Unmanned Aircraft, section 4.2 (separated at 27 degrees).
+        Dickinson, Lehmann & Sane (1999), Science 284 (flapping wing at all incidences).
+    """
+
+    lift_slope: float = 2 * pi
+    zero_lift_angle: float = 0.0
+    profile_drag: float = 0.02
+    stall_begins: float = radians(13.0)
+    stall_complete: float = radians(27.0)
+    stalled: Polar = field(default_factory=DickinsonPolar)
+
+    def __post_init__(self) -> None:
+        for name in _NUMBERS:
+            if not isfinite(getattr(self, name)):
+                raise ParameterError(name, "a finite number", getattr(self, name))
+        for name in ("lift_slope", "profile_drag"):
+            if getattr(self, name) < 0:
+                raise ParameterError(name, "a number >= 0", getattr(self, name))
+        if not 0 < self.stall_begins < self.stall_complete <= pi / 2:
+            angles = (self.stall_begins, self.stall_complete)
+            raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside."""
+        return f"section stalled={self.stalled.name}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        return (*_NUMBERS, *(f"stalled.{name}" for name in self.stalled.parameter_names))
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the parameters, (n,)."""
+        return np.array([*(getattr(self, name) for name in _NUMBERS), *self.stalled.parameters])
+
+    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
+        """The numbers by name, and those of the polar, from values or symbols of `parameters`."""
+        count = len(_NUMBERS)
+        return {name: parameters[k] for k, name in enumerate(_NUMBERS)}, parameters[count:]
+
+    def separated_share(self, sine_square: Any, parameters: Any) -> Any:
+        """Share of separated flow s, 0 to 1.
+
+        Args:
+            sine_square: Squared sine of the effective incidence.
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        numbers, _ = self.named(parameters)
+        begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
+        x = ca.fmax(0.0, ca.fmin(1.0, (sine_square - begins) / (complete - begins)))
+        square = x * x
+        return square * square * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
+        return {**numbers, "stalled": self.stalled.describe()}
+
+
+def section_from_description(description: Mapping[str, Any]) -> Section:
+    """The section of `describe()`.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    known = {*_NUMBERS, "stalled"}
+    if set(description) != known:
+        raise ParameterError("section", f"the keys {sorted(known)}", sorted(description))
+    numbers = {name: description[name] for name in _NUMBERS}
+    return Section(**numbers, stalled=polar_from_description(description["stalled"]))
