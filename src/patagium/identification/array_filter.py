@@ -142,11 +142,11 @@ class ArrayFilter:
         except MatrixLost as lost:
             return lost.outcome, prediction
         whitened = inverse.T @ innovation
-        mean = self.mean + cross @ (inverse @ whitened)
-        if not (np.isfinite(mean).all() and np.isfinite(after).all()):
+        nis, mean = float(whitened @ whitened), self.mean + cross @ (inverse @ whitened)
+        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
         self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
-        self.nis = float(whitened @ whitened)
+        self.nis = nis
         return Outcome.COMPLETED, prediction
 
     def drift(self, growth: float, noise: Array) -> None:
@@ -223,14 +223,14 @@ class CholeskyFilter:
             return lost.outcome, prediction
         cross = root.astype(float) @ found.slopes
         gain = np.linalg.solve(prediction.covariance, cross.T).T
-        mean = self.mean + gain @ (y - found.mean)
-        if not np.isfinite(mean).all():
+        innovation = y - found.mean
+        nis = float(innovation @ np.linalg.solve(prediction.covariance, innovation))
+        mean = self.mean + gain @ innovation
+        if not (np.isfinite(nis) and np.isfinite(mean).all()):
             return Outcome.NOT_FINITE, prediction
         smaller = covariance - gain @ prediction.covariance @ gain.T
         self._covariance = ((smaller + smaller.T) / 2).astype(self.setting.dtype)
-        innovation = y - found.mean
-        self.nis = float(innovation @ np.linalg.solve(prediction.covariance, innovation))
-        self.mean = mean
+        self.mean, self.nis = mean, nis
         return Outcome.COMPLETED, prediction
 
     def drift(self, growth: float, noise: Array) -> None:

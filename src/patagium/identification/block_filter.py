@@ -53,7 +53,7 @@ class BlockFilter(ArrayFilter):
                 root[part], slopes[block], remainder + first + last
             )
         lower = lower_factor(sum(grams, remainder))
-        return after, cross, np.linalg.inv(lower).T
+        return after, cross, np.asarray(np.linalg.inv(lower).T)
 
 
 def setting_blocks(setting: FilterSetting) -> tuple[Indices, ...]:

@@ -79,9 +79,10 @@ class ChangeMonitor:
             return False
         oldest = self._pop(0, self._recent)
         self._push(1, self._before, oldest)
-        if len(self._before) <= self.detection.reference:
+        if len(self._before) < self.detection.reference:
             return False
-        self._pop(1, self._before)
+        if len(self._before) > self.detection.reference:
+            self._pop(1, self._before)
         recent, before = (s / max(c, 1) for s, c in zip(self._sums, self._channels, strict=True))
         if recent <= before * self._limit():
             return False

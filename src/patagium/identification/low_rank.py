@@ -117,33 +117,31 @@ class LowRankFilter:
         part = solve_triangular(lower, scaled.T, lower=True)
         return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         found, _, _ = self._seen(x, self._advanced())
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            before = self._advanced()
-            found, columns, sensed = self._seen(x, before)
-            prediction = Prediction(found.mean, found.covariance)
-            innovation = y - found.mean
-            if not (np.isfinite(innovation).all() and np.isfinite(prediction.covariance).all()):
-                return Outcome.NOT_FINITE, prediction
-            try:
-                total, noise = lower_factor(found.covariance), lower_factor(found.remainder)
-            except MatrixLost as lost:
-                return lost.outcome, prediction
-            whitened = solve_triangular(total, innovation, lower=True)
-            gain = solve_triangular(total, whitened, lower=True, trans="T")
-            mean = self.mean + columns @ (found.slopes @ gain)
-            added = solve_triangular(noise, (sensed @ found.slopes).T, lower=True).T
-            after = Precision(before.diagonal, np.hstack([before.columns, added]))
-            if not (np.isfinite(mean).all() and np.isfinite(added).all()):
-                return Outcome.NOT_FINITE, prediction
+        before = self._advanced()
+        found, columns, sensed = self._seen(x, before)
+        prediction = Prediction(found.mean, found.covariance)
+        try:
+            total, noise = lower_factor(found.covariance), lower_factor(found.remainder)
+        except MatrixLost as lost:
+            return lost.outcome, prediction
+        whitened = solve_triangular(total, y - found.mean, lower=True, check_finite=False)
+        gain = solve_triangular(total, whitened, lower=True, trans="T", check_finite=False)
+        nis, mean = float(whitened @ whitened), self.mean + columns @ (found.slopes @ gain)
+        added = solve_triangular(noise, (sensed @ found.slopes).T, lower=True).T
+        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(added).all()):
+            return Outcome.NOT_FINITE, prediction
+        after = Precision(before.diagonal, np.hstack([before.columns, added]))
         self._precision = self._rounded(after.compressed(self._rank))
-        self.mean, self._grown, self.nis = mean, None, float(whitened @ whitened)
+        self.mean, self._grown, self.nis = mean, None, nis
         return Outcome.COMPLETED, prediction
 
     @property

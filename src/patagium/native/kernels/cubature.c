@@ -230,13 +230,18 @@ int cubature_update(cubature *f) {
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
   recur(f, g, turned);
-  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
-  for (int panel = (f->weights - 1) / PANEL; panel >= 0; panel--) change_panel(f, panel);
   double inner[stride], gain[stride];
   combine(m, stride, f->innovation, g, inner);
   combine(m, stride, inner, turned, gain);
-  f->nis = 0;
-  for (int k = 0; k < m; k++) f->nis += inner[k] * inner[k];
+  double nis = 0;
+  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
+  if (!isfinite(nis)) {
+    f->largest /= f->growth;
+    return NOT_FINITE;
+  }
+  f->nis = nis;
+  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
+  for (int panel = (f->weights - 1) / PANEL; panel >= 0; panel--) change_panel(f, panel);
   for (int j = 0; j < f->weights; j++) {
     double step = 0;
     for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];

@@ -190,7 +190,7 @@ int node_predict(node_filter *f) {
     const REAL *s = (f->drifts ? f->grown : f->root) + g.entries * WIDTH;
     REAL *steps = f->steps, *slopes = f->slopes + g.rows * m * WIDTH;
     find_steps(f, &g, s, steps);
-    if (terms_of(f, &g) == 1) gather_line(f, &g, steps, slopes, growth, total);
+    if (is_line(f, &g)) gather_line(f, &g, steps, slopes, growth, total);
     else gather(f, &g, steps, slopes, growth, total);
   }
   finish_moments(f, total);
@@ -283,16 +283,17 @@ int node_update(node_filter *f) {
     for (int l = 0; l < stride; l++) turned[k * stride + l] = inverse[l * stride + k];
   combine(m, stride, f->innovation, inverse, inner);
   combine(m, stride, inner, turned, step);
-  f->nis = 0;
-  for (int k = 0; k < m; k++) f->nis += inner[k] * inner[k];
-  if (!isfinite(f->nis)) return NOT_FINITE;
+  double nis = 0;
+  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
+  if (!isfinite(nis)) return NOT_FINITE;
+  f->nis = nis;
   const double growth = f->drifts ? 1 : f->growth;
   reals longest = {0};
   for (group g = {0}; next_group(f, &g);) {
     const REAL *before = (f->drifts ? f->grown : f->root) + g.entries * WIDTH;
     const REAL *slopes = f->slopes + g.rows * m * WIDTH;
     longest = reals_larger(longest,
-                           terms_of(f, &g) == 1
+                           is_line(f, &g)
                                ? learn_line(f, &g, growth, before, slopes, inverse, step)
                                : learn(f, &g, growth, before, slopes, step));
   }

@@ -131,9 +131,17 @@ static inline int weight_of(const node_filter *f, const group *g, int j, int c) 
   return g->at + (j < in ? o * in + j : f->widths[g->layer + 1] * in + o);
 }
 
-/* How many outputs a change of one neuron goes through: 1 means slopes of rank one. */
+/* Whether one linear layer at most follows the neurons. */
+static inline int is_late(const node_filter *f, const group *g) { return g->layer + 2 >= f->layers; }
+
+/* Whether y moves along one direction when a neuron changes: slopes of rank one. */
+static inline int is_line(const node_filter *f, const group *g) {
+  return is_late(f, g) && f->items == 1;
+}
+
+/* How many numbers a change of one neuron is before the readout. */
 static inline int terms_of(const node_filter *f, const group *g) {
-  return g->layer + 2 >= f->layers ? f->items : f->items * f->widths[f->layers];
+  return is_late(f, g) ? f->items : f->items * f->widths[f->layers];
 }
 
 #endif

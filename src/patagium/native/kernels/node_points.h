@@ -103,7 +103,7 @@ static void find_direction(const node_filter *f, int layer, int o, int t, double
 /* Directions of y in lanes, (terms, n_y), for groups whose slopes have more than one rank. */
 static void find_towards(const node_filter *f, const group *g) {
   const int m = f->outputs, terms = terms_of(f, g);
-  if (g->layer + 2 < f->layers) {
+  if (!is_late(f, g)) {
     for (int k = 0; k < terms * m; k++) row_store(f->towards, k, reals_all(R(f->readout[k])));
     return;
   }
@@ -130,7 +130,7 @@ static inline reals change_of(const node_filter *f, const group *g, int t, reals
 static void run_on(const node_filter *f, const group *g, const REAL *change, REAL *room,
                    REAL *terms) {
   const int padded = padded_of(f), last = f->widths[f->layers];
-  if (g->layer + 2 >= f->layers) {
+  if (is_late(f, g)) {
     memcpy(terms, change, sizeof(REAL) * WIDTH * f->items);
     return;
   }
