@@ -46,6 +46,22 @@ def test_forgetting_alone_winds_up(structure):
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
+def test_forgetting_what_is_learned_again_goes_on_for_ever(structure, rng):
+    learner = pt.CubatureLearner(
+        pt.DenseNetwork(1, (), 1),
+        covariance=structure,
+        dtype="float32",
+        forgetting_factor=0.9,
+        prior_deviation=0.5,
+        measurement_deviation=0.05,
+    )
+    for x in rng.normal(size=(2000, 1)):  # 0.9^-2000 is beyond single precision, P is not
+        learner.update(x, 2 * x + 1)
+    np.testing.assert_allclose(learner.weights, [2, 1], atol=1e-3)
+    assert learner.variances.max() < 0.25
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
 def test_the_share_of_the_prior_is_a_formula(structure):
     network = pt.DenseNetwork(3, (6,), 2)
     learner = glide(pt.CubatureLearner(network, covariance=structure, **TOLD), 5)

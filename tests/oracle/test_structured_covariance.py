@@ -11,7 +11,8 @@ import pytest
 import patagium as pt
 from patagium.errors import FilterDiverged, ParameterError
 from patagium.identification.array_filter import FilterSetting
-from patagium.identification.block_filter import BlockFilter, setting_blocks
+from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
+from patagium.identification.kernel_filter import KernelFilter, load_cubature
 from patagium.identification.node_filter import NodeFilter, load_node
 from patagium.identification.spread import spread_rule
 from patagium.identification.structure import blocks_of, described_structure, structure_from
@@ -175,9 +176,10 @@ def test_a_copy_goes_on_as_the_learner_and_a_refused_sample_changes_nothing(stru
     ],
     ids=["cubature", "sqrt3-noise", "wide"],
 )
-def test_node_kernel_is_its_twin(activation, inputs, hidden, outputs, options, rng):
+@pytest.mark.parametrize("structure", ["node", "layer"])
+def test_kernel_of_blocks_is_its_twin(structure, activation, inputs, hidden, outputs, options, rng):
     network = pt.DenseNetwork(inputs, hidden, outputs, activation, output_center=0.3)
-    fast, plain = filter_pair(network, rng, **options)
+    fast, plain = filter_pair(network, rng, structure=structure, **options)
     for _ in range(4):
         x, y = rng.normal(size=inputs), rng.normal(size=outputs)
         for one, other in zip(fast.predict(x), plain.predict(x), strict=True):
@@ -188,9 +190,10 @@ def test_node_kernel_is_its_twin(activation, inputs, hidden, outputs, options, r
         assert fast.nis == pytest.approx(plain.nis, rel=1e-9)
 
 
-def test_node_kernel_calls_the_compiled_encoder_of_a_strip_network(rng):
+@pytest.mark.parametrize("structure", ["node", "layer"])
+def test_kernel_of_blocks_calls_the_compiled_encoder_of_a_strip_network(structure, rng):
     robot = pt.load_robot("aerobat")
-    fast, plain = filter_pair(pt.StripNetwork(robot), rng, spread=3**0.5)
+    fast, plain = filter_pair(pt.StripNetwork(robot), rng, structure=structure, spread=3**0.5)
     for _ in range(3):
         x, y = rng.normal(size=2 * robot.dof), rng.normal(size=robot.dof)
         fast.update(x, y)
@@ -210,7 +213,7 @@ def test_single_precision_follows_double(hidden, rng):
     np.testing.assert_allclose(single.covariance, double.covariance, atol=1e-4)
 
 
-def filter_pair(network, rng, *, spread=None, noise=0.0, forgetting=1.0):
+def filter_pair(network, rng, *, structure="node", spread=None, noise=0.0, forgetting=1.0):
     setting = FilterSetting(
         network,
         spread_rule(network.size, spread),
@@ -218,15 +221,20 @@ def filter_pair(network, rng, *, spread=None, noise=0.0, forgetting=1.0):
         np.full(network.size, noise),
         forgetting,
         "float64",
-        "node",
+        structure,
     )
-    library = load_node("float64")
+    node = structure == "node"
+    library = load_node("float64") if node else load_cubature("float64")
     if library is None:
         pytest.skip("no C compiler here")
-    deviation = rng.uniform(0.2, 0.6, network.size)
-    roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
-    mean = network.initial(0)
-    return NodeFilter(setting, mean, roots, library), BlockFilter(setting, mean, roots)
+    deviation, mean = rng.uniform(0.2, 0.6, network.size), network.initial(0)
+    blocks = setting_blocks(setting)
+    roots = [np.diag(deviation[block]) for block in blocks]
+    root = scattered(roots, blocks)
+    plain = BlockFilter(setting, mean, root)
+    if node:
+        return NodeFilter(setting, mean, roots, library), plain
+    return KernelFilter(setting, mean, root, library), plain
 
 
 def test_low_rank_update_is_linear_in_the_number_of_weights(rng):

@@ -3,8 +3,8 @@
     P_b <- P_b - S_b Z_b P_yy^-1 Z_b' S_b'
 
 is the block of the posterior over all weights; what lies between blocks is forgotten after
-each sample. The readable form of the kernel `node.c`. Neglected: speed, and memory: the
-blocks stand in a matrix of all weights.
+each sample. The readable form of the kernels `node.c` and, with a block a layer,
+`cubature.c`. Neglected: speed, and memory: the blocks stand in a matrix of all weights.
 """
 
 from __future__ import annotations
@@ -28,17 +28,12 @@ class BlockFilter(ArrayFilter):
     Args:
         setting: What it is made of; its structure is "full", "layer" or "node".
         mean: Weights to start from, (n,).
-        roots: The lower triangular square root of each block's covariance, (k, k).
+        root: The lower triangular square roots of the blocks in one matrix, (n, n).
     """
 
-    def __init__(self, setting: FilterSetting, mean: Array, roots: Sequence[Array]) -> None:
+    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+        super().__init__(setting, mean, root)
         self._blocks = setting_blocks(setting)
-        super().__init__(setting, mean, scattered(roots, self._blocks))
-
-    def roots(self) -> list[Array]:
-        """The square root of each block's covariance, (k, k)."""
-        root = self.root()
-        return [root[np.ix_(block, block)] for block in self._blocks]
 
     def _measured(self, root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
         """`root.measured_root` block by block, each with what the others leave of P_yy."""

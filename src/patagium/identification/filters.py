@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.identification.array_filter import FilterSetting, WeightFilter
-from patagium.identification.block_filter import BlockFilter, setting_blocks
+from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
 from patagium.identification.extended_filter import ExtendedBlockFilter, ExtendedFilter
 from patagium.identification.kernel_filter import restore
 from patagium.identification.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
@@ -28,10 +28,10 @@ def cubature_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
     """
     if isinstance(setting.structure, LowRank):
         return LowRankFilter(setting, mean, independent(setting, deviation))
-    if setting.structure == "full":
-        return restore(setting, mean, np.diag(deviation))
-    roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
-    return restore_blocks(setting, mean, roots)
+    if setting.structure == "node":
+        roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+        return restore_nodes(setting, mean, roots)
+    return restore(setting, mean, np.diag(deviation))
 
 
 def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
@@ -44,10 +44,8 @@ def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
     """
     if isinstance(setting.structure, LowRank):
         return ExtendedLowRankFilter(setting, mean, independent(setting, deviation))
-    if setting.structure == "full":
-        return ExtendedFilter(setting, mean, np.diag(deviation))
-    roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
-    return ExtendedBlockFilter(setting, mean, roots)
+    kind = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
+    return kind(setting, mean, np.diag(deviation))
 
 
 def independent(setting: FilterSetting, deviation: Array) -> Precision:
@@ -58,17 +56,17 @@ def independent(setting: FilterSetting, deviation: Array) -> Precision:
     return Precision(1.0 / deviation**2, np.zeros((len(deviation), rank)))
 
 
-def restore_blocks(
+def restore_nodes(
     setting: FilterSetting, mean: Array, roots: Sequence[Array]
 ) -> NodeFilter | BlockFilter:
-    """A filter of blocks in the state given, compiled where there is a compiler.
+    """A filter of one block a neuron in the state given, compiled where there is a compiler.
 
     Args:
         setting: What it is made of.
         mean: Weights, (n,).
-        roots: The lower triangular square root of each block's covariance, (k, k).
+        roots: The lower triangular square root of each neuron's covariance, (k, k).
     """
-    library = load_node(setting.dtype) if setting.structure == "node" else None
+    library = load_node(setting.dtype)
     if library is None:
-        return BlockFilter(setting, mean, roots)
+        return BlockFilter(setting, mean, scattered(roots, setting_blocks(setting)))
     return NodeFilter(setting, mean, roots, library)

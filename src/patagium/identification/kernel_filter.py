@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.array_filter import ArrayFilter, FilterSetting, Prediction
+from patagium.identification.block_filter import BlockFilter, setting_blocks
 from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
     aligned,
@@ -23,12 +24,14 @@ from patagium.identification.kernel_memory import (
     rounded_up,
 )
 from patagium.identification.root import with_noise
+from patagium.identification.structure import Indices
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
 
-_INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "unused")
+_INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "blocks")
 _NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest", "nis")
+_LAYOUT = ("widths", "starts", "counts")
 _STATE = ("mean", "noise", "root", "near")
 _WORK = ("slopes", "bends", "steps", "shrinks", "cross", "points", "at_mean", "weighting", "small")
 _ENCODER = ("encode", "encode_arguments", "encode_results")
@@ -42,7 +45,7 @@ class _Cubature(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int32) for name in _INTEGERS),
-        ("widths", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in _LAYOUT),
         *((name, ctypes.c_double) for name in _NUMBERS),
         *((name, ctypes.c_void_p) for name in (*_STATE, *_WORK, *_ENCODER, *_SAMPLE, *_RESULT)),
     ]
@@ -56,10 +59,11 @@ def load_cubature(dtype: str) -> ctypes.CDLL | None:
 
 
 class KernelFilter:
-    """Square-root filter, compiled; its equations are `ArrayFilter`'s.
+    """Square-root filter, compiled, of one block or one a layer.
 
-    An update costs about n^2 (n_y + 8) multiplications and additions and two passes over
-    half a matrix; process noise adds a factorization of order n^3.
+    Its equations are those of `ArrayFilter` and `BlockFilter`. With b weights a block, an update
+    costs about the sum of b^2 (n_y + 8) multiplications and additions and two passes over half
+    a matrix of each block; process noise adds factorizations of order b^3.
 
     Args:
         setting: What it is made of.
@@ -72,6 +76,7 @@ class KernelFilter:
         self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
+        self._blocks = setting_blocks(setting)
         self._lanes = int(library.cubature_lanes())
         self._arrays = _allocate(setting, self._lanes)
         self._struct = _structure(setting, self._arrays)
@@ -121,11 +126,11 @@ class KernelFilter:
         """The square root of the covariance after the last sample, (n, n)."""
         if self._before_noise is not None:
             return self._before_noise
-        count = self.setting.network.size
-        whole = np.zeros((self._struct.rows, self._struct.rows))
-        for columns, panel in self._panels():
-            whole[columns.start :, columns] = panel
-        return whole[:count, :count]
+        whole = np.zeros((self.setting.network.size,) * 2)
+        for block, first, panel in self._panels():
+            columns, rows = block[first : first + panel.shape[1]], block[first:]
+            whole[np.ix_(rows, columns)] = panel[: len(rows), : len(columns)]
+        return whole
 
     def covariance(self) -> Array:
         """P after the last sample, (n, n)."""
@@ -139,23 +144,32 @@ class KernelFilter:
 
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once."""
-        self._put_root(with_noise(np.sqrt(growth) * self.root(), noise))
+        self._put_root(self._drifted(growth, noise))
         self._before_noise = None
 
-    def _panels(self) -> Iterator[tuple[slice, Array]]:
-        """Columns of every panel, and its rows from the first of them on."""
-        width, rows, start = 2 * self._lanes, self._struct.rows, 0
-        for first in range(0, rows, width):
-            end = start + (rows - first) * width
-            yield slice(first, first + width), self._arrays["root"][start:end].reshape(-1, width)
-            start = end
+    def _panels(self) -> Iterator[tuple[Indices, int, Array]]:
+        """Every panel: weights of its block, its first column in it, its rows from there on."""
+        width, start = 2 * self._lanes, 0
+        for block in self._blocks:
+            rows = rounded_up(len(block), width)
+            for first in range(0, rows, width):
+                end = start + (rows - first) * width
+                yield block, first, self._arrays["root"][start:end].reshape(-1, width)
+                start = end
 
     def _put_root(self, root: Array) -> None:
-        whole = np.zeros((self._struct.rows, self._struct.rows))
-        whole[: len(root), : len(root)] = root
-        for columns, panel in self._panels():
-            panel[:] = whole[columns.start :, columns]
-        self._struct.largest = float(np.linalg.norm(whole, axis=1).max())
+        for block, first, panel in self._panels():
+            columns, rows = block[first : first + panel.shape[1]], block[first:]
+            panel[: len(rows), : len(columns)] = root[np.ix_(rows, columns)]
+        self._struct.largest = float(np.linalg.norm(root, axis=1).max())
+
+    def _drifted(self, growth: float, noise: Array) -> Array:
+        """The square root of growth P + diag(noise), block by block, (n, n)."""
+        root: Array = np.sqrt(growth) * self.root()
+        for block in self._blocks:
+            part = np.ix_(block, block)
+            root[part] = with_noise(root[part], noise[block])
+        return np.asarray(root)
 
     def _add_process_noise(self) -> None:
         """P / forgetting + Q, once a sample; without Q the kernel forgets by itself."""
@@ -163,8 +177,7 @@ class KernelFilter:
         if not setting.has_process_noise or self._before_noise is not None:
             return
         root = self.root()
-        grown = root / np.sqrt(setting.forgetting_factor)
-        self._put_root(with_noise(grown, setting.process_noise))
+        self._put_root(self._drifted(1.0 / setting.forgetting_factor, setting.process_noise))
         self._before_noise = root
 
     def _take(self, x: Array) -> None:
@@ -189,7 +202,8 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
     """
     library = load_cubature(setting.dtype)
     if library is None:
-        return ArrayFilter(setting, mean, root)
+        readable = ArrayFilter if setting.structure == "full" else BlockFilter
+        return readable(setting, mean, root)
     return KernelFilter(setting, mean, root, library)
 
 
@@ -198,14 +212,15 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     network, outputs = setting.network, len(setting.noise)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
-    rows, stride = rounded_up(network.size, panel), rounded_up(outputs, max(lanes, 4))
-    panels = rows // panel
+    counts = [len(block) for block in setting_blocks(setting)]
+    heights = [rounded_up(count, panel) for count in counts]
+    rows, stride = sum(heights), rounded_up(outputs, max(lanes, 4))
     reals = {
-        "root": (panel * (panels * rows - panel * panels * (panels - 1) // 2),),
+        "root": (sum(height * (height + panel) // 2 for height in heights),),
         "near": (rows,),
         "slopes": (rows, stride),
         "bends": (rows, stride),
-        "steps": (panels, outputs, panel),
+        "steps": (rows // panel, outputs, panel),
         "shrinks": (rows,),
         "cross": (rows, stride),
         "points": (2, items, widest, panel),
@@ -215,7 +230,7 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     doubles = {
         "mean": (network.size,),
         "noise": (outputs,),
-        "small": (5, stride, stride),
+        "small": (5 + len(counts), stride, stride),
         "features": (items, widths[0]),
         "readout": (items * widths[-1], outputs),
         "offset": (outputs,),
@@ -226,7 +241,8 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     }
     arrays = {name: aligned(shape, np.dtype(setting.dtype)) for name, shape in reals.items()}
     arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
-    arrays["widths"] = np.array(widths, np.int32)
+    arrays["widths"], arrays["counts"] = np.array(widths, np.int32), np.array(counts, np.int32)
+    arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
     arrays["offset"][:] = network.offset
     return arrays
 
@@ -242,7 +258,8 @@ def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Cubature:
         items=network.items,
         layers=len(network.perceptron.widths) - 1,
         activation=ACTIVATION_CODES[network.perceptron.activation],
+        blocks=len(arrays["counts"]),
         growth=1.0 / np.sqrt(forgets),
         **setting.rule._asdict(),
-        **{name: arrays[name].ctypes.data for name in (*_ARRAYS, "widths")},
+        **{name: arrays[name].ctypes.data for name in (*_ARRAYS, *_LAYOUT)},
     )

@@ -104,9 +104,9 @@ class NodeFilter:
         self._put_roots(roots)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        from patagium.identification.filters import restore_blocks
+        from patagium.identification.filters import restore_nodes
 
-        return restore_blocks, (self.setting, self.mean, self.roots())
+        return restore_nodes, (self.setting, self.mean, self.roots())
 
     @property
     def mean(self) -> Array:
