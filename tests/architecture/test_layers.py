@@ -16,7 +16,7 @@ import patagium
 
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
-    "Air",
+    "AddedMass", "Air",
     "CompilerError",
     "CubatureLearner",
     "DenseNetwork",
