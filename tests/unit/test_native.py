@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import platform
 import threading
 from pathlib import Path
 
@@ -77,6 +78,30 @@ def test_every_operation_agrees_with_casadi(choice, monkeypatch, rng):
             np.testing.assert_allclose(scalars[k], scalar, rtol=ROUNDING, atol=ROUNDING)
 
 
+@needs_compiler
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the processors are x86-64 ones")
+@pytest.mark.parametrize("processor", ["x86-64", "haswell"])
+def test_narrower_vectors_give_the_same(processor, tmp_path, monkeypatch, rng):
+    if processor == "haswell" and " avx2 " not in Path("/proc/cpuinfo").read_text():
+        pytest.skip("this processor has no AVX2")
+    p, xs, ys = rng.normal(size=2), rng.normal(size=(21, 4)), rng.normal(size=21)
+    here = load_functions("every operation", every_operation, label="test")["many"]
+    wide = here.batch(xs, ys, p)
+    compiler = tmp_path / "cc"
+    real = compiler_module.compiler_path()
+    compiler.write_text(
+        f'#!/bin/sh\nexec {real} $(echo "$@" | sed s/-march=native/-march={processor}/)\n'
+    )
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    many = load_functions("every operation", every_operation, label="test")["many"]
+    for narrow, wider in zip(many.batch(xs, ys, p), wide, strict=True):
+        np.testing.assert_allclose(narrow, wider, rtol=ROUNDING, atol=ROUNDING)
+    for narrow, wider in zip(many(xs[0], ys[0], p), here(xs[0], ys[0], p), strict=True):
+        np.testing.assert_allclose(narrow, wider, rtol=ROUNDING, atol=ROUNDING)
+
+
 def trigonometry() -> list[ca.Function]:
     x = ca.SX.sym("x")
     return [ca.Function("turn", [x], [ca.vertcat(ca.sin(x), ca.cos(x))], ["x"], ["y"])]
@@ -141,6 +166,27 @@ def test_a_second_load_makes_no_expression(tmp_path, monkeypatch):
     assert turn(0.0)[1] == 1.0
 
 
+@needs_compiler
+def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    turn = load_functions("late", trigonometry, label="test")["turn"]
+    assert len(list(tmp_path.glob("index-*"))) == 1
+    turn.batch(np.zeros(3))
+    assert len(list(tmp_path.glob("index-*"))) == 2
+
+
+def test_results_of_batches_stay_what_they_were():
+    turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
+    x = np.linspace(-1, 1, 40)
+    first = turn.batch(x)
+    second = turn.batch(2 * x)
+    np.testing.assert_allclose(first[:, 0], np.sin(x), rtol=1e-15)
+    np.testing.assert_allclose(second[:, 0], np.sin(2 * x), rtol=1e-15)
+    part = turn.batch(x)[5:7]
+    turn.batch(3 * x)
+    np.testing.assert_allclose(part[:, 0], np.sin(x[5:7]), rtol=1e-15)
+
+
 def _load_in(cache: str, results) -> None:
     import os
 
@@ -180,6 +226,7 @@ def test_a_broken_compiler_is_as_good_as_none(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("CC", str(broken))
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("PATAGIUM_COMPILER", raising=False)
+    monkeypatch.delenv("PATAGIUM_TOLD_WITHOUT_COMPILER", raising=False)
     compiler_module._announce_fallback.cache_clear()
     assert compiler_name() is None
     assert load_kernel("march") is None

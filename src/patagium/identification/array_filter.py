@@ -89,8 +89,7 @@ class WeightFilter(Protocol):
 class ArrayFilter:
     """Square-root filter: S is carried through the measurement, see `root.measured_root`.
 
-    Forgetting scales S. Process noise costs a factorization of S S' + Q a sample, of
-    order n^3.
+    Forgetting scales S; process noise costs a factorization of S S' + Q a sample.
 
     Args:
         setting: What it is made of.
@@ -106,26 +105,15 @@ class ArrayFilter:
         self._root = np.array(root, setting.dtype)
         self._grown: Array | None = None
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         found = self._moments(x, self._advanced())
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._step(x, y)
-
-    def root(self) -> Array:
-        """The square root of the covariance after the last sample, (n, n)."""
-        return self._root.astype(float)
-
-    def covariance(self) -> Array:
-        """P after the last sample, (n, n)."""
-        root = self.root()
-        return np.asarray(root @ root.T)
-
-    def _step(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         root = self._advanced()
         found = self._moments(x, root)
         prediction = Prediction(found.mean, found.covariance)
@@ -139,12 +127,23 @@ class ArrayFilter:
         mean = self.mean + cross @ (inverse @ (inverse.T @ innovation))
         if not (np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
-        self._root, self.mean, self._grown = after.astype(root.dtype), mean, None
+        self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
         return Outcome.COMPLETED, prediction
+
+    def root(self) -> Array:
+        """The square root of the covariance after the last sample, (n, n)."""
+        return self._root.astype(float)
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        root = self.root()
+        return np.asarray(root @ root.T)
 
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
         setting = self.setting
+        if setting.forgetting_factor == 1 and not setting.has_process_noise:
+            return self._root
         if self._grown is None:
             grown = self.root() / np.sqrt(setting.forgetting_factor)
             noisy = with_noise(grown, setting.process_noise) if setting.has_process_noise else grown
@@ -169,6 +168,7 @@ class CholeskyFilter:
         self.mean = np.array(mean, float)
         self._covariance = np.asarray(root @ root.T, setting.dtype)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured.
 
@@ -179,6 +179,7 @@ class CholeskyFilter:
         found = point_moments(self.setting, x, self.mean, root)
         return Prediction(found.mean, found.covariance)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed nothing."""
         covariance = self._advanced()

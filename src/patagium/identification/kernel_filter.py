@@ -67,7 +67,8 @@ class KernelFilter:
         self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
-        self._arrays = _allocate(setting)
+        self._lanes = int(library.cubature_lanes())
+        self._arrays = _allocate(setting, self._lanes)
         self._struct = _structure(setting, self._arrays)
         self._x, self._keep = _install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
@@ -121,7 +122,7 @@ class KernelFilter:
 
     def _panels(self) -> Iterator[tuple[slice, Array]]:
         """Columns of every panel, and its rows from the first of them on."""
-        width, rows, start = _panel(self.setting), self._struct.rows, 0
+        width, rows, start = 2 * self._lanes, self._struct.rows, 0
         for first in range(0, rows, width):
             end = start + (rows - first) * width
             yield slice(first, first + width), self._arrays["root"][start:end].reshape(-1, width)
@@ -176,20 +177,12 @@ def _function(library: ctypes.CDLL, name: str) -> Any:
     return function
 
 
-def _lanes(setting: FilterSetting) -> int:
-    return 64 // np.dtype(setting.dtype).itemsize
-
-
-def _panel(setting: FilterSetting) -> int:
-    return 2 * _lanes(setting)
-
-
-def _allocate(setting: FilterSetting) -> dict[str, Array]:
+def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `cubature.h` names, on cache lines."""
-    network, outputs, lanes = setting.network, len(setting.noise), _lanes(setting)
+    network, outputs = setting.network, len(setting.noise)
     widths, items = network.perceptron.widths, network.items
-    panel, layers, widest = _panel(setting), len(widths) - 1, max(widths)
-    rows, stride = _up(network.size, panel), _up(outputs, lanes)
+    panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
+    rows, stride = _up(network.size, panel), _up(outputs, max(lanes, 4))
     panels = rows // panel
     reals = {
         "root": (panel * (panels * rows - panel * panels * (panels - 1) // 2),),

@@ -104,9 +104,8 @@ def as_sample(network: Network, count: int, x: ArrayLike, y: ArrayLike) -> tuple
     sample, measured = as_input(network, x), np.asarray(y, float)
     if measured.shape != (network.outputs,):
         raise ShapeError("y", (network.outputs,), measured.shape)
-    if not isfinite(sample @ sample + measured @ measured):  # most often that one look is enough
-        if not (np.isfinite(sample).all() and np.isfinite(measured).all()):
-            raise diverged(Outcome.NOT_FINITE, count, sample, measured)
+    if not (all(map(isfinite, sample.tolist())) and all(map(isfinite, measured.tolist()))):
+        raise diverged(Outcome.NOT_FINITE, count, sample, measured)
     return sample, measured
 
 

@@ -40,54 +40,15 @@ def lower_factor(matrix: Array) -> Array:
         raise MatrixLost(Outcome.COVARIANCE_LOST) from None
 
 
-def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
+def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
     """S after a measurement whose covariance is P_yy = Z' Z + M, S Z that with the weights.
 
-    P <- P - S Z P_yy^-1 Z' S' as a recursion over the columns from the last to the first,
-    each of order n_y (n + n_y). With G G' = (M + sum of z_i z_i' of the columns done)^-1,
-
-        f = G' z_j,  a = 1 + f'f,  e = G f,
-        S_j <- (S_j - C e) / sqrt(a),  C <- C + S_j z_j',  G <- G - e f' / (a + sqrt(a)).
-
-    S stays triangular and P positive definite whatever the rounding; nothing of n x n is
-    factorized.
+    With L L' = P_yy and N N' = M, B = L^-T (L + N)^-1 solves B + B' - B (Z' Z) B' = P_yy^-1,
+    so that (I - Z B Z')(I - Z B Z')' = I - Z P_yy^-1 Z': three products of n x n x n_y give
+    S <- S - (S Z) B Z', and P = S S' is the Kalman filter's, definite whatever the rounding.
 
     Args:
-        root: S, lower triangular, (n, n).
-        slopes: Z, (n, n_y).
-        remainder: M, (n_y, n_y).
-
-    Returns:
-        The new S, (n, n); S Z, (n, n_y); G with G G' = P_yy^-1, (n_y, n_y).
-
-    Raises:
-        MatrixLost: If M is not finite or not positive definite.
-
-    References:
-        Carlson (1973), Fast triangular formulation of the square root filter, AIAA J. 11(9);
-        Potter's update of G: Bierman (1977), Factorization methods, ch. 2.
-    """
-    lower = lower_factor(remainder)
-    inverse = solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False).T
-    after, cross = np.empty_like(root), np.zeros((len(root), len(lower)), root.dtype)
-    for j in reversed(range(len(root))):
-        inner = inverse.T @ slopes[j]
-        alpha = 1.0 + inner @ inner
-        step, size = inverse @ inner, np.sqrt(alpha)
-        after[:, j] = (root[:, j] - cross @ step) / size
-        cross += np.outer(root[:, j], slopes[j])
-        inverse = inverse - np.outer(step, inner) / (alpha + size)
-    return after, cross, inverse
-
-
-def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
-    """The same for any square root, triangular or not, in three products: S - (S Z) B Z'.
-
-    With L L' = P_yy = Z' Z + M and N N' = M, B = L^-T (L + N)^-1 solves
-    B + B' - B (Z' Z) B' = P_yy^-1, so that (I - Z B Z')(I - Z B Z')' = I - Z P_yy^-1 Z'.
-
-    Args:
-        root: S, (n, n).
+        root: S, any square root, (n, n).
         slopes: Z, (n, n_y).
         remainder: M, (n_y, n_y).
 
@@ -105,6 +66,31 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     inverse = solve_triangular(lower, identity, lower=True, check_finite=False).T
     both = solve_triangular(lower + noise, identity, lower=True, check_finite=False)
     return root - (cross @ (inverse @ both)) @ slopes.T, cross, inverse
+
+
+def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
+    """The same with S lower triangular again: the Cholesky factor of the new P.
+
+    A rotation from the right, S Q' with Q from the QR factors of S', changes no P; of order
+    n^3. The compiled kernel reaches the same S in order n^2 n_y, column by column.
+
+    Args:
+        root: S, any square root, (n, n).
+        slopes: Z, (n, n_y).
+        remainder: M, (n_y, n_y).
+
+    Returns:
+        The new S, (n, n), with a diagonal of at least zero; S Z; G: as `transformed_root`.
+
+    Raises:
+        MatrixLost: If M or P_yy is not finite or not positive definite.
+    """
+    after, cross, inverse = transformed_root(root, slopes, remainder)
+    if not np.isfinite(after).all():
+        raise MatrixLost(Outcome.NOT_FINITE)
+    upper = np.asarray(np.linalg.qr(after.T, mode="r"))
+    signs = np.where(np.diag(upper) < 0, -1.0, 1.0)
+    return upper.T * signs, cross, inverse
 
 
 def with_noise(root: Array, noise: Array) -> Array:

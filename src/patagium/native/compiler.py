@@ -31,6 +31,9 @@ STRAIGHT_LINE = ("-O2", *_COMMON, *_NATIVE)
 LOOPS = ("-O3", *_COMMON, *_NATIVE)
 
 
+_TOLD = "PATAGIUM_TOLD_WITHOUT_COMPILER"
+
+
 @functools.cache
 def _compiler(choice: str, preferred: str) -> str | None:
     if choice == "none":
@@ -76,6 +79,9 @@ def compiler_name() -> str | None:
 
 @functools.cache
 def _announce_fallback(choice: str) -> None:
+    if os.environ.get(_TOLD) == choice:
+        return
+    os.environ[_TOLD] = choice  # worker processes inherit it and keep quiet
     reason = "as PATAGIUM_COMPILER=none asks" if choice == "none" else "none was found that works"
     print(
         f"patagium: no C compiler ({reason}): running on CasADi's virtual machine, "

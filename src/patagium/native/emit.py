@@ -1,6 +1,6 @@
 """C text of a CasADi function: straight-line, shared subexpressions once.
 
-Each function is written twice: for one state, and for eight states side by side
+Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time
 are taken in one branch-free vector call. A function that CasADi was told never to
 inline stays one call of a kernel written by hand (`KERNELS`): its SX form is the
@@ -153,25 +153,19 @@ class _Graph:
         return needed
 
 
-def emit(function: ca.Function) -> tuple[str, str]:
-    """C text of a function for one state and for eight side by side.
-
-    Args:
-        function: An SX function. Inputs whose name ends in `parameters` are the
-            same for all states of a batch.
-
-    Returns:
-        Two translation units: `name` and `name_batch`.
-    """
+def _dense_graph(function: ca.Function) -> _Graph:
     inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
     outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
-    graph = _Graph(ca.Function(function.name(), inputs, outputs))
-    shared = [name.endswith(SHARED_SUFFIX) for name in function.name_in()]
-    return _scalar_text(function, graph), _batch_text(function, graph, shared)
+    return _Graph(ca.Function(function.name(), inputs, outputs))
 
 
-def _scalar_text(function: ca.Function, graph: _Graph) -> str:
-    name = function.name()
+def emit(function: ca.Function) -> str:
+    """C text of a function of one state: a translation unit that defines `name`.
+
+    Args:
+        function: An SX function.
+    """
+    name, graph = function.name(), _dense_graph(function)
     lines = [
         *_header(function),
         *_includes(graph),
@@ -198,8 +192,15 @@ def _scalar_text(function: ca.Function, graph: _Graph) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def _batch_text(function: ca.Function, graph: _Graph, shared: list[bool]) -> str:
-    name = function.name()
+def emit_batch(function: ca.Function) -> str:
+    """C text of a function of many states, several side by side, that defines `name_batch`.
+
+    Args:
+        function: An SX function. Inputs whose name ends in `parameters` are the
+            same for all states.
+    """
+    name, graph = function.name(), _dense_graph(function)
+    shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     lines = [
         *_header(function),

@@ -23,7 +23,7 @@ from patagium.native.emit import SHARED_SUFFIX
 
 Shape = tuple[int, int]
 Array = NDArray[np.float64]
-_LANES = 8
+_LANES = 8  # of the widest vectors there are; a multiple of all others
 _LARGEST_SPARE = 2**24
 """Memory of batches up to this size is used again when nobody looks at it any more [B]."""
 _ALIGNMENT = 64
@@ -56,24 +56,38 @@ class Signature:
         )
 
 
+@dataclass(frozen=True)
+class Compiled:
+    """Machine code of a function.
+
+    Attributes:
+        function: `<name>` of one state, callable with pointers to arguments and results.
+        batch: Gives the library that holds `<name>_batch`, built at the first call.
+    """
+
+    function: Any
+    batch: Callable[[], ctypes.CDLL]
+
+
 class NativeFunction:
     """A function of arrays, compiled, or on CasADi's virtual machine without a compiler.
 
     Args:
         signature: Names and shapes.
         expression: Gives the CasADi function behind it.
-        library: Compiled library that holds `<name>` and `<name>_batch`, or None.
+        compiled: Its machine code, or None without a compiler.
     """
 
     def __init__(
         self,
         signature: Signature,
         expression: Callable[[], ca.Function],
-        library: ctypes.CDLL | None,
+        compiled: Compiled | None,
     ) -> None:
         self.signature, self.name = signature, signature.name
         self.size_in, self.size_out = signature.sizes_in, signature.sizes_out
-        self._expression, self._library = expression, library
+        self._expression, self._compiled = expression, compiled
+        self._batch_function: Any = None
         self._lock = threading.Lock()
         self._inputs = [_buffer(size) for size in self.size_in]
         self._outputs = [_buffer(size) for size in self.size_out]
@@ -81,8 +95,8 @@ class NativeFunction:
         self._single = len(self._outputs) == 1
         self._scalar = [size == (1, 1) for size in self.size_out]
         self._run: Callable[[], Any]
-        if library is not None:
-            function = getattr(library, self.name)
+        if compiled is not None:
+            function = compiled.function
             self.address: int | None = ctypes.cast(function, ctypes.c_void_p).value
             arguments, results = _pointers(self._inputs), _pointers(self._outputs)
             self._run = lambda: function(arguments, results)
@@ -137,8 +151,10 @@ class NativeFunction:
             for array, size in zip(map(_array, arguments), self.size_in, strict=True)
         ]
         count = self._batch_count(arrays)
-        if self._library is None:
+        if self._compiled is None:
             return self._batch_in_python(arrays, count)
+        if self._batch_function is None:
+            self._batch_function = getattr(self._compiled.batch(), f"{self.name}_batch")
         padded = _padded(count)
         blocks = []
         for position, array in enumerate(arrays):
@@ -152,8 +168,9 @@ class NativeFunction:
             self._block(position, (columns, rows, padded))
             for position, (rows, columns) in enumerate(self.size_out)
         ]
-        function = getattr(self._library, f"{self.name}_batch")
-        function(_pointers(blocks), _pointers(results), ctypes.c_long(count), ctypes.c_long(padded))
+        self._batch_function(
+            _pointers(blocks), _pointers(results), ctypes.c_long(count), ctypes.c_long(padded)
+        )
         shaped = [
             result[:, :, :count].transpose(2, 1, 0).reshape(count, *buffer.shape)
             for result, buffer in zip(results, self._outputs, strict=True)

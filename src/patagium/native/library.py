@@ -24,8 +24,8 @@ from patagium.native.compiler import (
     machine_identity,
     short_hash,
 )
-from patagium.native.emit import emit
-from patagium.native.function import NativeFunction, Signature
+from patagium.native.emit import emit, emit_batch
+from patagium.native.function import Compiled, NativeFunction, Signature
 
 _SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
 
@@ -56,30 +56,45 @@ def load_functions(
             for name, f in expressions.by_name().items()
         }
 
-    name = short_hash(key, source_digest(), machine_identity(path))
-    index = cache_folder() / f"index-{name}"
-    folder = cache_folder() / index.read_text() if index.exists() else None
-    if folder is None or not (folder / "library.so").exists():
-        folder = _compile(path, expressions.by_name(), label)
-        scratch = index.with_suffix(f".{os.getpid()}")
-        scratch.write_text(folder.name)
-        scratch.replace(index)
+    def texts() -> dict[str, str]:
+        functions = expressions.by_name()
+        signatures = [_signature(function).as_list() for function in functions.values()]
+        units = {f"{name}.c": emit(function) for name, function in functions.items()}
+        return units | {"signatures.json": json.dumps(signatures)}
+
+    def batch_library(name: str) -> ctypes.CDLL:
+        unit = f"{name}_batch.c"
+        folder = _folder(
+            path,
+            f"{key} batch {name}",
+            lambda: {unit: emit_batch(expressions.by_name()[name])},
+            f"{label}: {name} of many states",
+        )
+        return ctypes.CDLL(str(folder / "library.so"))
+
+    folder = _folder(path, key, texts, label)
     library = ctypes.CDLL(str(folder / "library.so"))
     functions = {}
     for entry in json.loads((folder / "signatures.json").read_text()):
         signature = Signature.from_list(entry)
-        expression = expressions.getter(signature.name)
-        functions[signature.name] = NativeFunction(signature, expression, library)
+        name = signature.name
+        batch = functools.partial(batch_library, name)
+        compiled = Compiled(getattr(library, name), batch)
+        functions[name] = NativeFunction(signature, expressions.getter(name), compiled)
     return functions
 
 
-def _compile(path: str, functions: dict[str, ca.Function], label: str) -> Path:
-    texts: dict[str, str] = {}
-    for name, function in functions.items():
-        texts[f"{name}.c"], texts[f"{name}_batch.c"] = emit(function)
-    signatures = [_signature(function).as_list() for function in functions.values()]
-    texts["signatures.json"] = json.dumps(signatures)
-    return build(path, texts, STRAIGHT_LINE, label)
+def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
+    """Folder of the cache with the library of a key; its texts are made only when missing."""
+    name = short_hash(key, source_digest(), machine_identity(path))
+    index = cache_folder() / f"index-{name}"
+    folder = cache_folder() / index.read_text() if index.exists() else None
+    if folder is None or not (folder / "library.so").exists():
+        folder = build(path, texts(), STRAIGHT_LINE, label)
+        scratch = index.with_suffix(f".{os.getpid()}")
+        scratch.write_text(folder.name)
+        scratch.replace(index)
+    return folder
 
 
 @functools.cache

@@ -31,13 +31,16 @@ from patagium.studies import reproduction_flights as flights
 from patagium.studies import reproduction_subjects as subjects
 from patagium.studies.benchmark import environment
 from patagium.studies.claims import claims, targets
-from patagium.studies.reproduction_errors import error_study
-from patagium.studies.reproduction_learning import Run, run_trials, write_samples
+from patagium.studies.reproduction_errors import error_cases, fly_case
+from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
 from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+from patagium.studies.workers import Job, run_jobs
 
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""
+ERROR_COST = 1.5
+"""About how long a variant takes, most of it compiling the first time [s]."""
 
 
 @dataclass
@@ -86,10 +89,8 @@ def reproduce(
         flown, unseen = _fly(plan)
         for name, flight in flown.items():
             save_flight(flight, out / f"{name}.nc")
-    with course.stage("errors, one by one", 0.04, 0.1) as tell:
-        errors = error_study(plan.duration, lambda done, total: tell(done / total))
-    with course.stage("learning", 0.1, 0.8) as tell:
-        runs = _learn(plan, flown, unseen, tell)
+    with course.stage("learning, and errors one by one", 0.04, 0.8) as tell:
+        runs, errors = _work(plan, flown, unseen, tell)
     with course.stage("overheads", 0.8, 0.85):
         overheads = {
             "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.published_overhead),
@@ -149,18 +150,27 @@ def _fly(plan: Plan) -> tuple[dict[str, xr.Dataset], dict[str, dict[str, xr.Data
     return flown, unseen
 
 
-def _learn(
+def _work(
     plan: Plan,
     flown: dict[str, xr.Dataset],
     unseen: dict[str, dict[str, xr.Dataset]],
     tell: Callable[[float], None],
-) -> list[Run]:
+) -> tuple[list[Run], dict[str, list[dict[str, Any]]]]:
+    """Everything that the workers do: all trials, and all variants of the errors."""
+    trials, cases = plan.trials(), error_cases()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for key, flight in flown.items():
             beat = 1.0 / flights.beat_frequency(flight)
             write_samples(folder, key, flight, unseen[key], beat)
-        return run_trials(plan.trials(), folder, tell)
+        jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
+        jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
+        results = run_jobs(jobs, tell)
+    runs, rows = results[: len(trials)], results[len(trials) :]
+    tables = {case.table: list[dict[str, Any]]() for case in cases}
+    for row in rows:
+        tables[row.pop("table")].append(row)
+    return runs, tables
 
 
 def _measured(plan: Plan, crazyflie: Path | None) -> tuple[dict[str, Any], list[Section]]:
@@ -202,11 +212,12 @@ def _draw(
     table = [run for run in runs if run.trial.kind == "table"]
     for name, flight in flown.items():
         figures.overview_figure(gallery, name, flight)
+        best = subjects.STRIPS[name][0]
         mine = [run for run in table if run.trial.flight == name]
         kept = {run.trial.network: run.record for run in mine if run.record is not None}
-        shown = {"strip network": kept["strip_rotation"], "dense network": kept["dense"]}
+        shown = {"strip network": kept[best], "dense network": kept["dense"]}
         figures.force_figures(gallery, name, shown, 1.0 / flights.beat_frequency(flight))
-        figures.innovation_figure(gallery, name, kept["strip_rotation"])
+        figures.innovation_figure(gallery, name, kept[best])
         figures.curve_figure(gallery, name, mine)
         frozen = {
             subjects.NETWORKS.get(run.trial.network, "100 random features"): run

@@ -8,7 +8,6 @@ of errors.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, Published
+from patagium.aerodynamics.model import aero_functions
 from patagium.aerodynamics.published import PUBLISHED_ERRORS
 from patagium.report import Table
 from patagium.robot import load_robot
@@ -109,32 +109,44 @@ def taken_away() -> dict[str, Variant]:
     }
 
 
-def error_study(
-    duration: float, progress: Callable[[int, int], None] | None = None
-) -> dict[str, list[dict[str, Any]]]:
-    """Every variant flown.
+@dataclass(frozen=True)
+class Case:
+    """A variant to fly, and where its row stands.
+
+    Attributes:
+        table: "put_in" or "taken_away".
+        name: Of the variant.
+        variant: What is flown.
+        gait: frequency [Hz], amplitude [rad], speed [m/s].
+    """
+
+    table: str
+    name: str
+    variant: Variant
+    gait: dict[str, float]
+
+
+def error_cases() -> list[Case]:
+    """Every variant of both tables."""
+    return [
+        Case(table, name, variant, gait)
+        for table, gait, variants in (
+            ("put_in", GENTLE_GAIT, put_in()),
+            ("taken_away", dict(PUBLISHED_GAIT), taken_away()),
+        )
+        for name, variant in variants.items()
+    ]
+
+
+def fly_case(case: Case, duration: float) -> dict[str, Any]:
+    """A variant flown: its name and what `measure` finds.
 
     Args:
-        duration: Of each flight [s].
-        progress: Called with flights done and flights in all.
-
-    Returns:
-        Rows of `errors_put_in` and of `errors_taken_away`; see `measure`.
+        case: What to fly.
+        duration: [s].
     """
-    plan = [
-        ("put_in", GENTLE_GAIT, put_in()),
-        ("taken_away", dict(PUBLISHED_GAIT), taken_away()),
-    ]
-    total = sum(len(variants) for _, _, variants in plan)
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for key, gait, variants in plan:
-        rows[key] = []
-        for name, variant in variants.items():
-            flight = variant.fly(gait, duration)
-            rows[key].append({"variant": name, **measure(variant, flight)})
-            if progress is not None:
-                progress(sum(map(len, rows.values())), total)
-    return rows
+    flight = case.variant.fly(case.gait, duration)
+    return {"table": case.table, "variant": case.name, **measure(case.variant, flight)}
 
 
 def measure(variant: Variant, flight: xr.Dataset) -> dict[str, Any]:
@@ -175,8 +187,16 @@ def driven_directions(aero: Aerodynamics) -> float:
     angle = 2 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     v = np.zeros((DIRECTIONS, aero.robot.dof))
     v[:, aero.robot.index("x")], v[:, aero.robot.index("z")] = np.cos(angle), np.sin(angle)
-    power = aero.batch.strips(np.zeros(aero.robot.dof), v)["power"]
-    return float((np.asarray(power) > 0).mean())
+    function = next(f for f in aero_functions(aero) if f.name() == "strips")
+    strips = function(
+        q=np.zeros(aero.robot.dof),
+        v=v.T,
+        wind=np.zeros(3),
+        robot_parameters=aero.robot.parameters,
+        aero_parameters=np.asarray(aero.parameters, float),
+    )
+    power = np.asarray(strips["power"])
+    return float((power > 0).mean())
 
 
 COLUMNS = {
@@ -193,7 +213,7 @@ COLUMNS = {
 
 
 def error_table(rows: list[dict[str, Any]], caption: str) -> Table:
-    """Rows of `error_study` as a table.
+    """Rows of `fly_case` as a table.
 
     Args:
         rows: One dictionary a variant.

@@ -6,6 +6,7 @@ wingbeats, the start is in the innovations. Neglected: the wing in three dimensi
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from patagium.report import Picture, picture
+from patagium.report import Picture
 from patagium.report.figures import (
     comparison,
     innovation_and_covariance,
@@ -26,12 +27,14 @@ from patagium.report.figures import (
 from patagium.report.style import color, dash, legend_above, panels, styled
 from patagium.report.views import flight_overview
 from patagium.studies.reproduction_learning import Run
-from patagium.studies.reproduction_subjects import NETWORKS
+from patagium.studies.reproduction_subjects import NETWORKS, STRIPS
 
 Array = NDArray[np.float64]
 
 BEATS = 3
 """Wingbeats shown of the forces."""
+SILENT = 1e-9
+"""Share of the largest force below which a force is rounding, and drawn as zero."""
 BODY = ("x", "y", "z")
 ATTITUDE = ("roll", "pitch", "yaw")
 LEFT_WING = ("left_plunge", "left_mediolateral", "left_elbow", "left_feather")
@@ -52,7 +55,8 @@ class Gallery:
         """Write a figure as `name`.png and `name`.svg, and keep it for the page."""
         for kind in ("png", "svg"):
             save_figure(figure, self.folder / f"{name}.{kind}")
-        self.pictures[name] = picture(figure, caption, "png")
+        image = base64.b64encode((self.folder / f"{name}.png").read_bytes()).decode("ascii")
+        self.pictures[name] = Picture(f"data:image/png;base64,{image}", caption)
 
 
 def force_figures(
@@ -85,11 +89,13 @@ def _forces(runs: Mapping[str, xr.Dataset], names: Sequence[str], beat: float) -
     first = next(iter(runs.values()))
     time = first["time"].to_numpy()
     shown = time > time[-1] - BEATS * beat
+    actual = first["measurement"].sel(output=list(names)).to_numpy()
+    heard = np.abs(actual).max(axis=0) > SILENT * np.abs(first["measurement"]).max().item()
+    truth = np.where(heard, actual, 0.0)[shown]
     chosen = {
-        name: record["prediction"].sel(output=list(names)).to_numpy()[shown]
+        name: np.where(heard, record["prediction"].sel(output=list(names)).to_numpy(), 0.0)[shown]
         for name, record in runs.items()
     }
-    truth = first["measurement"].sel(output=list(names)).to_numpy()[shown]
     units = ["N" if name in BODY else "N m" for name in names]
     return comparison(time[shown], truth, chosen, names=list(names), units=units)
 
@@ -147,8 +153,9 @@ def curve_figure(gallery: Gallery, flight: str, runs: Sequence[Run]) -> None:
 
 
 def _curves(runs: Sequence[Run]) -> Iterator[Run]:
+    best = STRIPS[runs[0].trial.flight][0]
     wanted = (
-        ("strip", "cubature", 100),
+        (best, "cubature", 100),
         ("strip_rotation", "cubature", 100),
         ("dense", "cubature", 100),
         ("dense", "cubature", 1),

@@ -7,13 +7,8 @@ one thread each. Neglected: the luck of the draw, but for the strip network's se
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +30,10 @@ from patagium.studies.reproduction_subjects import (
 
 Array = NDArray[np.float64]
 
-WORKERS = 2
 THINNED = 10
 """Frozen models are scored on one sample in so many of a gait they never saw."""
 WINDOWS = 40
 """Points of a learning curve."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -121,37 +114,6 @@ def write_samples(
     path = folder / f"{name}.npz"
     np.savez(path, **arrays)  # type: ignore[arg-type]
     return path
-
-
-def run_trials(
-    trials: Sequence[Trial],
-    folder: Path,
-    progress: Callable[[float], None] | None = None,
-    workers: int = WORKERS,
-) -> list[Run]:
-    """All trials, the longest first, in worker processes.
-
-    Args:
-        trials: What to run.
-        folder: Where `write_samples` wrote.
-        progress: Told the part of the work done.
-        workers: Processes; a script that calls this needs the usual guard of its main module.
-
-    Returns:
-        Runs in the order of the trials.
-    """
-    total, done = sum(trial.cost for trial in trials), 0.0
-    order = sorted(range(len(trials)), key=lambda k: -trials[k].cost)
-    found: dict[int, Run] = {}
-    with _one_thread(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(run_trial, trials[k], folder): k for k in order}
-        for future in as_completed(waiting):
-            number = waiting[future]
-            found[number] = future.result()
-            done += trials[number].cost
-            if progress is not None:
-                progress(done / total)
-    return [found[k] for k in range(len(trials))]
 
 
 def run_trial(trial: Trial, folder: Path) -> Run:
@@ -265,18 +227,3 @@ def _largest_variance(learner: Any) -> float:
 def _samples(path: Path) -> dict[str, Any]:
     with np.load(path) as file:
         return {key: file[key] for key in file.files}
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Children that are started meanwhile compute on one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name)
-            else:
-                os.environ[name] = value

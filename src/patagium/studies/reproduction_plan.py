@@ -11,12 +11,9 @@ from typing import Any
 
 from patagium.native.compiler import compiler_path
 from patagium.studies.reproduction_learning import Trial
-from patagium.studies.reproduction_subjects import AS_RUN, SUBJECTS, Setting
+from patagium.studies.reproduction_subjects import AS_RUN, STRIPS, SUBJECTS, Setting
 
 EVERY = (100, 10, 1)
-KEPT = ("strip", "strip_rotation", "dense")
-"""Networks whose predictions at one sample in 100 come back for the figures."""
-STRIPS = ("strip", "strip_rotation")
 DENSE = ("dense", "dense_published", "dense_velocity")
 LIMITS = {
     "as run": ("dense_velocity", AS_RUN),
@@ -77,7 +74,7 @@ class Plan:
         starts = [
             Trial(flight, network, "cubature", every, seed, kind="start")
             for flight in SUBJECTS
-            for network in STRIPS
+            for network in STRIPS[flight]
             for every in (100, 10)
             for seed in range(1, self.starts)
         ]
@@ -125,23 +122,25 @@ class Plan:
                 network,
                 learner,
                 every,
-                keep=every == 100 and learner == "cubature" and network in KEPT,
+                keep=every == 100
+                and learner == "cubature"
+                and network in (STRIPS[flight][0], "dense"),
             )
-            for network, learner, rates in self._methods()
+            for network, learner, rates in self._methods(flight)
             for every in self.every
             if every >= rates
         ]
 
-    def _methods(self) -> list[tuple[str, str, int]]:
+    def _methods(self, flight: str) -> list[tuple[str, str, int]]:
         """Network, learner, and the most samples it learns from: one in so many."""
         slow = 1 if self.long_runs else 10
         return [
-            *((network, "cubature", 1) for network in STRIPS),
+            *((network, "cubature", 1) for network in STRIPS[flight]),
             *((network, "cubature", slow) for network in DENSE),
-            *((network, "extended", 1) for network in STRIPS),
+            (STRIPS[flight][0], "extended", 1),
             ("dense_published", "extended", 10),
-            *((network, "gradient", 1) for network in ("strip", "dense_published")),
-            *((network, "replay", 10) for network in ("strip", "dense_published")),
+            *((network, "gradient", 1) for network in (STRIPS[flight][0], "dense_published")),
+            *((network, "replay", 10) for network in (STRIPS[flight][0], "dense_published")),
             ("", "linear", 1),
             ("", "features", 1),
         ]

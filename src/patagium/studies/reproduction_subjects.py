@@ -41,8 +41,8 @@ MEMORY = 0.2
 """Time in which a dense network forgets to a share 1/e [s]; strip networks never forget."""
 REPLAY = 32
 FEATURES = 100
-STEP = {"strip": 0.01, "dense": 0.003}
-"""Step of Adam for a strip and for a dense network; larger ones diverge."""
+STEP = {"strip": 0.01, "dense": 0.003, "dense, replayed": 0.03}
+"""Step of Adam: the best of 0.001 to 0.1 for each."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ SUBJECTS = {
         name="published",
         robot="aerobat-published",
         strip_force=25.0,
-        strip_deviation=0.02,
+        strip_deviation=0.01,
         coefficient_scale=10.0,
         envelope={
             "x": (0.0, 150.0),
@@ -101,8 +101,8 @@ SUBJECTS = {
         name="corrected",
         robot="aerobat",
         strip_force=0.05,
-        strip_deviation=2e-4,
-        coefficient_scale=1.0,
+        strip_deviation=1e-4,
+        coefficient_scale=4.0,
         envelope={"x": (0.0, 8.0)}
         | _both(plunge=(-2.0, 1.0), elbow=(-1.5, 1.5), feather=(-0.6, 0.6)),
         rates={"x": (0.0, 6.0), "z": (-2.0, 2.0), "pitch": (-2.0, 2.0)}
@@ -117,12 +117,18 @@ SUBJECTS = {
 
 NETWORKS = {
     "strip": "strip 2-8-8-2",
+    "strip_midchord": "strip 2-8-8-2, incidence at mid-chord",
     "strip_rotation": "strip 3-8-8-2, pitch rate too",
     "dense": "dense 28-16-12-14, two softplus layers",
     "dense_published": "dense 28-20-14, the experiment's size",
     "dense_velocity": "dense 8-20-14, whole-body velocities",
 }
 """Networks by key, as tables name them."""
+STRIPS = {
+    "published": ("strip_midchord", "strip", "strip_rotation"),
+    "corrected": ("strip", "strip_rotation"),
+}
+"""Strip networks of each flight; the first can represent its air with the fewest weights."""
 LEARNERS = {
     "cubature": "cubature filter",
     "extended": "extended filter",
@@ -182,10 +188,13 @@ def make_network(subject: Subject, network: str, setting: Setting = AS_RUN) -> N
     """
     robot = load_robot(subject.robot)
     if network.startswith("strip"):
-        rotation = network == "strip_rotation"
-        scale = subject.coefficient_scale
         return StripNetwork(
-            robot, (8, 8), activation="tanh", rotation=rotation, coefficient_scale=scale
+            robot,
+            (8, 8),
+            activation="tanh",
+            chord_fraction=0.5 if network == "strip_midchord" else None,
+            rotation=network == "strip_rotation",
+            coefficient_scale=subject.coefficient_scale,
         )
     hidden = {"dense": (16, 12), "dense_published": (20,), "dense_velocity": (20,), "inputs": ()}
     if network not in hidden:
@@ -250,8 +259,8 @@ def make_learner(
         return LinearLearner(model, features=FEATURES if learner == "features" else 0, **filtering)
     if learner not in ("gradient", "replay"):
         raise ParameterError("learner", f"one of {', '.join(LEARNERS)}", learner)
-    step = STEP["strip" if strip else "dense"]
     replay = REPLAY if learner == "replay" else 0
+    step = STEP["strip" if strip else "dense, replayed" if replay else "dense"]
     return GradientLearner(model, learning_rate=step, replay=replay, seed=seed)
 
 

@@ -15,7 +15,7 @@
  *
  * A triangular S halves the work, and column i leaves the weights before i alone: layers
  * before the one weight i belongs to are at the mean, that layer is linear in the step.
- * S is stored by panels of 128 bytes of columns, each from its first row on. The small
+ * S is stored by panels of two vectors of columns, each from its first row on. The small
  * algebra (n_y x n_y) is in double. Nothing is allocated, nothing is raised: the returned
  * integer is an Outcome, and whatever is not COMPLETED leaves mean and S as they were.
  */
@@ -25,18 +25,18 @@
 
 enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
 
-#define WIDE 8 /* doubles in a vector of the small algebra */
+#define WIDE ((int)(VECTOR_BYTES / sizeof(double))) /* a vector of the small algebra */
 
-typedef double wide __attribute__((vector_size(8 * WIDE)));
+typedef double wide __attribute__((vector_size(VECTOR_BYTES)));
 
 /* Rows and vectors of a block of a product that stay in registers. */
-#ifdef __AVX512F__
-#define ROWS 8
 #define VECTORS 2
+#if VECTOR_BYTES == 64
+#define ROWS 8
 #else
 #define ROWS 4
-#define VECTORS 1
 #endif
+#define FEW (ROWS < WIDTH ? ROWS : WIDTH) /* rows where they are the points of one vector */
 
 static inline wide wide_load(const double *p) {
   wide x;
@@ -48,30 +48,31 @@ static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
 
 /* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
 static inline __attribute__((always_inline)) void block_product(
-    int keep, int vectors, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
-    int b_stride, REAL *target, int stride) {
+    int keep, int rows, int vectors, int depth, const REAL *a, int a_row, int a_depth,
+    const REAL *b, int b_stride, REAL *target, int stride) {
   reals sum[ROWS][VECTORS];
-  for (int r = 0; r < ROWS; r++)
+  for (int r = 0; r < rows; r++)
     for (int v = 0; v < vectors; v++)
       sum[r][v] = keep ? reals_load(target + r * stride + v * WIDTH) : (reals){0};
   for (int k = 0; k < depth; k++)
     for (int v = 0; v < vectors; v++) {
       reals column = reals_load(b + k * b_stride + v * WIDTH);
-      for (int r = 0; r < ROWS; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
+      for (int r = 0; r < rows; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
     }
-  for (int r = 0; r < ROWS; r++)
+  for (int r = 0; r < rows; r++)
     for (int v = 0; v < vectors; v++) reals_store(target + r * stride + v * WIDTH, sum[r][v]);
 }
 
 /* The same over all columns of the target. */
 static inline __attribute__((always_inline)) void band_product(
-    int keep, int columns, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
-    int b_stride, REAL *target, int stride) {
+    int keep, int rows, int columns, int depth, const REAL *a, int a_row, int a_depth,
+    const REAL *b, int b_stride, REAL *target, int stride) {
   int v = 0;
   for (; v + VECTORS * WIDTH <= columns; v += VECTORS * WIDTH)
-    block_product(keep, VECTORS, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+    block_product(keep, rows, VECTORS, depth, a, a_row, a_depth, b + v, b_stride, target + v,
+                  stride);
   for (; v < columns; v += WIDTH)
-    block_product(keep, 1, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+    block_product(keep, rows, 1, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
 }
 
 /* Slopes and bends of y over WIDTH columns, from the mlp's outputs at their points. */
@@ -85,11 +86,11 @@ static void read_out(const cubature *f, int first, REAL *outputs) {
     reals_store(pair, (up - down) * gain);
     reals_store(pair + WIDTH, (up - center[r]) * half + (down - center[r]) * half);
   }
-  for (int k = 0; k < WIDTH; k += ROWS) {
+  for (int k = 0; k < WIDTH; k += FEW) {
     const int at = (first + k) * f->stride;
-    band_product(0, f->stride, count, outputs + k, 1, PANEL, f->weighting, f->stride,
+    band_product(0, FEW, f->stride, count, outputs + k, 1, PANEL, f->weighting, f->stride,
                  f->slopes + at, f->stride);
-    band_product(0, f->stride, count, outputs + WIDTH + k, 1, PANEL, f->weighting, f->stride,
+    band_product(0, FEW, f->stride, count, outputs + WIDTH + k, 1, PANEL, f->weighting, f->stride,
                  f->bends + at, f->stride);
   }
 }
@@ -225,7 +226,7 @@ static void change_panel(cubature *f, int panel) {
   const REAL *steps = f->steps + (size_t)panel * m * PANEL, growth = R(f->growth);
   REAL *s = panel_of(f, panel), mix[PANEL * PANEL], grown[PANEL * stride], fresh[ROWS * PANEL];
   for (int i = 0; i < PANEL; i += ROWS)
-    band_product(0, PANEL, m, f->slopes + (start + i) * stride, stride, 1, steps, PANEL,
+    band_product(0, ROWS, PANEL, m, f->slopes + (start + i) * stride, stride, 1, steps, PANEL,
                  mix + i * PANEL, PANEL);
   for (int i = 0; i < PANEL; i++)
     for (int j = 0; j < PANEL; j++)
@@ -234,10 +235,11 @@ static void change_panel(cubature *f, int panel) {
   for (int k = 0; k < PANEL * stride; k++) grown[k] = growth * f->slopes[start * stride + k];
   for (int j = start; j < f->rows; j += ROWS) {
     REAL *old = s + (ptrdiff_t)j * PANEL, *cross = f->cross + (ptrdiff_t)j * stride;
-    band_product(0, PANEL, m, cross, stride, 1, steps, PANEL, fresh, PANEL);
-    band_product(1, PANEL, WIDTH, old + WIDTH, PANEL, 1, mix + WIDTH * PANEL, PANEL, fresh, PANEL);
-    block_product(1, 1, WIDTH, old, PANEL, 1, mix, PANEL, fresh, PANEL);
-    band_product(1, stride, PANEL, old, PANEL, 1, grown, stride, cross, stride);
+    band_product(0, ROWS, PANEL, m, cross, stride, 1, steps, PANEL, fresh, PANEL);
+    band_product(1, ROWS, PANEL, WIDTH, old + WIDTH, PANEL, 1, mix + WIDTH * PANEL, PANEL, fresh,
+                 PANEL);
+    block_product(1, ROWS, 1, WIDTH, old, PANEL, 1, mix, PANEL, fresh, PANEL);
+    band_product(1, ROWS, stride, PANEL, old, PANEL, 1, grown, stride, cross, stride);
     memcpy(old, fresh, sizeof fresh);
   }
 }
@@ -290,6 +292,9 @@ int cubature_update(cubature *f) {
   }
   return COMPLETED;
 }
+
+/* Lanes of a vector: the caller lays out the memory by it. */
+int cubature_lanes(void) { return WIDTH; }
 
 /* The activation over many numbers (a multiple of WIDTH), for its test. */
 void cubature_activate(int activation, int count, REAL *z) {

@@ -18,7 +18,7 @@ typedef struct {
   int32_t weights;       /* n */
   int32_t rows;          /* n rounded up to a multiple of PANEL; the rest is zero */
   int32_t outputs;       /* n_y */
-  int32_t stride;        /* n_y rounded up to a multiple of WIDTH */
+  int32_t stride;        /* n_y rounded up to a multiple of WIDTH and 4 */
   int32_t items;         /* how often the mlp is evaluated for one y */
   int32_t layers;        /* of the mlp */
   int32_t activation;

@@ -1,4 +1,4 @@
-/* The operations of generated functions, for one number and for eight.
+/* The operations of generated functions, for one number and for several.
  *
  * Those without a vector form are taken lane by lane; the compiler vectorises
  * what it can (square root, absolute value, comparisons).
@@ -11,7 +11,7 @@
 #include "lanes.h"
 #include "trigonometry.h"
 
-/* Entries of eight states from state k on, side by side; the last state fills what is missing. */
+/* Entries of the states from k on, side by side; the last state fills what is missing. */
 static inline void gather(const double *a, long size, long k, long count, double *tile) {
   for (int lane = 0; lane < LANES; lane++) {
     const double *row = a + (k + lane < count ? k + lane : count - 1) * size;

@@ -1,4 +1,4 @@
-/* Sine and cosine of eight angles at once, without branches.
+/* Sine and cosine of several angles at once, without branches.
  *
  * Reduction by pi/2 in three parts of 33 bits (exact products up to 2^20 turns),
  * then the minimax polynomials of Sun's fdlibm (k_sin.c, k_cos.c: coefficients);
