@@ -16,7 +16,8 @@ import patagium
 
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
-    "AddedMass", "Air",
+    "AddedMass",
+    "Air",
     "CompilerError",
     "CubatureLearner",
     "DenseNetwork",

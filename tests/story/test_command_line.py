@@ -143,6 +143,15 @@ def test_simulate_other_gaits_and_mounts(
     assert figure.stat().st_size > 1_000
 
 
+def test_simulate_with_the_inertia_of_the_air(tmp_path: Path, speak: Speak) -> None:
+    path = tmp_path / "flight.nc"
+    words = ("simulate", "aerobat", *BEAT, *FLY, "--added-mass", "0.85", "-o", path, "--json")
+    assert speak(*words).code == 0
+    assert np.abs(pt.load_flight(path).added_mass_force.values).max() > 1e-3
+    refused = speak(*words, "--aero", "published", "--stepping", "published")
+    assert refused.code == 2 and "--added-mass" in refused.err
+
+
 def test_simulate_as_published(tmp_path: Path, speak: Speak) -> None:
     path = tmp_path / "published.nc"
     answer = speak(
