@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from patagium.report import Note, Picture, Section, cell_text
-from patagium.studies.claims import claims_table, targets_table
+from patagium.studies.claims import claims_table
 from patagium.studies.reproduction_errors import GENTLE_GAIT, error_table
 from patagium.studies.reproduction_flights import PUBLISHED_GAIT
 from patagium.studies.reproduction_tables import (
@@ -22,6 +22,7 @@ from patagium.studies.reproduction_tables import (
     starts_table,
     unseen_table,
 )
+from patagium.studies.targets import targets_table
 
 Metrics = Mapping[str, Any]
 Pictures = Mapping[str, Picture]
