@@ -46,7 +46,7 @@ def _case(aspect_ratio: float) -> CaseResult:
         f"Sudden plunge, wing {name}",
         "Jones (1940), NACA Report 681",
         "distance travelled [semichords at mid-span]",
-        "lift over the final lift of a wing without end [1]",
+        "lift over 2-D lift [1]",
         s,
         expected,
         models,

@@ -27,7 +27,7 @@ def compute() -> list[CaseResult]:
             "Theodorsen",
             "Theodorsen (1935), NACA TR 496",
             "reduced frequency [1]",
-            "magnitude of the lift over its quasi-steady value [1]",
+            "|lift| over quasi-steady [1]",
             REDUCED_FREQUENCY,
             np.abs(expected),
             {name: np.abs(values) for name, values in models.items()},
