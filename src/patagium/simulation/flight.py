@@ -58,7 +58,7 @@ QUANTITIES: dict[str, Quantity] = {
     "damping_force": Quantity(("dof",), _FORCE, "force of the passive dampers"),
     "mount_force": Quantity(("dof",), _FORCE, "generalized force of the mount"),
     "added_mass_force": Quantity(
-        ("dof",), _FORCE, "generalized force of the air that moves with the wings, if modeled"
+        ("dof",), _FORCE, "generalized force of added mass, circulation's part included, if modeled"
     ),
     "mount_wrench": Quantity(
         ("component",), _FORCE, "force of the mount on the robot, moment about the world's origin"
@@ -78,7 +78,9 @@ QUANTITIES: dict[str, Quantity] = {
     "air_work": Quantity((), "J", "work of the air since the start"),
     "damping_work": Quantity((), "J", "work of the passive dampers since the start"),
     "mount_work": Quantity((), "J", "work of the mount since the start"),
-    "added_mass_work": Quantity((), "J", "work of the added mass on the robot since the start"),
+    "added_mass_work": Quantity(
+        (), "J", "work of the air carried along since the start; circulation's part is in air_work"
+    ),
     "fluid_energy": Quantity((), "J", "energy of the air that moves with the wings, if modeled"),
     "energy_residual": Quantity((), "J", "change of energy less all works"),
     "aero_power": Quantity((), "W", "force of the air times velocity relative to the air"),

@@ -156,10 +156,12 @@ def _equations(
     lag, wind = state[2 * n_u : 2 * n_u + layout.lags], row[3 * n_p :]
     own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
     air = aero.expressions(machine, q, v, lag, wind, own)
-    aero_force, added = air.generalized_force, None
+    aero_force, added, circulation = air.generalized_force, None, ca.SX.zeros(machine.dof, 1)
     if added_mass is not None:
         added = added_mass.inertia(machine, wind, others)
-        aero_force = aero_force + added_mass.circulation_force(machine, q, v, wind, others)
+        # not the strips' own force, but its power is the air's: carried air keeps its energy
+        circulation = added_mass.circulation_force(machine, q, v, wind, others)
+        aero_force = aero_force + circulation
     damping = damping_force(machine, v)
     still = ca.SX.zeros(layout.hidden, 1)
     a, constraint = forward_prescribed(
@@ -192,7 +194,7 @@ def _equations(
         "v": v[of_robot],
         "a": a[of_robot],
         "u1": joint[of_robot],
-        "aero_force": aero_force[of_robot],
+        "aero_force": air.generalized_force[of_robot],
         "damping_force": damping[of_robot],
         "mount_force": mount[of_robot],
         "mount_wrench": mount_wrench(machine, q, mount),
@@ -203,7 +205,7 @@ def _equations(
     }
     recorded = {name: recorded[name] for name in RECORDED}
     if added is not None:
-        recorded["added_mass_force"] = forces[-1][of_robot]
+        recorded["added_mass_force"] = (forces[-1] + circulation)[of_robot]
         recorded["fluid_energy"] = fluid_energy(machine, q, v, added)
         recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
     return rate, recorded
