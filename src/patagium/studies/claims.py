@@ -220,7 +220,8 @@ def _noise(metrics: Metrics) -> Claim:
         "R = 0 makes the innovation covariance singular. Here R stands for what the network "
         f"cannot represent: {_text(deviation['published'])} N a strip published, "
         f"{_text(deviation['corrected'])} N corrected; Q is zero. Dense networks forget instead, "
-        f"to a share 1/e in {_text(metrics['choices']['memory'])} s.",
+        f"to a share 1/e in {_text(metrics['choices']['memory'])} s or "
+        f"{_text(metrics['choices']['least_memory'])} samples.",
     )
 
 

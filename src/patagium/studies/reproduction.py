@@ -249,5 +249,6 @@ def _choices() -> dict[str, Any]:
         "dense_prior": subjects.DENSE_PRIOR,
         "dense_noise": subjects.DENSE_NOISE,
         "memory": subjects.MEMORY,
+        "least_memory": subjects.LEAST_MEMORY,
         "steps_of_gradient": dict(subjects.STEP),
     }

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,7 @@ def run_trial(trial: Trial, folder: Path) -> Run:
         trial: What to run.
         folder: Where `write_samples` wrote.
     """
+    started = process_time()
     subject, samples = SUBJECTS[trial.flight], _samples(folder / f"{trial.flight}.npz")
     columns = _columns(trial)
     step = float(np.median(np.diff(samples["time"])))
@@ -146,6 +148,7 @@ def run_trial(trial: Trial, folder: Path) -> Run:
         "microseconds_per_update": 1e6 * result.scores["time_per_update"],
         "curve": learning_curve(result, trial.every),
         "unseen": _unseen(learner, trial, samples, columns),
+        "seconds": process_time() - started,
     }
     return Run(trial, scores, result.prediction if trial.keep else None)
 

@@ -187,7 +187,8 @@ def _method(metrics: Metrics) -> list[str | Note]:
         "and outputs scaled by the envelope in which the robot is known to move and the force of "
         f"a strip; prior deviation {cell_text(choices['dense_prior'])} over the square root of "
         f"the fan-in; measurement deviation {cell_text(choices['dense_noise'])} of the output "
-        f"scale; memory {cell_text(choices['memory'])} s. These were chosen by small searches on "
+        f"scale; memory {cell_text(choices['memory'])} s, but no less than "
+        f"{cell_text(choices['least_memory'])} samples. These were chosen by small searches on "
         "these flights, the same for all runs of a family.",
     ]
     blocks += [Note(text) for text in metrics["left_out"]]
