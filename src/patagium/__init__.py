@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from patagium.aerodynamics import AddedMass as AddedMass
     from patagium.aerodynamics import Air as Air
     from patagium.aerodynamics import DrydenGust as DrydenGust
     from patagium.aerodynamics import Indicial as Indicial
@@ -69,6 +70,7 @@ _HOMES = {
     "robot": ("Robot", "load_robot"),
     "dynamics": ("Dynamics",),
     "aerodynamics": (
+        "AddedMass",
         "Air",
         "DrydenGust",
         "Indicial",

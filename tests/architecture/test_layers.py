@@ -16,6 +16,7 @@ import patagium
 
 ROOT = Path(__file__).parents[2]
 PUBLIC = {
+    "AddedMass",
     "Air",
     "ChangeDetection",
     "CompilerError",

@@ -17,7 +17,7 @@ import patagium as pt
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
-VERBS = ("reproduce", "simulate", "identify", "evaluate", "bench", "robots", "check")
+VERBS = ("reproduce", "simulate", "identify", "evaluate", "bench", "validate", "robots", "check")
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
 LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--spread", "1.7")
@@ -141,6 +141,15 @@ def test_simulate_other_gaits_and_mounts(
     assert answer.code == 0, answer.err
     assert json.loads(answer.out)["outcome"] == "COMPLETED"
     assert figure.stat().st_size > 1_000
+
+
+def test_simulate_with_the_inertia_of_the_air(tmp_path: Path, speak: Speak) -> None:
+    path = tmp_path / "flight.nc"
+    words = ("simulate", "aerobat", *BEAT, *FLY, "--added-mass", "0.85", "-o", path, "--json")
+    assert speak(*words).code == 0
+    assert np.abs(pt.load_flight(path).added_mass_force.values).max() > 1e-3
+    refused = speak(*words, "--aero", "published", "--stepping", "published")
+    assert refused.code == 2 and "--added-mass" in refused.err
 
 
 def test_simulate_as_published(tmp_path: Path, speak: Speak) -> None:

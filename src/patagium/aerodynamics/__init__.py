@@ -1,5 +1,6 @@
 """How air pushes: wind and gusts, local flow of the strips, models of their loads."""
 
+from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
@@ -26,6 +27,7 @@ __all__ = [
     "ONE_STATE",
     "PUBLISHED_ERRORS",
     "TWO_STATE",
+    "AddedMass",
     "AeroExpressions",
     "Aerodynamics",
     "Air",
@@ -40,6 +42,7 @@ __all__ = [
     "Section",
     "SmoothPolar",
     "StateSpace",
+    "added_mass_from_description",
     "aero_from_description",
     "fitted_indicial",
     "strip_flow",

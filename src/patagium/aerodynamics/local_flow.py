@@ -15,15 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.dynamics.chain import (
-    Turn,
-    cross,
-    is_identity,
-    joint_chain,
-    orientation_matrix,
-    vector,
-)
-from patagium.dynamics.kinematics import Twist, body_poses, body_velocities
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import Twist, body_poses, body_velocities, in_body_axes
 from patagium.native import load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -74,7 +67,7 @@ def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
     """
-    twists, winds = body_velocities(robot, q, v), _wind_in_bodies(robot, q, wind)
+    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, wind)
     return [
         Twist(twist.linear - wind, twist.angular) for twist, wind in zip(twists, winds, strict=True)
     ]
@@ -155,20 +148,6 @@ def strip_points(robot: Robot, q: ca.SX) -> ca.SX:
         for s in robot.strips
     ]
     return ca.horzcat(*columns) if columns else ca.SX(3, 0)
-
-
-def _wind_in_bodies(robot: Robot, q: ca.SX, wind: ca.SX) -> list[ca.SX]:
-    """Velocity of the air in the axes of every body, (3, 1) each [m/s]."""
-    winds: list[ca.SX] = []
-    for body in robot.bodies:
-        local = winds[body.parent] if body.parent >= 0 else wind
-        if not is_identity(body):
-            local = orientation_matrix(body).T @ local
-        for joint in joint_chain(body):
-            if joint.kind == "revolute":
-                local = Turn(joint.axis, q[joint.dof]).outward(local)
-        winds.append(local)
-    return winds
 
 
 class LocalFlow:

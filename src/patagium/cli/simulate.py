@@ -13,7 +13,7 @@ from patagium.cli.words import Vector, quantity, vector
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from patagium.aerodynamics import Aerodynamics, Air
+    from patagium.aerodynamics import AddedMass, Aerodynamics, Air
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
 
@@ -84,6 +84,10 @@ def simulate(
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
     aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.QUASI_STEADY,
+    added_mass: Annotated[
+        float | None,
+        typer.Option(help="Inertia of the air too: 1 for long wings, .85 at aspect ratio 3."),
+    ] = None,
     density: Annotated[
         float,
         typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
@@ -120,19 +124,23 @@ def simulate(
     Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s".
     A flight that breaks down is kept up to there; the exit code is then 2.
     """
-    from patagium.aerodynamics import Air
+    from patagium.aerodynamics import AddedMass, Air
+    from patagium.errors import ParameterError
     from patagium.robot import load_robot
 
     machine = load_robot(robot)
     air = Air(density=density, wind=wind or (0.0, 0.0, 0.0))
     model = _air_model(aero, machine, air)
+    carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping is Stepping.PUBLISHED:
+        if carried is not None:
+            raise ParameterError("--added-mass", "nothing with --stepping published", added_mass)
         flight = _published(machine, model, frequency, plunge, speed, duration, time_step)
         _keep(flight, output, figure, as_json)
         return
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     moves = _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
-    flight = _fly(machine, model, moves, duration, time_step, mount, speed, pitch)
+    flight = _fly(machine, model, carried, moves, duration, time_step, mount, speed, pitch)
     _keep(flight, output, figure, as_json)
 
 
@@ -155,6 +163,7 @@ _TOLD = (
     "outcome",
     "message",
     "energy_audit",
+    "fluid_energy_audit",
     "momentum_audit",
     "aero_power_largest",
 )
@@ -233,6 +242,7 @@ _LINKAGE_OFFSETS = {"plunge", "elbow"}
 def _fly(
     machine: Robot,
     model: Aerodynamics,
+    added_mass: AddedMass | None,
     gait: Gait,
     duration: float,
     time_step: float,
@@ -257,7 +267,7 @@ def _fly(
     with progress_bar(f"Flying {machine.name}") as progress:
         return simulation.simulate(
             machine, model, gait, duration=duration, time_step=time_step, mount=held,
-            q=q, v=v, throw=False, progress=progress,
+            added_mass=added_mass, q=q, v=v, throw=False, progress=progress,
         )  # fmt: skip
 
 

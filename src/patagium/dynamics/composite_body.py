@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from patagium.dynamics.apparent_inertia import ApparentInertia, CarriedFluid
 from patagium.dynamics.chain import (
     Turn,
     cross,
@@ -29,6 +30,7 @@ class _Composite:
         self.first = ca.SX.zeros(3, 1)
         self.inertia = ca.SX.zeros(3, 3)
         self.momenta: list[tuple[int, ca.SX, ca.SX]] = []  # coordinate, linear, angular
+        self.fluid: CarriedFluid | None = None
 
     def add_body(self, body: Body) -> None:
         center = vector(body.center_of_mass)
@@ -37,21 +39,49 @@ class _Composite:
         self.first = self.first + first
         self.inertia = self.inertia + central_inertia(body) + _shift(first, center)
 
+    def carry(self, matrix: ca.SX) -> None:
+        """Take on the fluid that the body carries along, (6, 6)."""
+        fluid = CarriedFluid(matrix)
+        if self.fluid is None:
+            self.fluid = fluid
+        else:
+            self.fluid.merge(fluid)
+
+    def unit_momenta(self, axis: ca.SX, revolute: bool) -> tuple[ca.SX, ca.SX]:
+        """Linear and angular momentum at a unit rate about or along an axis, (3, 1) each."""
+        if revolute:
+            linear, angular = cross(axis, self.first), self.inertia @ axis
+        else:
+            linear, angular = axis * self.mass, cross(self.first, axis)
+        if self.fluid is None:
+            return linear, angular
+        still = ca.SX.zeros(3, 1)
+        p, h = self.fluid.momenta(*((still, axis) if revolute else (axis, still)))
+        return linear + p, angular + h
+
     def merge(self, other: _Composite) -> None:
         self.mass = self.mass + other.mass
         self.first = self.first + other.first
         self.inertia = self.inertia + other.inertia
         self.momenta += other.momenta
+        if self.fluid is None:
+            self.fluid = other.fluid
+        elif other.fluid is not None:
+            self.fluid.merge(other.fluid)
 
     def turn(self, turned: Turn) -> None:
         self.first = turned.inward(self.first)
         self.inertia = turned.inward_inertia(self.inertia)
         self.momenta = [(k, turned.inward(p), turned.inward(h)) for k, p, h in self.momenta]
+        if self.fluid is not None:
+            self.fluid.turn(turned)
 
     def turn_fixed(self, matrix: ca.SX) -> None:
         self.first = matrix @ self.first
         self.inertia = symmetric(matrix @ self.inertia @ matrix.T)
         self.momenta = [(k, matrix @ p, matrix @ h) for k, p, h in self.momenta]
+        if self.fluid is not None:
+            self.fluid.turn_fixed(matrix)
 
     def shift(self, offset: ca.SX) -> None:
         """The same about an origin from which the old one is at `offset`."""
@@ -59,6 +89,8 @@ class _Composite:
         self.inertia = self.inertia + _shift(twice, offset) + _shift(offset, twice)
         self.first = self.first + offset * self.mass
         self.momenta = [(k, p, h + cross(offset, p)) for k, p, h in self.momenta]
+        if self.fluid is not None:
+            self.fluid.shift(offset)
 
 
 def central_inertia(body: Body) -> ca.SX:
@@ -67,7 +99,7 @@ def central_inertia(body: Body) -> ca.SX:
     return ca.SX(ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz)))
 
 
-def mass_matrix(robot: Robot, q: ca.SX) -> ca.SX:
+def mass_matrix(robot: Robot, q: ca.SX, added: ApparentInertia | None = None) -> ca.SX:
     """Generalized inertia of the robot.
 
     D(q) = d^2 K / d v^2, the Hessian of the kinetic energy K(q, v) = 1/2 v^T D v.
@@ -75,6 +107,7 @@ def mass_matrix(robot: Robot, q: ca.SX) -> ca.SX:
     Args:
         robot: The machine.
         q: Generalized coordinates, (n,) [m, rad].
+        added: Fluid that moves with the bodies, sum_b J_b^T M_b J_b; None for a vacuum.
 
     Returns:
         D, (n, n) [kg, kg m, kg m^2]: symmetric, positive definite; zero between
@@ -88,14 +121,12 @@ def mass_matrix(robot: Robot, q: ca.SX) -> ca.SX:
     for index in reversed(range(len(robot.bodies))):
         body, composite = robot.bodies[index], composites[index]
         composite.add_body(body)
+        if added is not None and index in added.matrices:
+            composite.carry(added.matrices[index])
         for joint in reversed(joint_chain(body)):
             axis = vector(joint.axis)
             revolute = joint.kind == "revolute"
-            if revolute:
-                linear, angular = cross(axis, composite.first), composite.inertia @ axis
-            else:
-                linear, angular = axis * composite.mass, cross(composite.first, axis)
-            composite.momenta.append((joint.dof, linear, angular))
+            composite.momenta.append((joint.dof, *composite.unit_momenta(axis, revolute)))
             for k, p, h in composite.momenta:
                 entry = ca.dot(axis, h if revolute else p)
                 if not entry.is_zero():

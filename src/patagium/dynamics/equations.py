@@ -11,19 +11,24 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from patagium.dynamics.apparent_inertia import ApparentInertia, fluid_energy, fluid_momentum
 from patagium.dynamics.chain import cross, parent_coordinates, vector
 from patagium.dynamics.composite_body import central_inertia, mass_matrix
 from patagium.dynamics.factorization import solve
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.dynamics.newton_euler import newton_euler
+from patagium.dynamics.newton_euler import apparent_force, newton_euler
 from patagium.robot.model import Robot
 
 __all__ = [
+    "ApparentInertia",
     "angular_momentum",
+    "apparent_force",
     "bias",
     "center_of_mass",
     "coriolis",
     "damping_force",
+    "fluid_energy",
+    "fluid_momentum",
     "forward",
     "forward_prescribed",
     "gravity_force",
@@ -48,9 +53,9 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
     return newton_euler(robot, q, v, a, ca.SX(robot.gravity))
 
 
-def bias(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Coriolis and gravity force, C v + G, (n, 1) [N, N m]."""
-    return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity))
+def bias(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia | None = None) -> ca.SX:
+    """Coriolis and gravity force, C v + G, that of carried fluid included, (n, 1) [N, N m]."""
+    return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity), added)
 
 
 def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
@@ -67,7 +72,9 @@ def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
     return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity))
 
 
-def forward(robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX) -> ca.SX:
+def forward(
+    robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX, added: ApparentInertia | None = None
+) -> ca.SX:
     """Acceleration of the free robot, a = D^-1 (f - C v - G), (n, 1) [m/s^2, rad/s^2].
 
     Args:
@@ -75,8 +82,10 @@ def forward(robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX) -> ca.SX:
         q: Generalized coordinates, (n,) [m, rad].
         v: Generalized velocities, (n,) [m/s, rad/s].
         f: Every generalized force but inertia and gravity, (n,) [N, N m].
+        added: Fluid that moves with the bodies; None for a vacuum.
     """
-    return solve(mass_matrix(robot, q), f - bias(robot, q, v), parent_coordinates(robot))
+    matrix = mass_matrix(robot, q, added)
+    return solve(matrix, f - bias(robot, q, v, added), parent_coordinates(robot))
 
 
 def forward_prescribed(
@@ -86,6 +95,7 @@ def forward_prescribed(
     a_prescribed: ca.SX,
     f: ca.SX,
     prescribed: Sequence[int] | None = None,
+    added: ApparentInertia | None = None,
 ) -> tuple[ca.SX, ca.SX]:
     """Acceleration and constraint force where some coordinates follow a motion exactly.
 
@@ -99,6 +109,7 @@ def forward_prescribed(
         a_prescribed: Accelerations of the prescribed coordinates, (n_a,).
         f: Every generalized force but inertia, gravity and the constraint's, (n,).
         prescribed: Indices of the prescribed coordinates; the actuated ones by default.
+        added: Fluid that moves with the bodies; None for a vacuum.
 
     Returns:
         a, (n, 1), and the constraint force, (n, 1), zero in the free coordinates.
@@ -108,13 +119,13 @@ def forward_prescribed(
     a = ca.SX.zeros(robot.dof, 1)
     for position, i in enumerate(held):
         a[i] = a_prescribed[position]
-    residual = f - newton_euler(robot, q, v, a, ca.SX(robot.gravity))
+    residual = f - newton_euler(robot, q, v, a, ca.SX(robot.gravity), added)
     force = ca.SX.zeros(robot.dof, 1)
     for i in held:
         force[i] = -residual[i]
     if not free:
         return a, force
-    matrix = mass_matrix(robot, q)
+    matrix = mass_matrix(robot, q, added)
     selected = list(free)
     a_free = solve(matrix[selected, selected], residual[selected], _parents_among(robot, free))
     for position, i in enumerate(free):

@@ -110,6 +110,26 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
     return twists
 
 
+def in_body_axes(robot: Robot, q: ca.SX, direction: ca.SX) -> list[ca.SX]:
+    """A vector of the world in the axes of every body, (3, 1) each.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        direction: The vector in world axes, (3, 1).
+    """
+    turned: list[ca.SX] = []
+    for body in robot.bodies:
+        local = turned[body.parent] if body.parent >= 0 else direction
+        if not is_identity(body):
+            local = orientation_matrix(body).T @ local
+        for joint in joint_chain(body):
+            if joint.kind == "revolute":
+                local = Turn(joint.axis, q[joint.dof]).outward(local)
+        turned.append(local)
+    return turned
+
+
 def point_position(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
     """Position of a point fixed to a body, world axes, (3, 1) [m].
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from patagium.dynamics.apparent_inertia import ApparentInertia, apparent_wrenches
 from patagium.dynamics.chain import (
     Turn,
     cross,
@@ -22,11 +23,18 @@ from patagium.dynamics.chain import (
     orientation_matrix,
     vector,
 )
-from patagium.dynamics.kinematics import generalized_force
+from patagium.dynamics.kinematics import generalized_force, in_body_axes
 from patagium.robot.model import Body, Robot
 
 
-def newton_euler(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+def newton_euler(
+    robot: Robot,
+    q: ca.SX,
+    v: ca.SX,
+    a: ca.SX,
+    gravity: ca.SX,
+    added: ApparentInertia | None = None,
+) -> ca.SX:
     """Generalized force of a motion, D a + C v + G.
 
     Args:
@@ -35,6 +43,7 @@ def newton_euler(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> 
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         gravity: Acceleration of free fall along -z, scalar [m/s^2].
+        added: Fluid that moves with the bodies; None for a vacuum.
 
     Returns:
         Generalized force, (n, 1) [N, N m]; linear in a.
@@ -42,10 +51,53 @@ def newton_euler(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> 
     References:
         Luh, Walker and Paul (1980); Featherstone (2008), section 5.3.
     """
+    states = _accelerations(robot, q, v, a, gravity)
+    wrenches = {
+        index: _inertial_wrench(body, _field(w, dw), acceleration)
+        for index, (body, (w, dw, acceleration)) in enumerate(
+            zip(robot.bodies, states, strict=True)
+        )
+    }
+    if added is not None:
+        fluid = apparent_wrenches(robot, q, v, _free_of(gravity, robot, q, states), added)
+        for index, (force, moment) in fluid.items():
+            wrenches[index] = (wrenches[index][0] + force, wrenches[index][1] + moment)
+    return generalized_force(robot, q, wrenches)
+
+
+def apparent_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: ApparentInertia) -> ca.SX:
+    """Generalized force of the fluid that the bodies carry along, (n, 1) [N, N m].
+
+    -(d/dt dT/dv - dT/dq), with T the fluid's kinetic energy: what is missing from the
+    force that `newton_euler` asks for in a vacuum.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        added: Fluid that moves with the bodies.
+    """
+    states = _accelerations(robot, q, v, a, ca.SX(0))
+    accelerations = {k: (states[k][2], states[k][1]) for k in added.matrices}
+    return -generalized_force(robot, q, apparent_wrenches(robot, q, v, accelerations, added))
+
+
+def _free_of(
+    gravity: ca.SX, robot: Robot, q: ca.SX, states: list[tuple[ca.SX, ca.SX, ca.SX]]
+) -> dict[int, tuple[ca.SX, ca.SX]]:
+    """Acceleration of every body's origin without the ground's, and angular acceleration."""
+    ground = in_body_axes(robot, q, ca.vertcat(0, 0, gravity))
+    return {k: (state[2] - ground[k], state[1]) for k, state in enumerate(states)}
+
+
+def _accelerations(
+    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Angular velocity and acceleration of every body, acceleration of its origin; body axes."""
     states: list[tuple[ca.SX, ca.SX, ca.SX]] = []
-    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     ground = (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1), ca.vertcat(0, 0, gravity))
-    for index, body in enumerate(robot.bodies):
+    for body in robot.bodies:
         w, dw, acceleration = states[body.parent] if body.parent >= 0 else ground
         if body.parent >= 0:
             acceleration = acceleration + _field(w, dw) @ vector(body.position)
@@ -69,8 +121,7 @@ def newton_euler(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> 
                     + axis * a[joint.dof]
                 )
         states.append((w, dw, acceleration))
-        wrenches[index] = _inertial_wrench(body, _field(w, dw), acceleration)
-    return generalized_force(robot, q, wrenches)
+    return states
 
 
 def _field(w: ca.SX, dw: ca.SX) -> ca.SX:

@@ -19,15 +19,20 @@ from patagium.simulation import robot_of
 Array = NDArray[np.float64]
 
 
-def training_data(flight: xr.Dataset, robot: Robot | None = None) -> tuple[Array, Array, Array]:
+def training_data(
+    flight: xr.Dataset, robot: Robot | None = None, *, with_added_mass: bool = False
+) -> tuple[Array, Array, Array]:
     """States of a flight and the generalized force of the air at each of them.
 
-    y = D a + C v + G - u1 - damping - mount [paper, eq. training_data].
+    y = D a + C v + G - u1 - damping - mount [paper, eq. training_data]. Added mass that the
+    flight was flown with is known inertia and no part of y, which then is a force that the
+    state alone can explain.
 
     Args:
         flight: Record with q, v, a, u1 (time, dof); `damping_force` is computed from the
-            robot and `mount_force` is zero where the record has none.
+            robot, `mount_force` and `added_mass_force` are zero where the record has none.
         robot: The machine; None for the one the flight carries.
+        with_added_mass: Whether y is all that the air does, added mass included.
 
     Returns:
         Time (N,) [s]; x = [q, v], (N, 2n); y = B2 u2, (N, n) [N, N m].
@@ -45,6 +50,8 @@ def training_data(flight: xr.Dataset, robot: Robot | None = None) -> tuple[Array
         force = force + np.asarray(machine.damping, float) * v
     if "mount_force" in flight:
         force = force - _recorded(flight, "mount_force", machine)
+    if "added_mass_force" in flight and not with_added_mass:
+        force = force - _recorded(flight, "added_mass_force", machine)
     return np.asarray(flight["time"].values, float), np.hstack([q, v]), force
 
 

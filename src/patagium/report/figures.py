@@ -187,6 +187,40 @@ def learning_curves(
 
 
 @styled
+def curves(
+    x: ArrayLike,
+    expected: ArrayLike,
+    found: Mapping[str, ArrayLike],
+    *,
+    abscissa: str,
+    ordinate: str,
+) -> Figure:
+    """What was expected and what was found, over anything.
+
+    Args:
+        x: Abscissa, (N,).
+        expected: (N,).
+        found: By name, each (N,).
+        abscissa: Its name and unit.
+        ordinate: Its name and unit.
+
+    Raises:
+        ShapeError: If an array does not fit the abscissa.
+    """
+    along = np.asarray(x, float)
+    figure, axes = _grid(1, 1, height=3.0)
+    few = {"marker": "o"} if along.size < 12 else {}
+    _curve(axes[0], along, _row("expected", expected, along.size), "expected", color=TRUTH, **few)
+    for i, (name, values) in enumerate(found.items()):
+        row = _row(name, values, along.size)
+        _curve(axes[0], along, row, name, color=color(i), linestyle=dash(i), **few)
+    axes[0].set_xlabel(abscissa)
+    axes[0].set_ylabel(ordinate)
+    legend_above(figure, axes[0])
+    return figure
+
+
+@styled
 def score_bars(
     names: Sequence[str],
     scores: Mapping[str, ArrayLike],

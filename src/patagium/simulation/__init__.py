@@ -1,13 +1,14 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
 from patagium.simulation import gaits, mounts
-from patagium.simulation.flight import QUANTITIES, aero_of, audits, robot_of
+from patagium.simulation.flight import QUANTITIES, added_mass_of, aero_of, audits, robot_of
 from patagium.simulation.flight_files import check_flight, load_flight, save_flight
 from patagium.simulation.published import simulate_published
 from patagium.simulation.simulate import simulate
 
 __all__ = [
     "QUANTITIES",
+    "added_mass_of",
     "aero_of",
     "audits",
     "check_flight",

@@ -17,10 +17,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium import __version__
-from patagium.aerodynamics import Aerodynamics, aero_from_description
+from patagium.aerodynamics import (
+    AddedMass,
+    Aerodynamics,
+    added_mass_from_description,
+    aero_from_description,
+)
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
-from patagium.simulation.stage import WORKS
+from patagium.simulation.stage import ADDED_WORK, WORKS
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -52,6 +57,9 @@ QUANTITIES: dict[str, Quantity] = {
     "aero_force": Quantity(("dof",), _FORCE, "generalized aerodynamic force B2 u2"),
     "damping_force": Quantity(("dof",), _FORCE, "force of the passive dampers"),
     "mount_force": Quantity(("dof",), _FORCE, "generalized force of the mount"),
+    "added_mass_force": Quantity(
+        ("dof",), _FORCE, "generalized force of added mass, circulation's part included, if modeled"
+    ),
     "mount_wrench": Quantity(
         ("component",), _FORCE, "force of the mount on the robot, moment about the world's origin"
     ),
@@ -70,9 +78,16 @@ QUANTITIES: dict[str, Quantity] = {
     "air_work": Quantity((), "J", "work of the air since the start"),
     "damping_work": Quantity((), "J", "work of the passive dampers since the start"),
     "mount_work": Quantity((), "J", "work of the mount since the start"),
+    "added_mass_work": Quantity(
+        (), "J", "work of the air carried along since the start; circulation's part is in air_work"
+    ),
+    "fluid_energy": Quantity((), "J", "energy of the air that moves with the wings, if modeled"),
     "energy_residual": Quantity((), "J", "change of energy less all works"),
     "aero_power": Quantity((), "W", "force of the air times velocity relative to the air"),
     "momentum": Quantity(("axis",), "kg m/s", "linear momentum, world axes"),
+    "fluid_momentum": Quantity(
+        ("axis",), "kg m/s", "momentum of the air that moves with the wings, if modeled"
+    ),
     "momentum_residual": Quantity(
         ("axis",), "kg m/s", "change of momentum less the impulse of external forces"
     ),
@@ -95,6 +110,7 @@ class Origin:
         mount: How it was held.
         time_step: Step of the integrator [s].
         stepping: The integrator, in words.
+        added_mass: Inertia of the air that moved with it, or None.
     """
 
     robot: Robot
@@ -103,6 +119,7 @@ class Origin:
     mount: str
     time_step: float
     stepping: str
+    added_mass: AddedMass | None = None
 
 
 def flight_record(
@@ -113,22 +130,23 @@ def flight_record(
     Args:
         origin: What it was flown with.
         time: Times of the samples, (N,) [s].
-        samples: What `stage.RECORDED` names, and `wind`, (N, ...).
+        samples: What `stage.RECORDED` names, and `wind`, (N, ...); with added mass the rest too.
         outcome: How the run ended.
         message: The same in words.
     """
     values = dict(samples)
-    values |= dict(zip(WORKS, values.pop("works").T, strict=True))
+    works = values.pop("works").T
+    values |= dict(zip((*WORKS, ADDED_WORK)[: len(works)], works, strict=True))
     impulse = values.pop("impulse")
     energy = (values["kinetic_energy"] + values["potential_energy"])[:, 0]
-    works = sum((values[name] for name in WORKS), np.zeros(len(time)))
-    values["energy_residual"] = (energy - energy[0]) - works
+    values["energy_residual"] = (energy - energy[0]) - works.sum(axis=0)
     values["momentum_residual"] = values["momentum"] - values["momentum"][0] - impulse
     sizes = _sizes(origin, len(time))
 
     def variable(name: str, kind: Quantity) -> tuple[tuple[str, ...], Array, dict[str, str]]:
         dims = ("time", *kind.dims)
-        shaped = values[name].reshape([sizes[dim] for dim in dims])
+        shape = [sizes[dim] for dim in dims]
+        shaped = values[name].reshape(shape) if name in values else np.zeros(shape)
         attributes = {"units": kind.units, "long_name": kind.meaning}
         return dims, np.ascontiguousarray(shaped), attributes
 
@@ -152,11 +170,14 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
         energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount
         and weight. impulse_exchanged [N s]: integral of the absolute forces of air, dampers,
         mount and weight. energy_audit, momentum_audit: largest residuals relative to them.
+        fluid_energy_audit: largest change of the carried air's energy that its work does not
+        explain, relative likewise; a gust shows in it, its rate is not part of added mass.
         aero_power_largest [W]: not above zero if the air opposes motion relative to it.
     """
     time = flight["time"].to_numpy()
     velocity = flight["v"].to_numpy()
-    forces = [flight[k].to_numpy() for k in ("u1", "aero_force", "damping_force", "mount_force")]
+    names = ("u1", "aero_force", "damping_force", "mount_force", "added_mass_force")
+    forces = [flight[name].to_numpy() for name in names]
     powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
     gravity = float(robot.gravity)
     weight_power = gravity * np.abs(flight["momentum"].to_numpy()[:, 2])
@@ -168,11 +189,14 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     weight = gravity * sum(float(body.mass) for body in robot.bodies)
     impulse = float(np.trapezoid(weight + sum(np.linalg.norm(f, axis=1) for f in pushes), time))
     residual = np.abs(flight["energy_residual"].to_numpy()).max()
+    fluid = flight["fluid_energy"].to_numpy()
+    unexplained = np.abs(fluid - fluid[0] + flight["added_mass_work"].to_numpy()).max()
     drift = np.linalg.norm(flight["momentum_residual"].to_numpy(), axis=1).max()
     return {
         "energy_exchanged": energy,
         "impulse_exchanged": impulse,
         "energy_audit": float(residual / energy) if energy else float(residual),
+        "fluid_energy_audit": float(unexplained / energy) if energy else float(unexplained),
         "momentum_audit": float(drift / impulse) if impulse else float(drift),
         "aero_power_largest": float(flight["aero_power"].to_numpy().max()),
     }
@@ -205,6 +229,20 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
         raise FlightError(f"the flight's air cannot be made again: {error}") from None
 
 
+def added_mass_of(flight: xr.Dataset) -> AddedMass | None:
+    """The added mass a flight was flown with, or None.
+
+    Raises:
+        FlightError: If the flight does not carry it.
+    """
+    robot = robot_of(flight)
+    description = json.loads(flight.attrs.get("added_mass", "null"))
+    try:
+        return None if description is None else added_mass_from_description(robot, description)
+    except (PatagiumError, ValueError) as error:
+        raise FlightError(f"the flight's added mass cannot be made again: {error}") from None
+
+
 def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
     missing = [name for name in names if name not in flight.attrs]
     if missing:
@@ -234,11 +272,12 @@ def _coordinates(robot: Robot, time: Array) -> dict[str, Any]:
 
 
 def _origin_attributes(origin: Origin) -> dict[str, Any]:
-    robot = origin.robot
+    robot, added_mass = origin.robot, origin.added_mass
     return {
         "robot": robot.source,
         "robot_name": robot.name,
         "aero": json.dumps(origin.aero.describe()),
+        "added_mass": json.dumps(None if added_mass is None else added_mass.describe()),
         "gait": json.dumps(origin.gait),
         "mount": origin.mount,
         "time_step": origin.time_step,

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics import Aerodynamics
+from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -19,7 +19,13 @@ from patagium.simulation.flight import Origin, flight_record
 from patagium.simulation.gaits import Gait, check_gait
 from patagium.simulation.march import Array, Equations, Progress, march, times_of
 from patagium.simulation.mounts import Mount, mount_of
-from patagium.simulation.stage import RECORDED, Layout, flight_functions, layout_of
+from patagium.simulation.stage import (
+    RECORDED,
+    RECORDED_WITH_ADDED_MASS,
+    Layout,
+    flight_functions,
+    layout_of,
+)
 
 
 def simulate(
@@ -29,6 +35,7 @@ def simulate(
     *,
     duration: float,
     time_step: float,
+    added_mass: AddedMass | None = None,
     mount: Mount | None = None,
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
@@ -47,6 +54,7 @@ def simulate(
         gait: What its actuated joints do.
         duration: A whole number of time steps [s].
         time_step: Step [s].
+        added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
         mount: Free or fixed; by default free if the robot has a floating body.
         q: Initial coordinates, (n,) [m, rad]; the gait's joints are overwritten. Zero
             by default.
@@ -66,9 +74,10 @@ def simulate(
     """
     steps = whole_steps(duration, time_step)
     check_robots(robot, aero)
+    check_added_mass(robot, aero, added_mass)
     check_gait(robot, gait)
     held = mount_of(robot, mount)
-    layout = layout_of(robot, aero, held)
+    layout = layout_of(robot, aero, held, added_mass)
     start_q, start_v = initial(robot, "q", q), initial(robot, "v", v)
     fixed = _held_positions(robot, layout, start_q, start_v)
 
@@ -85,13 +94,14 @@ def simulate(
     passive = [i - layout.hidden for i in layout.passive]
     state = np.zeros(layout.size)
     state[: 2 * len(passive)] = np.concatenate([start_q[passive], start_v[passive]])
-    equations = _equations(robot, aero, held, layout, state)
+    equations = _equations(robot, aero, added_mass, held, layout, state)
     check_start(equations, layout.state_names, state)
     run = march(equations, state, rows, steps, time_step, progress)
     message = message_of(run, layout.state_names, equations, steps, time_step)
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
-    origin = Origin(robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4")
+    stepping = "partitioned RK4"
+    origin = Origin(robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass)
     flight = flight_record(origin, time, run.samples, run.outcome, message)
     if throw and run.outcome is not Outcome.COMPLETED:
         raise SimulationFailed(message, flight, run.outcome)
@@ -99,12 +109,19 @@ def simulate(
 
 
 def _equations(
-    robot: Robot, aero: Aerodynamics, mount: Mount, layout: Layout, state: Array
+    robot: Robot,
+    aero: Aerodynamics,
+    added_mass: AddedMass | None,
+    mount: Mount,
+    layout: Layout,
+    state: Array,
 ) -> Equations:
     symbolic, _ = robot.symbolic()
+    kind = mount.kind if added_mass is None else f"{mount.kind} with added mass"
+    parameters = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
     functions = load_functions(
-        f"flight {mount.kind} {aero.structure} {symbolic!r}",
-        lambda: flight_functions(robot, aero, mount),
+        f"flight {kind} {aero.structure} {symbolic!r}",
+        lambda: flight_functions(robot, aero, mount, added_mass),
         label=f"flight of {robot.name}",
     )
     lower, upper = limits(layout.machine, layout.passive, layout.size, state)
@@ -112,9 +129,9 @@ def _equations(
         rate=functions["rate"],
         record=functions["record"],
         prepare=None,
-        recorded=RECORDED,
+        recorded=RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS,
         robot_parameters=robot.parameters,
-        aero_parameters=np.asarray(aero.parameters, float),
+        aero_parameters=np.concatenate(parameters),
         lower=lower,
         upper=upper,
     )
@@ -144,6 +161,21 @@ def check_robots(robot: Robot, aero: Aerodynamics) -> None:
     other = aero.robot
     if (other.dof_names, len(other.strips)) != (robot.dof_names, len(robot.strips)):
         raise ParameterError("aero", f"a model of the air around {robot.name!r}", other.name)
+
+
+def check_added_mass(robot: Robot, aero: Aerodynamics, added_mass: AddedMass | None) -> None:
+    """Refuse added mass of another robot, or in other air.
+
+    Raises:
+        ParameterError: If its coordinates, strips or air are not those of robot and model.
+    """
+    if added_mass is None:
+        return
+    other = added_mass.robot
+    if (other.dof_names, len(other.strips)) != (robot.dof_names, len(robot.strips)):
+        raise ParameterError("added_mass", f"that of {robot.name!r}", other.name)
+    if added_mass.air != aero.air:
+        raise ParameterError("added_mass.air", f"the air of aero, {aero.air}", added_mass.air)
 
 
 def initial(robot: Robot, name: str, values: ArrayLike | None) -> Array:

@@ -5,7 +5,7 @@ table row exactly (partitioned dynamics). Works and the impulse of external forc
 ride along as states, so that audits are of the integrator's order. This module
 owns the layout of the state:
 
-    state = [q passive, v passive, lag states, works (4), impulse (3)]
+    state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
     row = [q, v, a of the prescribed coordinates, wind (3)]
 """
 
@@ -16,10 +16,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from patagium.aerodynamics import Aerodynamics, AeroExpressions
+from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
 from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import (
+    apparent_force,
     damping_force,
+    fluid_energy,
+    fluid_momentum,
     forward_prescribed,
     kinetic_energy,
     momentum,
@@ -35,6 +38,8 @@ from patagium.simulation.mounts import (
 )
 
 WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
+ADDED_WORK = "added_mass_work"
+"""The work that rides along after the others with added mass."""
 IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 RECORDED = (
     *("q", "v", "a", "u1", "aero_force", "damping_force", "mount_force", "mount_wrench"),
@@ -44,6 +49,8 @@ RECORDED = (
     "aero_state",
 )
 """What the record function gives, in order."""
+RECORDED_WITH_ADDED_MASS = (*RECORDED, "added_mass_force", "fluid_energy", "fluid_momentum")
+"""What it gives with added mass."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,7 @@ class Layout:
         passive: Coordinates of the machine that are integrated.
         prescribed: Coordinates of the machine that follow the row, in its order.
         lags: Number of the aerodynamic model's own states.
+        works: Names of the works that ride along.
     """
 
     machine: Robot
@@ -64,11 +72,12 @@ class Layout:
     passive: tuple[int, ...]
     prescribed: tuple[int, ...]
     lags: int
+    works: tuple[str, ...] = WORKS
 
     @property
     def size(self) -> int:
         """Length of the state."""
-        return 2 * len(self.passive) + self.lags + len(WORKS) + len(IMPULSE)
+        return 2 * len(self.passive) + self.lags + len(self.works) + len(IMPULSE)
 
     @property
     def row_size(self) -> int:
@@ -80,16 +89,19 @@ class Layout:
         """What each entry of the state is, for messages."""
         names = [self.machine.dof_names[i] for i in self.passive]
         lags = [f"lag state {k}" for k in range(self.lags)]
-        return (*names, *(f"velocity of {name}" for name in names), *lags, *WORKS, *IMPULSE)
+        return (*names, *(f"velocity of {name}" for name in names), *lags, *self.works, *IMPULSE)
 
 
-def layout_of(robot: Robot, aero: Aerodynamics, mount: Mount) -> Layout:
+def layout_of(
+    robot: Robot, aero: Aerodynamics, mount: Mount, added_mass: AddedMass | None = None
+) -> Layout:
     """Layout of a robot's flight.
 
     Args:
         robot: The machine; numbers or symbols.
         aero: What the air does to it.
         mount: How it is held.
+        added_mass: Inertia of the air, or None.
     """
     hidden = 0 if robot.floating else MOUNT_COORDINATES
     machine = on_massless_mount(robot) if hidden else robot
@@ -97,32 +109,42 @@ def layout_of(robot: Robot, aero: Aerodynamics, mount: Mount) -> Layout:
     prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
     follows = {*range(hidden), *prescribed}
     passive = tuple(i for i in range(machine.dof) if i not in follows)
-    return Layout(machine, hidden, passive, prescribed, aero.state_size)
+    works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
+    return Layout(machine, hidden, passive, prescribed, aero.state_size, works)
 
 
-def flight_functions(robot: Robot, aero: Aerodynamics, mount: Mount) -> Sequence[ca.Function]:
+def flight_functions(
+    robot: Robot, aero: Aerodynamics, mount: Mount, added_mass: AddedMass | None = None
+) -> Sequence[ca.Function]:
     """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
 
     Args:
         robot: The machine.
         aero: What the air does to it.
         mount: How it is held.
+        added_mass: Inertia of the air, whose parameters follow the model's; or None.
     """
     symbolic, robot_parameters = robot.symbolic()
-    layout = layout_of(symbolic, aero, mount)
+    layout = layout_of(symbolic, aero, mount, added_mass)
     state, row = ca.SX.sym("state", layout.size), ca.SX.sym("row", layout.row_size)
-    aero_parameters = ca.SX.sym("c", len(aero.parameters))
-    rate, recorded = _equations(layout, aero, state, row, aero_parameters)
+    count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
+    aero_parameters = ca.SX.sym("c", count)
+    rate, recorded = _equations(layout, aero, added_mass, state, row, aero_parameters)
     inputs = [state, row, robot_parameters, aero_parameters]
     names = ["state", "row", "robot_parameters", "aero_parameters"]
     return [
         ca.Function("rate", inputs, [rate], names, ["rate"]),
-        ca.Function("record", inputs, [recorded[k] for k in RECORDED], names, list(RECORDED)),
+        ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
     ]
 
 
 def _equations(
-    layout: Layout, aero: Aerodynamics, state: ca.SX, row: ca.SX, aero_parameters: ca.SX
+    layout: Layout,
+    aero: Aerodynamics,
+    added_mass: AddedMass | None,
+    state: ca.SX,
+    row: ca.SX,
+    aero_parameters: ca.SX,
 ) -> tuple[ca.SX, dict[str, ca.SX]]:
     machine, passive, prescribed = layout.machine, layout.passive, layout.prescribed
     n_u, n_p = len(passive), len(prescribed)
@@ -132,7 +154,14 @@ def _equations(
     for k, i in enumerate(prescribed):
         q[i], v[i] = row[k], row[n_p + k]
     lag, wind = state[2 * n_u : 2 * n_u + layout.lags], row[3 * n_p :]
-    air = aero.expressions(machine, q, v, lag, wind, aero_parameters)
+    own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
+    air = aero.expressions(machine, q, v, lag, wind, own)
+    aero_force, added, circulation = air.generalized_force, None, ca.SX.zeros(machine.dof, 1)
+    if added_mass is not None:
+        added = added_mass.inertia(machine, wind, others)
+        # not the strips' own force, but its power is the air's: carried air keeps its energy
+        circulation = added_mass.circulation_force(machine, q, v, wind, others)
+        aero_force = aero_force + circulation
     damping = damping_force(machine, v)
     still = ca.SX.zeros(layout.hidden, 1)
     a, constraint = forward_prescribed(
@@ -140,13 +169,17 @@ def _equations(
         q,
         v,
         ca.vertcat(still, row[2 * n_p : 3 * n_p]),
-        air.generalized_force + damping,
+        aero_force + damping,
         (*range(layout.hidden), *prescribed),
+        added,
     )
     joint, mount = _split(constraint, machine.actuated)
-    forces = (joint, air.generalized_force, damping, mount)
+    forces = [joint, aero_force, damping, mount]
+    external = aero_force + damping + mount
+    if added is not None:
+        forces.append(apparent_force(machine, q, v, a, added))
+        external = external + forces[-1]
     powers = ca.vertcat(*[ca.dot(force, v) for force in forces])
-    external = air.generalized_force + damping + mount
     rate = ca.vertcat(
         v[list(passive)],
         a[list(passive)],
@@ -166,10 +199,15 @@ def _equations(
         "mount_force": mount[of_robot],
         "mount_wrench": mount_wrench(machine, q, mount),
         **observed(machine, q, v, air),
-        "works": state[totals : totals + len(WORKS)],
-        "impulse": state[totals + len(WORKS) :],
+        "works": state[totals : totals + len(layout.works)],
+        "impulse": state[totals + len(layout.works) :],
         "aero_state": lag,
     }
+    recorded = {name: recorded[name] for name in RECORDED}
+    if added is not None:
+        recorded["added_mass_force"] = (forces[-1] + circulation)[of_robot]
+        recorded["fluid_energy"] = fluid_energy(machine, q, v, added)
+        recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
     return rate, recorded
 
 

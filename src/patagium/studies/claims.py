@@ -1,16 +1,14 @@
 """The paper's claims, one by one: what the published experiment does, and what we find.
 
-And the targets this reproduction set itself. Every figure comes from the metrics that the
+Every figure comes from the metrics that the
 report is made of; nothing is measured here. Neglected: claims without a number behind them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from patagium.report import Table, cell_text
 from patagium.report.figures import seconds_text
@@ -55,6 +53,11 @@ def starts_of(metrics: Metrics, flight: str, network: str, every: int, key: str)
         for row in metrics["starts"]
         if (row["flight"], row["network"], row["every"]) == wanted and _number(row.get(key))
     ]
+
+
+def best_strip(flight: str) -> str:
+    """The strip network that can represent the air of a flight."""
+    return STRIPS[flight][0]
 
 
 def claims(metrics: Metrics) -> list[Row]:
@@ -126,7 +129,7 @@ def _overhead(metrics: Metrics) -> Claim:
 def _accuracy(metrics: Metrics) -> Claim:
     found = []
     for flight in ("published", "corrected"):
-        for network, word in (("dense", "dense"), (_best(flight), "strip")):
+        for network, word in (("dense", "dense"), (best_strip(flight), "strip")):
             row = run_of(metrics, flight, network)
             if row:
                 found.append(
@@ -149,7 +152,7 @@ def _sparse(metrics: Metrics) -> Claim:
         parts = [
             f"one in {every} {_text(row['nmse_second_half_worst'])}"
             for every in (100, 10, 1)
-            if (row := run_of(metrics, flight, _best(flight), every=every))
+            if (row := run_of(metrics, flight, best_strip(flight), every=every))
         ]
         rival = run_of(metrics, flight, "", "features")
         tail = ""
@@ -168,7 +171,7 @@ def _unseen(metrics: Metrics) -> Claim:
     found = []
     for flight in ("published", "corrected"):
         for network, learner, word in (
-            (_best(flight), "cubature", "strip"),
+            (best_strip(flight), "cubature", "strip"),
             ("dense", "cubature", "dense"),
             ("", "features", "least squares on random features"),
         ):
@@ -191,7 +194,7 @@ def _confidence(metrics: Metrics) -> Claim:
         f"{_text(row['largest_variance'])} at the end, {_percent(row['coverage_second_half'])} "
         "of samples in the 95 % interval"
         for flight in ("published", "corrected")
-        if (row := run_of(metrics, flight, _best(flight)))
+        if (row := run_of(metrics, flight, best_strip(flight)))
     ]
     dense = run_of(metrics, "published", "dense")
     tail = ""
@@ -217,7 +220,8 @@ def _noise(metrics: Metrics) -> Claim:
         "R = 0 makes the innovation covariance singular. Here R stands for what the network "
         f"cannot represent: {_text(deviation['published'])} N a strip published, "
         f"{_text(deviation['corrected'])} N corrected; Q is zero. Dense networks forget instead, "
-        f"to a share 1/e in {_text(metrics['choices']['memory'])} s.",
+        f"to a share 1/e in {_text(metrics['choices']['memory'])} s or "
+        f"{_text(metrics['choices']['least_memory'])} samples.",
     )
 
 
@@ -278,7 +282,7 @@ def _extended(metrics: Metrics) -> Claim:
 def _backpropagation(metrics: Metrics) -> Claim:
     found = []
     for flight in ("published", "corrected"):
-        for network, word in (("dense_published", "dense"), (_best(flight), "strip")):
+        for network, word in (("dense_published", "dense"), (best_strip(flight), "strip")):
             parts = [
                 f"{name} {_text(row['nmse_second_half_worst'])}"
                 for learner, name in (
@@ -324,90 +328,6 @@ def _morphing(metrics: Metrics) -> Claim:
         f"{_text(flights['corrected']['speed_end'])} m/s, mean lift "
         f"{_text(flights['corrected']['lift_over_weight'])} of the weight.",
     )
-
-
-def _best(flight: str) -> str:
-    """The strip network that can represent the air of a flight."""
-    return STRIPS[flight][0]
-
-
-def targets(metrics: Metrics) -> list[Row]:
-    """What this reproduction set out to reach, and what it reached.
-
-    Args:
-        metrics: Of the reproduction.
-
-    Returns:
-        One dictionary a target: target, limit, found, worst (of all starts), met.
-    """
-    rows = []
-    for flight, every, limit in (("published", 100, 4e-5), ("published", 10, 5e-6),
-                                 ("corrected", 100, 1e-4)):  # fmt: skip
-        found = starts_of(metrics, flight, _best(flight), every, "nmse_second_half_worst")
-        rows.append(
-            _below(f"{flight}: strip network, one in {every}, worst force, second half", limit,
-                   found)
-        )  # fmt: skip
-    for key, limit in (("mean", 1.3e-3), ("worst", 6.4e-3)):
-        for network, size in (("dense_velocity", 474), ("dense", 850)):
-            row = run_of(metrics, "published", network, every=1)
-            found = [row[f"nmse_second_half_{key}"]] if row else []
-            rows.append(
-                _below(f"published: dense, {size} weights, every sample, {key}", limit, found)
-            )
-    row = run_of(metrics, "corrected", "strip")
-    gaits = row.get("unseen", {})
-    within = [gaits[name]["worst"] for name in metrics["flights"]["unseen_within"] if name in gaits]
-    rows.append(_below("corrected: strip network frozen, unseen gaits, worst force", 1e-3,
-                       [max(within)] if within else []))  # fmt: skip
-    for flight in ("published", "corrected"):
-        variance = starts_of(metrics, flight, _best(flight), 100, "largest_variance")
-        rows.append(_below(f"{flight}: strip network, largest variance at the end", 1e-2, variance))
-    for flight in ("published", "corrected"):
-        share = starts_of(metrics, flight, _best(flight), 100, "coverage_second_half")
-        rows.append(_between(f"{flight}: strip network, samples in the 95 % interval", share))
-    return rows
-
-
-def targets_table(metrics: Metrics) -> Table:
-    """The targets as a table.
-
-    Args:
-        metrics: Of the reproduction, `targets` among them.
-    """
-    rows = [
-        [row["target"], row["limit"], row["found"], row["worst"], row["met"]]
-        for row in metrics["targets"]
-    ]
-    return Table(
-        ("target", "limit", "found (median of the starts)", "worst start", "met"),
-        rows,
-        "Second half of the flights. A target is met by the median of the starts.",
-    )
-
-
-def _below(target: str, limit: float, found: Sequence[float]) -> Row:
-    middle = float(np.median(found)) if found else math.nan
-    worst = float(max(found)) if found else math.nan
-    return {
-        "target": target,
-        "limit": f"at most {limit:.1e}",
-        "found": middle,
-        "worst": worst,
-        "met": bool(middle <= limit) if found else "not run",
-    }
-
-
-def _between(target: str, found: Sequence[float]) -> Row:
-    middle = float(np.median(found)) if found else math.nan
-    worst = max(found, key=lambda share: abs(share - 0.95)) if found else math.nan
-    return {
-        "target": target,
-        "limit": "0.90 to 0.99",
-        "found": middle,
-        "worst": worst,
-        "met": bool(0.90 <= middle <= 0.99) if found else "not run",
-    }
 
 
 def _total(row: Mapping[str, Any]) -> float:

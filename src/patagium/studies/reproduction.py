@@ -30,11 +30,12 @@ from patagium.studies import reproduction_figures as figures
 from patagium.studies import reproduction_flights as flights
 from patagium.studies import reproduction_subjects as subjects
 from patagium.studies.benchmark import environment
-from patagium.studies.claims import claims, targets
+from patagium.studies.claims import claims
 from patagium.studies.reproduction_errors import error_cases, fly_case
 from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
 from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+from patagium.studies.targets import targets
 from patagium.studies.workers import Job, run_jobs
 
 Stages = Callable[[str, float], None]
@@ -248,5 +249,6 @@ def _choices() -> dict[str, Any]:
         "dense_prior": subjects.DENSE_PRIOR,
         "dense_noise": subjects.DENSE_NOISE,
         "memory": subjects.MEMORY,
+        "least_memory": subjects.LEAST_MEMORY,
         "steps_of_gradient": dict(subjects.STEP),
     }

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -123,20 +124,21 @@ def run_trial(trial: Trial, folder: Path) -> Run:
         trial: What to run.
         folder: Where `write_samples` wrote.
     """
-    subject, data = SUBJECTS[trial.flight], _samples(folder / f"{trial.flight}.npz")
+    started = process_time()
+    subject, samples = SUBJECTS[trial.flight], _samples(folder / f"{trial.flight}.npz")
     columns = _columns(trial)
-    step = float(np.median(np.diff(data["time"])))
+    step = float(np.median(np.diff(samples["time"])))
     learner = make_learner(
         subject, trial.network, trial.learner, trial.every * step, trial.seed, trial.setting
     )
     prior = _largest_variance(learner)
     result = stream(
         learner,
-        data["time"],
-        data["x"][:, columns],
-        data["y"],
+        samples["time"],
+        samples["x"][:, columns],
+        samples["y"],
         every=trial.every,
-        horizons={"10ms": 0.01, "beat": float(data["beat"])},
+        horizons={"10ms": 0.01, "beat": float(samples["beat"])},
     )
     scores = {
         **_named(trial),
@@ -145,7 +147,8 @@ def run_trial(trial: Trial, folder: Path) -> Run:
         "prior_variance": prior,
         "microseconds_per_update": 1e6 * result.scores["time_per_update"],
         "curve": learning_curve(result, trial.every),
-        "unseen": _unseen(learner, trial, data, columns),
+        "unseen": _unseen(learner, trial, samples, columns),
+        "seconds": process_time() - started,
     }
     return Run(trial, scores, result.prediction if trial.keep else None)
 
@@ -173,15 +176,17 @@ def learning_curve(result: Identification, every: int) -> dict[str, list[float]]
     }
 
 
-def _unseen(learner: Any, trial: Trial, data: dict[str, Array], columns: Array) -> dict[str, Any]:
+def _unseen(
+    learner: Any, trial: Trial, samples: dict[str, Array], columns: Array
+) -> dict[str, Any]:
     """Scores of the frozen weights on each gait they never saw."""
     if trial.kind == "limit" or not np.isfinite(learner.weights).all():
         return {}
     strip = trial.network.startswith("strip") and trial.learner in ("cubature", "extended")
     model = learner if strip else _Frozen(learner.network, learner.weights)
     rows: dict[str, Any] = {}
-    for number, gait in enumerate(data["unseen"].tolist()):
-        time, x, y = (data[f"{key}_{number}"] for key in ("time", "x", "y"))
+    for number, gait in enumerate(samples["unseen"].tolist()):
+        time, x, y = (samples[f"{key}_{number}"] for key in ("time", "x", "y"))
         scores = compare(model, time, x[:, columns], y, every=100 // THINNED).scores
         rows[gait] = {
             "mean": scores["nmse_mean"],

@@ -20,6 +20,7 @@ LIMITS = {
     "inputs not scaled (E7)": ("dense_velocity", replace(AS_RUN, scaled=False)),
     "never forgets": ("dense_velocity", replace(AS_RUN, memory=None)),
     "forgets in 1 s": ("dense_velocity", replace(AS_RUN, memory=1.0)),
+    "forgets in 0.2 s": ("dense_velocity", replace(AS_RUN, memory=0.2)),
     "spread sqrt(n), the cubature rule": ("dense_velocity", replace(AS_RUN, spread=None)),
     "never forgets, spread sqrt(n)": (
         "dense_velocity",

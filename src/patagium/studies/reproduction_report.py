@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from patagium.report import Note, Picture, Section, cell_text
-from patagium.studies.claims import claims_table, targets_table
+from patagium.studies.claims import claims_table
 from patagium.studies.reproduction_errors import GENTLE_GAIT, error_table
 from patagium.studies.reproduction_flights import PUBLISHED_GAIT
 from patagium.studies.reproduction_tables import (
@@ -22,6 +22,7 @@ from patagium.studies.reproduction_tables import (
     starts_table,
     unseen_table,
 )
+from patagium.studies.targets import targets_table
 
 Metrics = Mapping[str, Any]
 Pictures = Mapping[str, Picture]
@@ -186,7 +187,8 @@ def _method(metrics: Metrics) -> list[str | Note]:
         "and outputs scaled by the envelope in which the robot is known to move and the force of "
         f"a strip; prior deviation {cell_text(choices['dense_prior'])} over the square root of "
         f"the fan-in; measurement deviation {cell_text(choices['dense_noise'])} of the output "
-        f"scale; memory {cell_text(choices['memory'])} s. These were chosen by small searches on "
+        f"scale; memory {cell_text(choices['memory'])} s, but no less than "
+        f"{cell_text(choices['least_memory'])} samples. These were chosen by small searches on "
         "these flights, the same for all runs of a family.",
     ]
     blocks += [Note(text) for text in metrics["left_out"]]

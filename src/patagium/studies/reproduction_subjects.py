@@ -33,12 +33,14 @@ SPREAD = sqrt(3.0)
 """Of the cubature points in standard deviations; sqrt(n) is the paper's rule."""
 WEIGHT_DEVIATION = 0.0999
 """Prior deviation of each weight of a strip network: its variance is just below 1e-2."""
-DENSE_PRIOR = 1.0
+DENSE_PRIOR = 0.5
 """Prior deviation of each weight of a dense network, divided by sqrt(fan-in)."""
 DENSE_NOISE = 0.01
 """Measurement deviation of a dense network, in its output scales."""
-MEMORY = 0.2
+MEMORY = 0.1
 """Time in which a dense network forgets to a share 1/e [s]; strip networks never forget."""
+LEAST_MEMORY = 20
+"""The same in samples, where they are rare: the memory is the longer of the two."""
 REPLAY = 32
 FEATURES = 100
 STEP = {"strip": 0.01, "dense": 0.003, "dense, replayed": 0.03}
@@ -147,7 +149,7 @@ class Setting:
     Attributes:
         scaled: Whether inputs are scaled; else they go in as they are (E7).
         spread: Of the cubature points; None is sqrt(n).
-        memory: See `MEMORY`; None never forgets [s].
+        memory: See `MEMORY` and `LEAST_MEMORY`; None never forgets [s].
         prior: See `DENSE_PRIOR`.
         noise: See `DENSE_NOISE`.
     """
@@ -243,7 +245,7 @@ def make_learner(
         prior = WEIGHT_DEVIATION * np.sqrt(model.fan_in)
     else:
         deviation = setting.noise * subject.strip_force * lever
-        forget = exp(-interval / setting.memory) if setting.memory else 1.0
+        forget = _forgetting(interval, setting.memory)
         prior = setting.prior
     filtering = {
         "prior_deviation": prior,
@@ -279,6 +281,11 @@ def lever_arms(robot: Robot) -> Array:
         jacobian = dynamics.point(body, strip.quarter_chord).jacobian(q)
         total += (jacobian**2).sum(axis=0)
     return np.asarray(np.sqrt(total), float)
+
+
+def _forgetting(interval: float, memory: float | None) -> float:
+    """Factor a sample of a memory [s], None: it never forgets."""
+    return 1.0 if memory is None else exp(-min(interval / memory, 1.0 / LEAST_MEMORY))
 
 
 def _span(subject: Subject, name: str) -> Span:

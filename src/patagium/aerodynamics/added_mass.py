@@ -1,0 +1,241 @@
+"""Added mass of the wings: inertia of the air that moves with them.
+
+Each strip carries a cylinder of air normal to its chord; the strips of a body add up to a
+constant apparent inertia, and Kirchhoff's equations give the force, implicit in the
+acceleration. Beside a model of circulatory lift, which acts at the quarter chord and
+leaves no room for the moment of a steadily moving ideal flow, that moment is taken back.
+Neglected: flow round the tips but for one factor, the rate of a gust, bodies without
+strips, and what separation does to the air carried along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite, pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.smooth import smooth_sign
+from patagium.dynamics.apparent_inertia import ApparentInertia
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.equations import apparent_force
+from patagium.dynamics.kinematics import generalized_force
+from patagium.errors import ParameterError, ShapeError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot.model import Robot, Strip
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """Apparent inertia of the wings, to go with any model of the air.
+
+    A strip of chord c and width ds carries rho pi (c/2)^2 ds along its normal at
+    mid-chord and rho pi/8 (c/2)^4 ds about its span, relative to the air. With U forward,
+    Q the normalwash at three quarters of the chord, m the carried mass and r the pitch
+    rate, circulation takes back the moment m U Q and gives the chordwise force m r Q:
+    together they do no work, and lift and moment become Theodorsen's.
+
+    Args:
+        robot: The machine.
+        air: Its density; wind and gusts are those of the model it goes with.
+        factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect
+            ratio of 3.
+
+    Raises:
+        ParameterError: If the factor is negative or not finite.
+
+    References:
+        Theodorsen (1935), NACA TR 496; Garrick (1936), NACA TR 567; Lamb (1932), section 124.
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.factor) and self.factor >= 0):
+            raise ParameterError("factor", "a number >= 0", self.factor)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        return ("added_mass.density", "added_mass.factor")
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the parameters, (2,)."""
+        return np.array([self.air.density, self.factor])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make it again, as JSON-able values."""
+        return {"air": self.air.describe(), "factor": self.factor}
+
+    def inertia(self, robot: Robot, wind: ca.SX, parameters: ca.SX) -> ApparentInertia:
+        """What the bodies carry along.
+
+        Args:
+            robot: The model's robot, its numbers floats or symbols.
+            wind: Velocity of the air, world axes, (3,) [m/s].
+            parameters: Density [kg/m^3] and factor, (2,).
+        """
+        matrices: dict[int, ca.SX] = {}
+        for strip in robot.strips:
+            density = parameters[0] * parameters[1]
+            mass, spin = _carried(strip, density)
+            moving, turning = _directions(strip)
+            matrix = matrices.get(strip.body, ca.SX(6, 6))
+            added = mass * (moving @ moving.T) + spin * (turning @ turning.T)
+            matrices[strip.body] = matrix + added
+        return ApparentInertia({k: ca.densify(m) for k, m in matrices.items()}, wind)
+
+    def circulation_force(
+        self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> ca.SX:
+        """What circulation takes back of the ideal flow's force, generalized, (n, 1) [N, N m].
+
+        Args:
+            robot: The model's robot, its numbers floats or symbols.
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            wind: Velocity of the air, world axes, (3,) [m/s].
+            parameters: Density [kg/m^3] and factor, (2,).
+        """
+        wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+        for motion in strip_motions(robot, q, v, wind):
+            strip = motion.strip
+            mass, _ = _carried(strip, parameters[0] * parameters[1])
+            forward, normal = vector(strip.forward), vector(strip.normal)
+            behind = (1.0 + smooth_sign(motion.forward)) * (strip.chord / 4)
+            normalwash = -motion.normal_ahead(-behind)
+            force = forward * (mass * motion.pitch_rate * normalwash)
+            # nose down: the span points left of a wing that flies forward, normal x forward
+            moment = cross(normal, forward) * (mass * motion.forward * normalwash)
+            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
+            moment = moment + cross(vector(strip.quarter_chord), force)
+            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+        return generalized_force(robot, q, wrenches)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Generalized inertia of the air carried along, (n, n) [kg, kg m, kg m^2].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+
+        Raises:
+            ShapeError: If q is not (n,).
+        """
+        matrix = self._functions["added_mass_matrix"](*self._checked(q=q), *self._constants)
+        return np.asarray(matrix, float).reshape(self.robot.dof, self.robot.dof)
+
+    def generalized_force(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, wind: ArrayLike | None = None
+    ) -> Array:
+        """Kirchhoff's force of the air carried along on the robot, (n,) [N, N m].
+
+        Args:
+            q: Generalized coordinates, (n,) [m, rad].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+            a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
+                default.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+        """
+        return self._force("added_mass_force", wind, q=q, v=v, a=a)
+
+    def circulatory_force(self, q: ArrayLike, v: ArrayLike, wind: ArrayLike | None = None) -> Array:
+        """What circulation takes back of it, (n,) [N, N m]; arguments as above."""
+        return self._force("circulation_force", wind, q=q, v=v)
+
+    def _force(self, name: str, wind: ArrayLike | None, **arguments: ArrayLike) -> Array:
+        given = self.air.wind_at([0.0])[0] if wind is None else wind
+        arrays = self._checked(**arguments)
+        result = self._functions[name](*arrays, np.asarray(given, float), *self._constants)
+        return np.atleast_1d(np.asarray(result, float))
+
+    def _checked(self, **arguments: ArrayLike) -> list[Array]:
+        arrays = []
+        for name, value in arguments.items():
+            arrays.append(np.asarray(value, float))
+            if arrays[-1].shape != (self.robot.dof,):
+                raise ShapeError(name, (self.robot.dof,), arrays[-1].shape)
+        return arrays
+
+    @property
+    def _constants(self) -> tuple[Array, Array]:
+        return self.robot.parameters, self.parameters
+
+    @cached_property
+    def _functions(self) -> dict[str, NativeFunction]:
+        key, label = f"added mass {self.robot.structure}", f"added mass of {self.robot.name}"
+        return load_functions(key, lambda: added_mass_functions(self), label=label)
+
+
+def added_mass_functions(model: AddedMass) -> list[ca.Function]:
+    """CasADi functions added_mass_matrix, added_mass_force and circulation_force.
+
+    Args:
+        model: The added mass.
+    """
+    robot, robot_parameters = model.robot.symbolic()
+    q, v, a = (ca.SX.sym(name, robot.dof) for name in "qva")
+    wind, parameters = ca.SX.sym("wind", 3), ca.SX.sym("c", 2)
+    added = model.inertia(robot, wind, parameters)
+    names = ["robot_parameters", "aero_parameters"]
+    constants = [robot_parameters, parameters]
+    force = apparent_force(robot, q, v, a, added)
+    matrix = ca.densify(-ca.jacobian(force, a))
+    taken = model.circulation_force(robot, q, v, wind, parameters)
+    return [
+        ca.Function("added_mass_matrix", [q, *constants], [matrix], ["q", *names], ["D"]),
+        ca.Function(
+            "added_mass_force",
+            [q, v, a, wind, *constants],
+            [force],
+            [*"qva", "wind", *names],
+            ["f"],
+        ),
+        ca.Function(
+            "circulation_force", [q, v, wind, *constants], [taken], [*"qv", "wind", *names], ["f"]
+        ),
+    ]
+
+
+def added_mass_from_description(robot: Robot, description: Mapping[str, Any]) -> AddedMass:
+    """The added mass of `AddedMass.describe()`, for a robot.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    known = {"air", "factor"}
+    if set(description) != known:
+        raise ParameterError("added mass", f"the keys {sorted(known)}", sorted(description))
+    return AddedMass(robot, air_from_description(description["air"]), factor=description["factor"])
+
+
+def _carried(strip: Strip, density: Any) -> tuple[Any, Any]:
+    """Mass [kg] and moment of inertia about the span [kg m^2] of a strip's air."""
+    square = strip.chord * strip.chord / 4
+    mass = density * pi * square * strip.width
+    return mass, mass * square / 8
+
+
+def _directions(strip: Strip) -> tuple[ca.SX, ca.SX]:
+    """Twist of the body to normal velocity at mid-chord, and to pitch rate, (6, 1) each."""
+    forward, normal = vector(strip.forward), vector(strip.normal)
+    middle = vector(strip.quarter_chord) - forward * (strip.chord / 4)
+    still = ca.SX.zeros(3, 1)
+    return (
+        ca.vertcat(normal, cross(middle, normal)),
+        ca.vertcat(still, cross(normal, forward)),
+    )

@@ -1,0 +1,161 @@
+"""Inertia of the fluid that moves with each body, as CasADi expressions.
+
+A body that moves through an ideal fluid carries with it the energy 1/2 V^T M V, with V its
+twist relative to the fluid and M a constant symmetric matrix in its own axes; Kirchhoff's
+equations give the force. A steady uniform wind only moves the observer. Neglected: the
+rate of a wind that changes (a gust's push on the apparent mass), the fluid between bodies,
+vorticity and its wake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from patagium.dynamics.chain import Turn, cross
+from patagium.dynamics.kinematics import (
+    body_poses,
+    body_velocities,
+    in_body_axes,
+)
+from patagium.robot.model import Robot
+
+
+@dataclass(frozen=True)
+class ApparentInertia:
+    """What the bodies carry along of the fluid, and how the fluid moves.
+
+    Attributes:
+        matrices: For a body's index its apparent inertia about the body's origin, (6, 6)
+            symmetric, linear before angular, body axes [kg, kg m, kg m^2].
+        wind: Velocity of the fluid far away, world axes, (3, 1) [m/s].
+    """
+
+    matrices: Mapping[int, ca.SX]
+    wind: ca.SX
+
+
+class CarriedFluid:
+    """Apparent inertia of a composite body about an origin, in blocks.
+
+    With linear velocity v of the origin and angular velocity w: linear momentum
+    A v + B w, angular momentum B^T v + C w.
+
+    Args:
+        matrix: (6, 6), symmetric.
+    """
+
+    def __init__(self, matrix: ca.SX) -> None:
+        self.a, self.b, self.c = matrix[:3, :3], matrix[:3, 3:], matrix[3:, 3:]
+
+    def momenta(self, v: ca.SX, w: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Linear and angular momentum, (3, 1) each."""
+        return self.a @ v + self.b @ w, self.b.T @ v + self.c @ w
+
+    def merge(self, other: CarriedFluid) -> None:
+        """Add what another body carries, about the same origin in the same axes."""
+        self.a, self.b, self.c = self.a + other.a, self.b + other.b, self.c + other.c
+
+    def turn(self, turned: Turn) -> None:
+        """The same in the axes before a turn."""
+        self.a, self.c = turned.inward_inertia(self.a), turned.inward_inertia(self.c)
+        self.b = turned.matrix @ self.b @ turned.matrix.T
+
+    def turn_fixed(self, matrix: ca.SX) -> None:
+        """The same in other axes."""
+        self.a, self.b, self.c = (matrix @ block @ matrix.T for block in (self.a, self.b, self.c))
+
+    def shift(self, offset: ca.SX) -> None:
+        """The same about an origin from which the old one is at `offset`."""
+        arm = ca.skew(offset)
+        moved = self.b - self.a @ arm
+        self.c = self.c + arm @ moved - self.b.T @ arm
+        self.b = moved
+
+
+def kirchhoff_wrench(
+    matrix: ca.SX, v: ca.SX, w: ca.SX, acceleration: ca.SX, dw: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Force and moment about the origin that the motion of a body through a fluid takes.
+
+    With p = A v + B w and h = B^T v + C w: dp/dt + w x p and dh/dt + w x h + v x p.
+
+    Args:
+        matrix: Apparent inertia, (6, 6).
+        v: Velocity of the origin relative to the fluid, body axes, (3, 1) [m/s].
+        w: Angular velocity, body axes, (3, 1) [rad/s].
+        acceleration: Of the origin, an observer's, in body axes, (3, 1) [m/s^2].
+        dw: Angular acceleration, body axes, (3, 1) [rad/s^2].
+
+    References:
+        Lamb (1932), Hydrodynamics, sections 121-124.
+    """
+    fluid = CarriedFluid(matrix)
+    p, h = fluid.momenta(v, w)
+    dp, dh = fluid.momenta(acceleration - cross(w, v), dw)
+    return dp + cross(w, p), dh + cross(w, h) + cross(v, p)
+
+
+def apparent_wrenches(
+    robot: Robot,
+    q: ca.SX,
+    v: ca.SX,
+    accelerations: Mapping[int, tuple[ca.SX, ca.SX]],
+    added: ApparentInertia,
+) -> dict[int, tuple[ca.SX, ca.SX]]:
+    """Kirchhoff's wrench of every body that carries fluid, about its origin, body axes.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        accelerations: For a body's index the acceleration of its origin and its angular
+            acceleration, body axes, (3, 1) each.
+        added: What the bodies carry along.
+    """
+    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, added.wind)
+    return {
+        body: kirchhoff_wrench(
+            matrix, twists[body].linear - winds[body], twists[body].angular, *accelerations[body]
+        )
+        for body, matrix in added.matrices.items()
+    }
+
+
+def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca.SX:
+    """Linear momentum of the fluid that moves with the bodies, world axes, (3, 1) [kg m/s]."""
+    poses, total = body_poses(robot, q), ca.SX.zeros(3, 1)
+    for body, linear, _, _, _ in _momenta(robot, q, v, added):
+        total = total + poses[body].rotation @ linear
+    return total
+
+
+def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca.SX:
+    """Kinetic energy of the fluid that moves with the bodies, seen from the ground, scalar [J].
+
+    1/2 sum_b V_b^T M_b V_b + wind . momentum: beside the energy of the undisturbed wind.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        added: What the bodies carry along.
+    """
+    energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))
+    for _, linear, angular, velocity, spin in _momenta(robot, q, v, added):
+        energy = energy + (ca.dot(linear, velocity) + ca.dot(angular, spin)) / 2
+    return energy
+
+
+def _momenta(
+    robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia
+) -> list[tuple[int, ca.SX, ca.SX, ca.SX, ca.SX]]:
+    """Body, its fluid's linear and angular momentum, and its twist relative to the fluid."""
+    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, added.wind)
+    result = []
+    for body, matrix in added.matrices.items():
+        velocity, spin = twists[body].linear - winds[body], twists[body].angular
+        result.append((body, *CarriedFluid(matrix).momenta(velocity, spin), velocity, spin))
+    return result

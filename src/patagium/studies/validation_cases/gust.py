@@ -1,0 +1,40 @@
+"""A section that flies into a sharp-edged gust: Kuessner's function."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from patagium.aerodynamics import FOUR_STATE, TWO_STATE
+from patagium.aerodynamics.thin_airfoil import kussner_function
+from patagium.studies.validation_cases.case import CaseResult, largest_difference
+from patagium.studies.validation_cases.wings import (
+    INFINITE,
+    lifting_line,
+    rectangular_wing,
+    step_response,
+)
+
+
+def compute() -> list[CaseResult]:
+    """Lift of a wing without end in a gust that is uniform in space, as all our gusts are."""
+    s = np.linspace(0.0, 20.0, 101)
+    wing, expected = rectangular_wing(INFINITE, 3), kussner_function(s)
+    lags = {"two states": TWO_STATE, "four states": FOUR_STATE}
+    models = {name: step_response(lifting_line(wing, lag), s) for name, lag in lags.items()}
+    return [
+        CaseResult(
+            "Sharp-edged gust",
+            "Kuessner (1936), by quadrature",
+            "distance travelled [semichords]",
+            "lift over its final value [1]",
+            s,
+            expected,
+            models,
+            "largest difference [1]",
+            largest_difference(expected, models),
+            {},
+            "Our gusts strike the whole chord at once: the model answers with Wagner's function, "
+            "half the lift too much at the first instant. Gusts longer than some chords do not "
+            "feel it.",
+        )
+    ]

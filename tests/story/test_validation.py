@@ -1,0 +1,63 @@
+"""`patagium validate`: the page, and the errors it promises."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from patagium.cli.main import run
+from patagium.errors import ParameterError, ShapeError
+from patagium.studies.validation import error_rows, validate
+from patagium.studies.validation_cases import CASES
+from patagium.studies.validation_cases.case import CaseResult
+
+THEORY = [name for name in CASES if name != "measured_wing"]
+
+
+@pytest.fixture(scope="module")
+def errors():
+    rows = error_rows(validate(THEORY))
+    return {(row["case"], row["model"]): row["error"] for row in rows if row["ours"]}
+
+
+def test_errors_against_theory_are_the_ones_promised(errors):
+    # Wagner and Theodorsen: what the fitted sets reach, in the limit of a wing without end
+    assert errors["Wagner step", "two states"] <= 0.010
+    assert errors["Theodorsen", "two states"] <= 0.015
+    assert errors["Theodorsen", "four states"] <= 0.005
+    assert errors["Theodorsen", "one state"] > 0.02  # and it can tell
+    assert errors["Sharp-edged gust", "four states"] == pytest.approx(0.5, abs=0.01)  # Wagner's
+    for quantity in ("lift", "induced drag"):
+        assert errors[f"Elliptic wing, {quantity}", "40 strips"] < 0.01
+        assert errors[f"Rectangular wing, {quantity}", "40 strips"] < 0.01
+    # Jones' own exponentials, on the wing without end
+    assert errors["Sudden plunge, wing without end", "lifting line"] < 1e-3
+
+
+def test_the_command_writes_the_page(tmp_path, capsys):
+    page = tmp_path / "page.html"
+    with pytest.raises(SystemExit) as left:
+        run(["validate", "--only", "wagner", "--only", "measured_wing", "-o", str(page), "--json"])
+    assert not left.value.code
+    rows = {(r["case"], r["model"]): r for r in json.loads(capsys.readouterr().out)}
+    measured = rows["A measured flapping wing", "the same with added mass"]
+    assert measured["error"] <= 0.027  # newton; a vortex lattice has .0291
+    assert any(not row["ours"] for row in rows.values())
+    text = page.read_text("utf-8")
+    assert "Wagner step" in text and text.count("<img") == 2
+
+
+def test_an_unknown_case_is_refused():
+    with pytest.raises(ParameterError, match="wagner"):
+        validate(["wager"])
+
+
+def test_every_module_of_cases_is_named():
+    for name in CASES:
+        assert callable(import_module(f"patagium.studies.validation_cases.{name}").compute)
+    with pytest.raises(ShapeError):
+        x = np.zeros(3)
+        CaseResult("a", "b", "c", "d", x, x, {"e": np.zeros(2)}, "f", {}, {}, "g")
