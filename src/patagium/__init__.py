@@ -34,11 +34,13 @@ if TYPE_CHECKING:
     from patagium.errors import RobotFileError as RobotFileError
     from patagium.errors import ShapeError as ShapeError
     from patagium.errors import SimulationFailed as SimulationFailed
+    from patagium.identification import ChangeDetection as ChangeDetection
     from patagium.identification import CubatureLearner as CubatureLearner
     from patagium.identification import DenseNetwork as DenseNetwork
     from patagium.identification import ExtendedLearner as ExtendedLearner
     from patagium.identification import GradientLearner as GradientLearner
     from patagium.identification import LinearLearner as LinearLearner
+    from patagium.identification import LowRank as LowRank
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
     from patagium.identification.identify import identify as identify
@@ -87,11 +89,13 @@ _HOMES = {
         "simulate_published",
     ),
     "identification": (
+        "ChangeDetection",
         "CubatureLearner",
         "DenseNetwork",
         "ExtendedLearner",
         "GradientLearner",
         "LinearLearner",
+        "LowRank",
         "StripNetwork",
         "evaluate",
         "identify",

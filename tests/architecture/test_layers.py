@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 PUBLIC = {
     "AddedMass",
     "Air",
+    "ChangeDetection",
     "CompilerError",
     "CubatureLearner",
     "DenseNetwork",
@@ -31,6 +32,7 @@ PUBLIC = {
     "LiftingLine",
     "LinearLearner",
     "LogError",
+    "LowRank",
     "OneMinusCosineGust",
     "Outcome",
     "ParameterError",

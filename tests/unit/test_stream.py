@@ -41,6 +41,10 @@ class Kalman:
     def covariance(self) -> Array:
         return np.kron(np.eye(self.network.outputs), self.one)
 
+    @property
+    def variances(self) -> Array:
+        return np.diagonal(self.covariance)
+
     def predict(self, x: Array) -> tuple[Array, Array]:
         variance = x @ self.one @ x + self.noise**2
         mean = self.network.evaluate(x[None], self.weights)[0]

@@ -1,5 +1,6 @@
 """What we learn: networks, learners, training data, the online stream and its scores."""
 
+from patagium.identification.change import ChangeDetection
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
 from patagium.identification.extended import ExtendedLearner
@@ -13,16 +14,19 @@ from patagium.identification.network import network_from_description
 from patagium.identification.result import Identification, load_identification
 from patagium.identification.stream import stream
 from patagium.identification.strip import StripNetwork
+from patagium.identification.structure import LowRank
 from patagium.identification.table import Table, read_table
 from patagium.identification.training_data import training_data
 
 __all__ = [
+    "ChangeDetection",
     "CubatureLearner",
     "DenseNetwork",
     "ExtendedLearner",
     "GradientLearner",
     "Identification",
     "LinearLearner",
+    "LowRank",
     "Model",
     "StripNetwork",
     "Table",

@@ -15,6 +15,7 @@ from patagium.errors import Outcome
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost, lower_factor, measured_root, with_noise
 from patagium.identification.spread import Moments, SpreadRule, moments_of
+from patagium.identification.structure import Structure
 
 Array = NDArray[np.float64]
 _POINTS_AT_ONCE = 256
@@ -30,6 +31,7 @@ class FilterSetting(NamedTuple):
         process_noise: Variances added to the weights before each sample, (n,).
         forgetting_factor: Divides the covariance before each sample.
         dtype: Of the square root and of the points: "float64" or "float32".
+        structure: What is kept of the covariance.
     """
 
     network: Network
@@ -38,6 +40,7 @@ class FilterSetting(NamedTuple):
     process_noise: Array
     forgetting_factor: float
     dtype: str
+    structure: Structure = "full"
 
     @property
     def has_process_noise(self) -> bool:
@@ -65,6 +68,11 @@ class WeightFilter(Protocol):
         """W, (n,)."""
         ...
 
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared e' P_yy^-1 e of the last sample learned."""
+        ...
+
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured.
 
@@ -77,12 +85,20 @@ class WeightFilter(Protocol):
         """Learn one sample; whatever is not COMPLETED changed nothing."""
         ...
 
-    def root(self) -> Array:
-        """The square root of the covariance after the last sample, (n, n)."""
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once.
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
+        """
         ...
 
     def covariance(self) -> Array:
         """P after the last sample, (n, n)."""
+        ...
+
+    def variances(self) -> Array:
+        """Its diagonal, (n,)."""
         ...
 
 
@@ -102,6 +118,7 @@ class ArrayFilter:
     def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
         self.setting = setting
         self.mean = np.array(mean, float)
+        self.nis = float("nan")
         self._root = np.array(root, setting.dtype)
         self._grown: Array | None = None
 
@@ -124,11 +141,18 @@ class ArrayFilter:
             after, cross, inverse = self._measured(root, found.slopes, found.remainder)
         except MatrixLost as lost:
             return lost.outcome, prediction
-        mean = self.mean + cross @ (inverse @ (inverse.T @ innovation))
-        if not (np.isfinite(mean).all() and np.isfinite(after).all()):
+        whitened = inverse.T @ innovation
+        nis, mean = float(whitened @ whitened), self.mean + cross @ (inverse @ whitened)
+        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
         self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
+        self.nis = nis
         return Outcome.COMPLETED, prediction
+
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once."""
+        grown = with_noise(np.sqrt(growth) * self.root(), noise)
+        self._root, self._grown = grown.astype(self.setting.dtype), None
 
     def root(self) -> Array:
         """The square root of the covariance after the last sample, (n, n)."""
@@ -138,6 +162,11 @@ class ArrayFilter:
         """P after the last sample, (n, n)."""
         root = self.root()
         return np.asarray(root @ root.T)
+
+    def variances(self) -> Array:
+        """Its diagonal, (n,)."""
+        root = self.root()
+        return np.asarray(np.einsum("ij,ij->i", root, root))
 
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
@@ -166,6 +195,7 @@ class CholeskyFilter:
     def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
         self.setting = setting
         self.mean = np.array(mean, float)
+        self.nis = float("nan")
         self._covariance = np.asarray(root @ root.T, setting.dtype)
 
     @np.errstate(over="ignore", invalid="ignore")
@@ -193,13 +223,21 @@ class CholeskyFilter:
             return lost.outcome, prediction
         cross = root.astype(float) @ found.slopes
         gain = np.linalg.solve(prediction.covariance, cross.T).T
-        mean = self.mean + gain @ (y - found.mean)
-        if not np.isfinite(mean).all():
+        innovation = y - found.mean
+        nis = float(innovation @ np.linalg.solve(prediction.covariance, innovation))
+        mean = self.mean + gain @ innovation
+        if not (np.isfinite(nis) and np.isfinite(mean).all()):
             return Outcome.NOT_FINITE, prediction
         smaller = covariance - gain @ prediction.covariance @ gain.T
         self._covariance = ((smaller + smaller.T) / 2).astype(self.setting.dtype)
-        self.mean = mean
+        self.mean, self.nis = mean, nis
         return Outcome.COMPLETED, prediction
+
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once."""
+        covariance = growth * self.covariance()
+        covariance[np.diag_indices_from(covariance)] += noise
+        self._covariance = covariance.astype(self.setting.dtype)
 
     def root(self) -> Array:
         """The Cholesky factor of the covariance after the last sample, (n, n).
@@ -212,6 +250,10 @@ class CholeskyFilter:
     def covariance(self) -> Array:
         """P after the last sample, (n, n)."""
         return self._covariance.astype(float)
+
+    def variances(self) -> Array:
+        """Its diagonal, (n,)."""
+        return np.diagonal(self._covariance).astype(float)
 
     def _advanced(self) -> Array:
         covariance = self.covariance() / self.setting.forgetting_factor

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
-from patagium.identification.array_filter import CholeskyFilter, FilterSetting
-from patagium.identification.filter_learner import FilterLearner, compact
-from patagium.identification.kernel_filter import restore
-from patagium.identification.learner import forgetting
+from patagium.identification.array_filter import CholeskyFilter
+from patagium.identification.assumptions import assume
+from patagium.identification.change import ChangeDetection
+from patagium.identification.filter_learner import FilterLearner
+from patagium.identification.filters import cubature_filter
 from patagium.identification.network import Network
-from patagium.identification.scaling import center_of, scale_of
 from patagium.identification.spread import spread_rule
+from patagium.identification.structure import Structure
 
 Array = NDArray[np.float64]
 SquareRoot = Literal["transform", "cholesky"]
@@ -29,17 +30,29 @@ Precision = Literal["float64", "float32"]
 class CubatureLearner(FilterLearner):
     """Square-root cubature Kalman filter over the weights of a network.
 
-    Before each sample P <- P / forgetting_factor + Q, Q = diag(process_deviation^2). The
-    points W +- kappa S e_i, P = S S', give mean and covariance of y and, with a sample,
+    Before each sample P <- (1 - prior_share) P / forgetting_factor + prior_share P0 + Q,
+    Q = diag(process_deviation^2). The points W +- kappa S e_i, P = S S', give mean and
+    covariance of y and, with a sample,
 
         W <- W + S Z P_yy^-1 (y - mean),    P <- P - S Z P_yy^-1 Z' S'.
 
+    `covariance` says what is kept of P (cost of an update, memory in numbers; k weights a
+    neuron, b a layer):
+
+    - "full": all of it; n^2 (n_y + 8), n^2 / 2. Noise between samples adds n^3.
+    - "layer": one block a layer; the same with the sum of b^2 in place of n^2.
+    - "node": one block a neuron; 2 n k, n k / 2 where at most one linear layer follows, about
+      n n_y (k + 2 n_y) further from the outputs; noise between samples adds n k^2 / 3.
+    - LowRank(r): the inverse of a diagonal plus r columns; n (r + n_y)^2, n (r + 2 n_y): for
+      10^4 weights and more. NumPy; the points lie along n_y columns and dy/dW is used.
+
     `square_root="transform"` carries S itself, lower triangular, through the update: compiled,
-    about n^2 (n_y + 8) multiplications and additions and n^2/2 numbers of memory, positive
-    definite by construction. Its points are those of the Cholesky factor, so it equals
-    Algorithm 1 of the paper but for rounding. Forgetting scales S; Q > 0 costs a
-    factorization of order n^3 a sample. `"cholesky"` is Algorithm 1 to rounding: P is
-    carried and factorized at every sample (order n^3).
+    positive definite by construction. Its points are those of the Cholesky factor, so with
+    "full" it equals Algorithm 1 of the paper but for rounding. `"cholesky"` is Algorithm 1 to
+    rounding: P is carried, full, and factorized at every sample (order n^3).
+
+    Forgetting alone makes P grow without bound along what the samples do not excite; with
+    prior_share alone it never exceeds P0.
 
     Args:
         network: The network whose weights are learned.
@@ -56,13 +69,19 @@ class CubatureLearner(FilterLearner):
             themselves and the algebra of y are double in both.
         seed: Seed of the weights to start from.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        prior_share: Share of the covariance before any sample that is mixed in before each
+            sample, 0 <= share < 1: a memory of 1 / share samples.
+        covariance: "full", "layer", "node" or `LowRank(rank)`.
+        change_detection: When the covariance is opened anew; None: never.
 
     Raises:
-        ParameterError: If a number is out of its range.
+        ParameterError: If a number is out of its range, or "cholesky" is not of "full".
         ShapeError: If a deviation has another shape.
 
     References:
-        Arasaratnam & Haykin (2009), Cubature Kalman filters, IEEE TAC 54(6).
+        Arasaratnam & Haykin (2009), Cubature Kalman filters, IEEE TAC 54(6); Puskorius &
+        Feldkamp (1991), Decoupled extended Kalman filter training, IJCNN; Chang et al. (2023),
+        Low-rank extended Kalman filtering, CoLLAs.
     """
 
     def __init__(
@@ -77,26 +96,34 @@ class CubatureLearner(FilterLearner):
         dtype: Precision = "float64",
         seed: int = 0,
         forgetting_factor: float = 1.0,
+        prior_share: float = 0.0,
+        covariance: Structure = "full",
+        change_detection: ChangeDetection | None = None,
     ) -> None:
         if square_root not in get_args(SquareRoot):
             raise ParameterError("square_root", '"transform" or "cholesky"', square_root)
         if dtype not in get_args(Precision):
             raise ParameterError("dtype", '"float64" or "float32"', dtype)
-        prior = scale_of("prior_deviation", prior_deviation, network.size)
-        noise = scale_of("measurement_deviation", measurement_deviation, network.outputs)
-        wander = center_of("process_deviation", process_deviation, network.size)
-        self._setting = FilterSetting(
+        if square_root == "cholesky" and covariance != "full":
+            raise ParameterError("covariance", '"full" with square_root="cholesky"', covariance)
+        assumptions = assume(
             network,
-            spread_rule(network.size, spread),
-            noise**2,
-            wander**2,
-            forgetting(forgetting_factor),
-            dtype,
+            prior_deviation,
+            measurement_deviation,
+            process_deviation,
+            forgetting_factor,
+            prior_share,
+            covariance,
         )
-        self._square_root, self._seed, self._prior = square_root, seed, prior
-        root = np.diag(prior / np.sqrt(network.fan_in))
-        make = CholeskyFilter if square_root == "cholesky" else restore
-        super().__init__(network, make(self._setting, network.initial(seed), root))
+        setting = assumptions.setting(spread_rule(network.size, spread), dtype)
+        self._setting, self._square_root, self._seed = setting, square_root, seed
+        mean, deviation = network.initial(seed), np.sqrt(assumptions.prior_variance)
+        weight_filter = (
+            CholeskyFilter(setting, mean, np.diag(deviation))
+            if square_root == "cholesky"
+            else cubature_filter(setting, mean, deviation)
+        )
+        super().__init__(assumptions, weight_filter, change_detection)
 
     @property
     def spread(self) -> float:
@@ -105,16 +132,11 @@ class CubatureLearner(FilterLearner):
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
-        setting = self._setting
         return {
             "kind": "cubature",
-            "network": self._network.describe(),
-            "prior_deviation": compact(self._prior),
-            "measurement_deviation": compact(np.sqrt(setting.noise)),
-            "process_deviation": compact(np.sqrt(setting.process_noise)),
+            **super().describe(),
             "spread": self.spread,
             "square_root": self._square_root,
-            "dtype": setting.dtype,
+            "dtype": self._setting.dtype,
             "seed": self._seed,
-            "forgetting_factor": setting.forgetting_factor,
         }

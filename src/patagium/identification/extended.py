@@ -11,33 +11,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.identification.array_filter import ArrayFilter, FilterSetting
-from patagium.identification.filter_learner import FilterLearner, compact
-from patagium.identification.learner import forgetting
+from patagium.identification.assumptions import assume
+from patagium.identification.change import ChangeDetection
+from patagium.identification.filter_learner import FilterLearner
+from patagium.identification.filters import extended_filter
 from patagium.identification.network import Network
-from patagium.identification.root import transformed_root
-from patagium.identification.scaling import center_of, scale_of
-from patagium.identification.spread import Moments, spread_rule
+from patagium.identification.spread import spread_rule
+from patagium.identification.structure import Structure
 
 Array = NDArray[np.float64]
-
-
-class ExtendedFilter(ArrayFilter):
-    """The same square-root step with Z = S' H' and M = R, S not triangular."""
-
-    _measured = staticmethod(transformed_root)
-
-    def _moments(self, x: Array, root: Array) -> Moments:
-        network = self.setting.network
-        y, slope = network.linearized(network.encode_one(x), self.mean)
-        return Moments(y, root.T @ slope.T, np.diag(self.setting.noise))
 
 
 class ExtendedLearner(FilterLearner):
     """Extended Kalman filter over the weights of a network, in square-root form.
 
-    Before each sample P <- P / forgetting_factor + Q; then with H = dy/dW at W,
-    P_yy = H P H' + R, W <- W + P H' P_yy^-1 (y - y(W)), P <- P - P H' P_yy^-1 H P.
+    Before each sample P <- (1 - prior_share) P / forgetting_factor + prior_share P0 + Q; then
+    with H = dy/dW at W, P_yy = H P H' + R, W <- W + P H' P_yy^-1 (y - y(W)),
+    P <- P - P H' P_yy^-1 H P; of that, what `covariance` keeps. In NumPy: cost and memory of
+    "full", "layer" and "node" are those of full matrices, of order n^2; `LowRank(r)` takes
+    n (r + n_y)^2 and n (r + 2 n_y), and is the low-rank filter of Chang et al.
 
     Args:
         network: The network whose weights are learned.
@@ -49,6 +41,10 @@ class ExtendedLearner(FilterLearner):
             samples, scalar or (n,); not divided by anything.
         seed: Seed of the weights to start from.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        prior_share: Share of the covariance before any sample that is mixed in before each
+            sample, 0 <= share < 1: a memory of 1 / share samples.
+        covariance: "full", "layer", "node" or `LowRank(rank)`.
+        change_detection: When the covariance is opened anew; None: never.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -56,7 +52,7 @@ class ExtendedLearner(FilterLearner):
 
     References:
         Singhal & Wu (1989), Training multilayer perceptrons with the extended Kalman
-        algorithm, NIPS 1.
+        algorithm, NIPS 1; Chang et al. (2023), Low-rank extended Kalman filtering, CoLLAs.
     """
 
     def __init__(
@@ -68,30 +64,25 @@ class ExtendedLearner(FilterLearner):
         process_deviation: ArrayLike = 0.0,
         seed: int = 0,
         forgetting_factor: float = 1.0,
+        prior_share: float = 0.0,
+        covariance: Structure = "full",
+        change_detection: ChangeDetection | None = None,
     ) -> None:
-        prior = scale_of("prior_deviation", prior_deviation, network.size)
-        noise = scale_of("measurement_deviation", measurement_deviation, network.outputs)
-        wander = center_of("process_deviation", process_deviation, network.size)
-        setting = FilterSetting(
+        assumptions = assume(
             network,
-            spread_rule(network.size, None),
-            noise**2,
-            wander**2,
-            forgetting(forgetting_factor),
-            "float64",
+            prior_deviation,
+            measurement_deviation,
+            process_deviation,
+            forgetting_factor,
+            prior_share,
+            covariance,
         )
-        root = np.diag(prior / np.sqrt(network.fan_in))
-        super().__init__(network, ExtendedFilter(setting, network.initial(seed), root))
-        self._setting, self._prior, self._seed = setting, prior, seed
+        setting = assumptions.setting(spread_rule(network.size, None), "float64")
+        deviation = np.sqrt(assumptions.prior_variance)
+        weight_filter = extended_filter(setting, network.initial(seed), deviation)
+        super().__init__(assumptions, weight_filter, change_detection)
+        self._seed = seed
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
-        return {
-            "kind": "extended",
-            "network": self._network.describe(),
-            "prior_deviation": compact(self._prior),
-            "measurement_deviation": compact(np.sqrt(self._setting.noise)),
-            "process_deviation": compact(np.sqrt(self._setting.process_noise)),
-            "seed": self._seed,
-            "forgetting_factor": self._setting.forgetting_factor,
-        }
+        return {"kind": "extended", **super().describe(), "seed": self._seed}

@@ -6,13 +6,17 @@ A filter differs from another in how it finds mean, slopes and remainder of y; s
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from time import perf_counter_ns
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import Outcome
+from patagium.errors import Outcome, ParameterError
 from patagium.identification.array_filter import WeightFilter
+from patagium.identification.assumptions import Assumptions
+from patagium.identification.change import ChangeDetection, ChangeMonitor
 from patagium.identification.learner import Stopwatch, as_input, as_sample, diverged
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
@@ -24,14 +28,24 @@ class FilterLearner:
     """An estimate of weights with a covariance, moved by one sample at a time.
 
     Args:
-        network: The network whose weights are learned.
+        assumptions: What it takes for granted.
         weight_filter: Mean and covariance of the weights, and the step over them.
+        change_detection: When the covariance is opened anew; None: never.
     """
 
-    def __init__(self, network: Network, weight_filter: WeightFilter) -> None:
-        self._network, self._filter = network, weight_filter
+    def __init__(
+        self,
+        assumptions: Assumptions,
+        weight_filter: WeightFilter,
+        change_detection: ChangeDetection | None,
+    ) -> None:
+        self._network, self._filter = assumptions.network, weight_filter
+        self._assumptions = assumptions
         self._stopwatch = Stopwatch()
-        self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
+        self._monitor = None if change_detection is None else ChangeMonitor(change_detection)
+        self._changes: list[int] = []
+        outputs = self._network.outputs
+        self._innovation_covariance = np.full((outputs, outputs), np.nan)
 
     @property
     def network(self) -> Network:
@@ -47,6 +61,21 @@ class FilterLearner:
     def covariance(self) -> Array:
         """Covariance P of the weights after the last sample, (n, n); symmetric."""
         return self._filter.covariance()
+
+    @property
+    def variances(self) -> Array:
+        """Its diagonal, (n,), without the rest."""
+        return self._filter.variances()
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared e' P_yy^-1 e of the last sample; NaN before the first."""
+        return self._filter.nis
+
+    @property
+    def changes(self) -> tuple[int, ...]:
+        """Samples (counted from 1) at which a change was detected and the covariance opened."""
+        return tuple(self._changes)
 
     @property
     def innovation_covariance(self) -> Array:
@@ -109,10 +138,30 @@ class FilterLearner:
         if outcome is not Outcome.COMPLETED:
             raise diverged(outcome, self.count, sample, measured)
         self._innovation_covariance = prediction.covariance
+        if self._monitor is not None and self._monitor.alarmed_by(self._filter.nis, len(measured)):
+            self._changes.append(self.count + 1)
+            self.reopen(self._monitor.detection.reopening)
         self._stopwatch.add(perf_counter_ns() - started)
         return measured - prediction.mean
 
+    def reopen(self, share: float) -> None:
+        """Doubt what was learned: P <- (1 - share) P + share P0, the weights as they are.
 
-def compact(values: Array) -> float | list[float]:
-    """A vector as one number where all are equal, for descriptions."""
-    return float(values[0]) if (values == values[0]).all() else [float(v) for v in values]
+        Args:
+            share: Of the covariance before any sample, 0 < share <= 1.
+
+        Raises:
+            ParameterError: If it is out of its range.
+            FilterDiverged: If the covariance was lost.
+        """
+        if not 0 < share <= 1:
+            raise ParameterError("share", "above 0 and at most 1", share)
+        try:
+            self._filter.drift(1.0 - share, share * self._assumptions.prior_variance)
+        except MatrixLost as lost:
+            raise diverged(lost.outcome, self.count, np.zeros(0), np.zeros(0)) from None
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        detection = None if self._monitor is None else asdict(self._monitor.detection)
+        return {**self._assumptions.describe(), "change_detection": detection}

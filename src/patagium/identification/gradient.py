@@ -80,6 +80,11 @@ class GradientLearner:
         return None
 
     @property
+    def variances(self) -> None:
+        """None, as there is no covariance."""
+        return None
+
+    @property
     def count(self) -> int:
         """Samples learned."""
         return self._stopwatch.count

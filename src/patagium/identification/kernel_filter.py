@@ -15,21 +15,29 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.array_filter import ArrayFilter, FilterSetting, Prediction
-from patagium.identification.network import Network
+from patagium.identification.block_filter import BlockFilter, setting_blocks
+from patagium.identification.kernel_memory import (
+    ACTIVATION_CODES,
+    aligned,
+    install_encoder,
+    kernel_function,
+    rounded_up,
+)
 from patagium.identification.root import with_noise
+from patagium.identification.structure import Indices
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
 
-_INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "unused")
-_NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest")
+_INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "blocks")
+_NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest", "nis")
+_LAYOUT = ("widths", "starts", "counts")
 _STATE = ("mean", "noise", "root", "near")
 _WORK = ("slopes", "bends", "steps", "shrinks", "cross", "points", "at_mean", "weighting", "small")
 _ENCODER = ("encode", "encode_arguments", "encode_results")
 _SAMPLE = ("features", "readout", "offset", "measured")
 _RESULT = ("predicted", "innovation", "covariance")
 _ARRAYS = (*_STATE, *_WORK, *_SAMPLE, *_RESULT)
-_ACTIVATIONS = {"softplus": 0, "tanh": 1}
 
 
 class _Cubature(ctypes.Structure):
@@ -37,7 +45,7 @@ class _Cubature(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int32) for name in _INTEGERS),
-        ("widths", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in _LAYOUT),
         *((name, ctypes.c_double) for name in _NUMBERS),
         *((name, ctypes.c_void_p) for name in (*_STATE, *_WORK, *_ENCODER, *_SAMPLE, *_RESULT)),
     ]
@@ -51,10 +59,11 @@ def load_cubature(dtype: str) -> ctypes.CDLL | None:
 
 
 class KernelFilter:
-    """Square-root filter, compiled; its equations are `ArrayFilter`'s.
+    """Square-root filter, compiled, of one block or one a layer.
 
-    An update costs about n^2 (n_y + 8) multiplications and additions and two passes over
-    half a matrix; process noise adds a factorization of order n^3.
+    Its equations are those of `ArrayFilter` and `BlockFilter`. With b weights a block, an update
+    costs about the sum of b^2 (n_y + 8) multiplications and additions and two passes over half
+    a matrix of each block; process noise adds factorizations of order b^3.
 
     Args:
         setting: What it is made of.
@@ -67,12 +76,15 @@ class KernelFilter:
         self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
+        self._blocks = setting_blocks(setting)
         self._lanes = int(library.cubature_lanes())
         self._arrays = _allocate(setting, self._lanes)
         self._struct = _structure(setting, self._arrays)
-        self._x, self._keep = _install_encoder(setting.network, self._struct, self._arrays)
+        self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
-        self._predict, self._update = (_function(library, name) for name in ("predict", "update"))
+        self._predict, self._update = (
+            kernel_function(library, f"cubature_{name}") for name in ("predict", "update")
+        )
         self._features, self._readout = self._arrays["features"], self._arrays["readout"]
         self._offset, self._measured = self._arrays["offset"], self._arrays["measured"]
         self._arrays["mean"][:] = mean
@@ -87,6 +99,11 @@ class KernelFilter:
     def mean(self) -> Array:
         """W, (n,)."""
         return self._arrays["mean"].copy()
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared of the last sample learned."""
+        return float(self._struct.nis)
 
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
@@ -109,31 +126,50 @@ class KernelFilter:
         """The square root of the covariance after the last sample, (n, n)."""
         if self._before_noise is not None:
             return self._before_noise
-        count = self.setting.network.size
-        whole = np.zeros((self._struct.rows, self._struct.rows))
-        for columns, panel in self._panels():
-            whole[columns.start :, columns] = panel
-        return whole[:count, :count]
+        whole = np.zeros((self.setting.network.size,) * 2)
+        for block, first, panel in self._panels():
+            columns, rows = block[first : first + panel.shape[1]], block[first:]
+            whole[np.ix_(rows, columns)] = panel[: len(rows), : len(columns)]
+        return whole
 
     def covariance(self) -> Array:
         """P after the last sample, (n, n)."""
         root = self.root()
         return np.asarray(root @ root.T)
 
-    def _panels(self) -> Iterator[tuple[slice, Array]]:
-        """Columns of every panel, and its rows from the first of them on."""
-        width, rows, start = 2 * self._lanes, self._struct.rows, 0
-        for first in range(0, rows, width):
-            end = start + (rows - first) * width
-            yield slice(first, first + width), self._arrays["root"][start:end].reshape(-1, width)
-            start = end
+    def variances(self) -> Array:
+        """Its diagonal, (n,)."""
+        root = self.root()
+        return np.asarray(np.einsum("ij,ij->i", root, root))
+
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once."""
+        self._put_root(self._drifted(growth, noise))
+        self._before_noise = None
+
+    def _panels(self) -> Iterator[tuple[Indices, int, Array]]:
+        """Every panel: weights of its block, its first column in it, its rows from there on."""
+        width, start = 2 * self._lanes, 0
+        for block in self._blocks:
+            rows = rounded_up(len(block), width)
+            for first in range(0, rows, width):
+                end = start + (rows - first) * width
+                yield block, first, self._arrays["root"][start:end].reshape(-1, width)
+                start = end
 
     def _put_root(self, root: Array) -> None:
-        whole = np.zeros((self._struct.rows, self._struct.rows))
-        whole[: len(root), : len(root)] = root
-        for columns, panel in self._panels():
-            panel[:] = whole[columns.start :, columns]
-        self._struct.largest = float(np.linalg.norm(whole, axis=1).max())
+        for block, first, panel in self._panels():
+            columns, rows = block[first : first + panel.shape[1]], block[first:]
+            panel[: len(rows), : len(columns)] = root[np.ix_(rows, columns)]
+        self._struct.largest = float(np.linalg.norm(root, axis=1).max())
+
+    def _drifted(self, growth: float, noise: Array) -> Array:
+        """The square root of growth P + diag(noise), block by block, (n, n)."""
+        root: Array = np.sqrt(growth) * self.root()
+        for block in self._blocks:
+            part = np.ix_(block, block)
+            root[part] = with_noise(root[part], noise[block])
+        return np.asarray(root)
 
     def _add_process_noise(self) -> None:
         """P / forgetting + Q, once a sample; without Q the kernel forgets by itself."""
@@ -141,8 +177,7 @@ class KernelFilter:
         if not setting.has_process_noise or self._before_noise is not None:
             return
         root = self.root()
-        grown = root / np.sqrt(setting.forgetting_factor)
-        self._put_root(with_noise(grown, setting.process_noise))
+        self._put_root(self._drifted(1.0 / setting.forgetting_factor, setting.process_noise))
         self._before_noise = root
 
     def _take(self, x: Array) -> None:
@@ -167,14 +202,9 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
     """
     library = load_cubature(setting.dtype)
     if library is None:
-        return ArrayFilter(setting, mean, root)
+        readable = ArrayFilter if setting.structure == "full" else BlockFilter
+        return readable(setting, mean, root)
     return KernelFilter(setting, mean, root, library)
-
-
-def _function(library: ctypes.CDLL, name: str) -> Any:
-    function = getattr(library, f"cubature_{name}")
-    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
-    return function
 
 
 def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
@@ -182,24 +212,25 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     network, outputs = setting.network, len(setting.noise)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
-    rows, stride = _up(network.size, panel), _up(outputs, max(lanes, 4))
-    panels = rows // panel
+    counts = [len(block) for block in setting_blocks(setting)]
+    heights = [rounded_up(count, panel) for count in counts]
+    rows, stride = sum(heights), rounded_up(outputs, max(lanes, 4))
     reals = {
-        "root": (panel * (panels * rows - panel * panels * (panels - 1) // 2),),
+        "root": (sum(height * (height + panel) // 2 for height in heights),),
         "near": (rows,),
         "slopes": (rows, stride),
         "bends": (rows, stride),
-        "steps": (panels, outputs, panel),
+        "steps": (rows // panel, outputs, panel),
         "shrinks": (rows,),
         "cross": (rows, stride),
         "points": (2, items, widest, panel),
-        "at_mean": (2, layers, _up(items * widest, lanes)),
+        "at_mean": (2, layers, rounded_up(items * widest, lanes)),
         "weighting": (items * widths[-1], stride),
     }
     doubles = {
         "mean": (network.size,),
         "noise": (outputs,),
-        "small": (5, stride, stride),
+        "small": (5 + len(counts), stride, stride),
         "features": (items, widths[0]),
         "readout": (items * widths[-1], outputs),
         "offset": (outputs,),
@@ -208,9 +239,10 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
         "innovation": (outputs,),
         "covariance": (outputs, outputs),
     }
-    arrays = {name: _aligned(shape, np.dtype(setting.dtype)) for name, shape in reals.items()}
-    arrays |= {name: _aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
-    arrays["widths"] = np.array(widths, np.int32)
+    arrays = {name: aligned(shape, np.dtype(setting.dtype)) for name, shape in reals.items()}
+    arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
+    arrays["widths"], arrays["counts"] = np.array(widths, np.int32), np.array(counts, np.int32)
+    arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
     arrays["offset"][:] = network.offset
     return arrays
 
@@ -225,36 +257,9 @@ def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Cubature:
         stride=arrays["slopes"].shape[1],
         items=network.items,
         layers=len(network.perceptron.widths) - 1,
-        activation=_ACTIVATIONS[network.perceptron.activation],
+        activation=ACTIVATION_CODES[network.perceptron.activation],
+        blocks=len(arrays["counts"]),
         growth=1.0 / np.sqrt(forgets),
         **setting.rule._asdict(),
-        **{name: arrays[name].ctypes.data for name in (*_ARRAYS, "widths")},
+        **{name: arrays[name].ctypes.data for name in (*_ARRAYS, *_LAYOUT)},
     )
-
-
-def _install_encoder(
-    network: Network, struct: _Cubature, arrays: dict[str, Array]
-) -> tuple[Array | None, tuple[Any, ...]]:
-    """Let the kernel call a compiled encoder itself; gives the x it reads, or None."""
-    compiled = network.compiled_encoder()
-    if compiled is None:
-        return None, ()
-    address, constants = compiled
-    x = np.zeros(network.inputs)
-    arguments = (ctypes.c_void_p * 2)(x.ctypes.data, constants.ctypes.data)
-    results = (ctypes.c_void_p * 2)(struct.features, struct.readout)
-    struct.encode = address
-    struct.encode_arguments = ctypes.addressof(arguments)
-    struct.encode_results = ctypes.addressof(results)
-    return x, (arguments, results, constants)
-
-
-def _aligned(shape: tuple[int, ...], dtype: Any) -> Any:
-    size = int(np.prod(shape)) * dtype.itemsize
-    raw = np.zeros(size + 64, np.uint8)
-    start = -raw.ctypes.data % 64
-    return raw[start : start + size].view(dtype).reshape(shape)
-
-
-def _up(count: int, multiple: int) -> int:
-    return -(-count // multiple) * multiple

@@ -39,6 +39,11 @@ class Learner(Protocol):
         ...
 
     @property
+    def variances(self) -> Array | None:
+        """Diagonal of that covariance, (n,); None where the learner has none."""
+        ...
+
+    @property
     def count(self) -> int:
         """Samples learned."""
         ...

@@ -170,6 +170,12 @@ class LinearLearner:
         return np.asarray(np.kron(np.eye(outputs), self._spread)[np.ix_(order, order)])
 
     @property
+    def variances(self) -> Array:
+        """Diagonal of that covariance, (n,)."""
+        each, outputs = np.diagonal(self._spread), self._slopes.shape[1]
+        return np.concatenate([np.tile(each[:-1], outputs), np.full(outputs, each[-1])])
+
+    @property
     def count(self) -> int:
         """Samples learned."""
         return self._stopwatch.count

@@ -225,8 +225,8 @@ class _Stream:
 
 
 def _largest_variance(learner: Learner) -> float:
-    covariance = learner.covariance
-    return float("nan") if covariance is None else float(np.diagonal(covariance).max())
+    variances = learner.variances
+    return float("nan") if variances is None else float(variances.max())
 
 
 def _checked(

@@ -15,19 +15,18 @@
  *
  * A triangular S halves the work, and column i leaves the weights before i alone: layers
  * before the one weight i belongs to are at the mean, that layer is linear in the step.
- * S is stored by panels of two vectors of columns, each from its first row on. The small
+ * S is stored by panels of two vectors of columns, each from its first row on. It may be of
+ * one block a layer: then each block sees M and what the others add to it, as if they were
+ * noise, and what the posterior has between blocks is forgotten. The small
  * algebra (n_y x n_y) is in double. Nothing is allocated, nothing is raised: the returned
  * integer is an Outcome, and whatever is not COMPLETED leaves mean and S as they were.
  */
 #include <math.h>
 
 #include "points.h"
+#include "small.h"
 
 enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
-
-#define WIDE ((int)(VECTOR_BYTES / sizeof(double))) /* a vector of the small algebra */
-
-typedef double wide __attribute__((vector_size(VECTOR_BYTES)));
 
 /* Rows and vectors of a block of a product that stay in registers. */
 #define VECTORS 2
@@ -37,14 +36,6 @@ typedef double wide __attribute__((vector_size(VECTOR_BYTES)));
 #define ROWS 4
 #endif
 #define FEW (ROWS < WIDTH ? ROWS : WIDTH) /* rows where they are the points of one vector */
-
-static inline wide wide_load(const double *p) {
-  wide x;
-  memcpy(&x, p, sizeof x);
-  return x;
-}
-
-static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
 
 /* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
 static inline __attribute__((always_inline)) void block_product(
@@ -102,8 +93,9 @@ static void visit(cubature *f) {
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
   run_at_mean(f);
-  for (int first = 0; first < f->weights; first += WIDTH)
-    read_out(f, first, run_at_points(f, first));
+  for (int b = 0; b < f->blocks; b++)
+    for (int first = 0; first < f->counts[b]; first += WIDTH)
+      read_out(f, f->starts[b] + first, run_at_points(f, b, first));
   const REAL *center = sums_of(f, f->layers - 1);
   for (int k = 0; k < m; k++) {
     double y = f->offset[k];
@@ -112,13 +104,13 @@ static void visit(cubature *f) {
   }
 }
 
-/* sum over the weights of x x', (stride, stride), from rows of x. */
-static void gram(const cubature *f, const REAL *x, double *sum) {
-  const int stride = f->stride;
+/* sum over the weights of a block of x x', (stride, stride), from rows of x. */
+static void gram(const cubature *f, int block, const REAL *x, double *sum) {
+  const int stride = f->stride, end = f->starts[block] + f->counts[block];
   for (int k = 0; k < stride; k += 4)
     for (int l = k / WIDE * WIDE; l < stride; l += WIDE) {
       wide part[4] = {{0}, {0}, {0}, {0}};
-      for (int i = 0; i < f->weights; i++) {
+      for (int i = f->starts[block]; i < end; i++) {
         const REAL *row = x + i * stride;
         wide column;
         for (int c = 0; c < WIDE; c++) column[c] = (double)row[l + c];
@@ -130,75 +122,47 @@ static void gram(const cubature *f, const REAL *x, double *sum) {
     for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
 }
 
-/* Mean of y, M and P_yy from slopes and bends. */
+static double *gram_of(const cubature *f, int block) {
+  return f->small + (5 + block) * f->stride * f->stride;
+}
+
+/* Mean of y, M and P_yy from slopes and bends; Z'Z of every block. */
 static void moments(cubature *f, double *remainder, double *work) {
-  const int m = f->outputs, stride = f->stride;
+  const int m = f->outputs, stride = f->stride, size = stride * stride;
   double shift[stride];
   memset(shift, 0, sizeof shift);
-  for (int i = 0; i < f->weights; i++)
-    for (int k = 0; k < stride; k++) shift[k] += (double)f->bends[i * stride + k];
+  memset(remainder, 0, sizeof(double) * size);
+  for (int b = 0; b < f->blocks; b++)
+    for (int i = f->starts[b]; i < f->starts[b] + f->counts[b]; i++)
+      for (int k = 0; k < stride; k++) shift[k] += (double)f->bends[i * stride + k];
   for (int k = 0; k < stride; k++) shift[k] /= f->spread * f->spread;
-  if (f->centered != 0)
-    for (int i = 0; i < f->weights; i++)
-      for (int k = 0; k < stride; k++) f->bends[i * stride + k] -= R(f->centered * shift[k]);
-  gram(f, f->bends, remainder);
-  gram(f, f->slopes, work);
+  for (int b = 0; b < f->blocks; b++) {
+    if (f->centered != 0)
+      for (int i = f->starts[b]; i < f->starts[b] + f->counts[b]; i++)
+        for (int k = 0; k < stride; k++) f->bends[i * stride + k] -= R(f->centered * shift[k]);
+    gram(f, b, f->bends, work);
+    gram(f, b, f->slopes, gram_of(f, b));
+    for (int k = 0; k < size; k++) remainder[k] += work[k];
+  }
   for (int k = 0; k < m; k++) {
     f->predicted[k] += shift[k];
     for (int l = 0; l < m; l++) {
       double *sum = remainder + k * stride + l;
       *sum = f->bend_gain * *sum + f->shift_gain * shift[k] * shift[l];
       if (k == l) *sum += f->noise[k];
-      f->covariance[k * m + l] = *sum + work[k * stride + l];
+      f->covariance[k * m + l] = *sum;
+      for (int b = 0; b < f->blocks; b++)
+        f->covariance[k * m + l] += gram_of(f, b)[k * stride + l];
     }
   }
 }
 
-/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
-static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
-  for (int k = 0; k < m; k++)
-    for (int l = 0; l <= k; l++) {
-      double sum = matrix[k * stride + l];
-      for (int i = 0; i < l; i++) sum -= lower[k * stride + i] * lower[l * stride + i];
-      if (k > l) {
-        lower[k * stride + l] = sum * lower[l * stride + l]; /* the diagonal is inverted */
-      } else {
-        if (!(sum > 0) || !isfinite(sum)) return 0;
-        lower[k * stride + k] = 1 / sqrt(sum);
-      }
-    }
-  for (int l = 0; l < m; l++) {
-    g[l * stride + l] = lower[l * stride + l];
-    for (int k = l + 1; k < m; k++) {
-      double sum = 0;
-      for (int i = l; i < k; i++) sum -= lower[k * stride + i] * g[l * stride + i];
-      g[l * stride + k] = sum * lower[k * stride + k];
-    }
-  }
-  return 1;
-}
-
-/* target <- sum over k of scale[k] rows of g, `count` rows of `stride`. */
-static inline void combine(int count, int stride, const double *scale, const double *g,
-                           double *target) {
-  for (int l = 0; l < stride; l += WIDE) {
-    wide even = {0}, odd = {0};
-    int k = 0;
-    for (; k + 2 <= count; k += 2) {
-      even += scale[k] * wide_load(g + k * stride + l);
-      odd += scale[k + 1] * wide_load(g + (k + 1) * stride + l);
-    }
-    if (k < count) even += scale[k] * wide_load(g + k * stride + l);
-    wide_store(target + l, even + odd);
-  }
-}
-
-/* The recursion over the columns: steps, shrinks; g becomes the root of P_yy^-1.
+/* The recursion over the columns of a block: steps, shrinks; g becomes the root of P_yy^-1.
  * turned is g transposed, kept beside it. */
-static void recur(cubature *f, double *g, double *turned) {
+static void recur(cubature *f, int block, double *g, double *turned) {
   const int m = f->outputs, stride = f->stride;
   double z[stride], inner[stride], e[stride], scaled[stride];
-  for (int i = f->weights - 1; i >= 0; i--) {
+  for (int i = f->starts[block] + f->counts[block] - 1; i >= f->starts[block]; i--) {
     for (int k = 0; k < stride; k++) z[k] = (double)f->slopes[i * stride + k];
     combine(m, stride, z, g, inner);
     combine(m, stride, inner, turned, e);
@@ -220,11 +184,11 @@ static void recur(cubature *f, double *g, double *turned) {
   }
 }
 
-/* A panel of S after the sample, and its part of C. */
-static void change_panel(cubature *f, int panel) {
-  const int start = panel * PANEL, m = f->outputs, stride = f->stride;
-  const REAL *steps = f->steps + (size_t)panel * m * PANEL, growth = R(f->growth);
-  REAL *s = panel_of(f, panel), mix[PANEL * PANEL], grown[PANEL * stride], fresh[ROWS * PANEL];
+/* A panel of S of a block after the sample, and its part of C. */
+static void change_panel(cubature *f, int block, int panel) {
+  const int start = f->starts[block] + panel * PANEL, m = f->outputs, stride = f->stride;
+  const REAL *steps = f->steps + (ptrdiff_t)start * m, growth = R(f->growth);
+  REAL *s = panel_of(f, block, panel), mix[PANEL * PANEL], grown[PANEL * stride], fresh[ROWS * PANEL];
   for (int i = 0; i < PANEL; i += ROWS)
     band_product(0, ROWS, PANEL, m, f->slopes + (start + i) * stride, stride, 1, steps, PANEL,
                  mix + i * PANEL, PANEL);
@@ -233,7 +197,7 @@ static void change_panel(cubature *f, int panel) {
       mix[i * PANEL + j] *= j < i ? growth : R(0);
   for (int i = 0; i < PANEL; i++) mix[i * PANEL + i] = growth * f->shrinks[start + i];
   for (int k = 0; k < PANEL * stride; k++) grown[k] = growth * f->slopes[start * stride + k];
-  for (int j = start; j < f->rows; j += ROWS) {
+  for (int j = start; j < f->starts[block + 1]; j += ROWS) {
     REAL *old = s + (ptrdiff_t)j * PANEL, *cross = f->cross + (ptrdiff_t)j * stride;
     band_product(0, ROWS, PANEL, m, cross, stride, 1, steps, PANEL, fresh, PANEL);
     band_product(1, ROWS, PANEL, WIDTH, old + WIDTH, PANEL, 1, mix + WIDTH * PANEL, PANEL, fresh,
@@ -255,40 +219,74 @@ int cubature_predict(cubature *f) {
   return isfinite(sum) ? COMPLETED : NOT_FINITE;
 }
 
+/* Length of the longest row of S. */
+static double longest_row(const cubature *f) {
+  double longest = 0;
+  for (int b = 0; b < f->blocks; b++)
+    for (int j = f->starts[b]; j < f->starts[b + 1]; j++) {
+      double square = 0;
+      for (int panel = 0; panel <= (j - f->starts[b]) / PANEL; panel++)
+        for (int c = 0; c < PANEL; c++) {
+          const double s = (double)panel_of(f, b, panel)[(ptrdiff_t)j * PANEL + c];
+          square += s * s;
+        }
+      longest = fmax(longest, sqrt(square));
+    }
+  return longest;
+}
+
+/* Steps and shrinks of all blocks, each with M and what the other blocks add to it; g becomes
+ * the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
+static int plan(cubature *f, double *g, double *turned) {
+  const int m = f->outputs, stride = f->stride, size = stride * stride;
+  double *remainder = f->small, *work = remainder + size, *rest = remainder + 4 * size;
+  for (int b = 0; b < f->blocks; b++) {
+    memcpy(rest, remainder, sizeof(double) * size);
+    for (int other = 0; other < f->blocks; other++)
+      for (int k = 0; k < size && other != b; k++) rest[k] += gram_of(f, other)[k];
+    memset(g, 0, sizeof(double) * size);
+    if (!invert_root(m, stride, rest, work, g)) return 0;
+    for (int k = 0; k < stride; k++)
+      for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+    recur(f, b, g, turned);
+  }
+  return 1;
+}
+
+/* Whether C stays a number in the precision of S: |C_j| <= |S_j| (largest variance of y)^(1/2).
+ * `largest` bounds |S_j|; growth makes it too large in time, and it is then found anew. */
+static int in_range(cubature *f) {
+  const double limit = SINGLE ? 1e36 : 1e300;
+  double reach = 0;
+  for (int k = 0; k < f->outputs; k++)
+    reach = fmax(reach, f->covariance[k * f->outputs + k]);
+  if (f->growth * f->largest * sqrt(reach) < limit) return 1;
+  f->largest = longest_row(f);
+  return f->growth * f->largest * sqrt(reach) < limit;
+}
+
 /* Learn one sample. */
 int cubature_update(cubature *f) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
-  double *remainder = f->small, *work = remainder + size, *g = work + size, *turned = g + size;
-  const int outcome = cubature_predict(f);
-  double sum = 0, reach = 0;
-  for (int k = 0; k < m; k++) {
-    f->innovation[k] = f->measured[k] - f->predicted[k];
-    sum += f->innovation[k];
-    reach = fmax(reach, f->covariance[k * m + k]);
-  }
-  f->largest *= f->growth;
-  const double limit = SINGLE ? 1e36 : 1e300; /* of C, row by row */
-  if (outcome != COMPLETED || !isfinite(sum) || !(f->largest * sqrt(reach) < limit)) {
-    f->largest /= f->growth;
-    return NOT_FINITE;
-  }
-  memset(g, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, remainder, work, g)) {
-    f->largest /= f->growth;
-    return COVARIANCE_LOST;
-  }
-  for (int k = 0; k < stride; k++)
-    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
-  recur(f, g, turned);
-  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
-  for (int panel = (f->weights - 1) / PANEL; panel >= 0; panel--) change_panel(f, panel);
-  double inner[stride], gain[stride];
+  double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
+  if (cubature_predict(f) != COMPLETED || !in_range(f)) return NOT_FINITE;
+  for (int k = 0; k < m; k++) f->innovation[k] = f->measured[k] - f->predicted[k];
+  if (!plan(f, g, turned)) return COVARIANCE_LOST;
   combine(m, stride, f->innovation, g, inner);
   combine(m, stride, inner, turned, gain);
-  for (int j = 0; j < f->weights; j++) {
-    double step = 0;
-    for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];
-    f->mean[j] += step;
+  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
+  if (!isfinite(nis)) return NOT_FINITE;
+  f->nis = nis;
+  f->largest *= f->growth;
+  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
+  int weight = 0;
+  for (int b = 0; b < f->blocks; b++) {
+    for (int panel = (f->counts[b] - 1) / PANEL; panel >= 0; panel--) change_panel(f, b, panel);
+    for (int j = f->starts[b]; j < f->starts[b] + f->counts[b]; j++) {
+      double step = 0;
+      for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];
+      f->mean[weight++] += step;
+    }
   }
   return COMPLETED;
 }

@@ -16,23 +16,26 @@ enum { SOFTPLUS = 0, TANH = 1 };
 
 typedef struct {
   int32_t weights;       /* n */
-  int32_t rows;          /* n rounded up to a multiple of PANEL; the rest is zero */
+  int32_t rows;          /* of all blocks, each rounded up to a multiple of PANEL by zeros */
   int32_t outputs;       /* n_y */
   int32_t stride;        /* n_y rounded up to a multiple of WIDTH and 4 */
   int32_t items;         /* how often the mlp is evaluated for one y */
   int32_t layers;        /* of the mlp */
   int32_t activation;
-  int32_t unused;
+  int32_t blocks;        /* of weights whose covariance is kept: 1, or one a layer */
   const int32_t *widths; /* layers + 1 */
+  const int32_t *starts; /* blocks + 1: first row of each block */
+  const int32_t *counts; /* blocks: its weights */
   double spread;
   double growth;         /* 1 / sqrt(forgetting factor) */
   double bend_gain;      /* M = bend_gain sum (c - centered D)(c - centered D)' */
   double centered;       /*     + shift_gain D D' + diag(noise); c: half sums less the */
   double shift_gain;     /*     value at the mean, D = sum c / spread^2 */
   double largest;        /* no row of S is longer */
+  double nis;            /* normalized innovation squared of the last sample */
   double *mean;          /* n */
   double *noise;         /* n_y, variances */
-  REAL *root;            /* S: panels of (rows - first column) x PANEL */
+  REAL *root;            /* S by blocks: panels of (its rows - first column) x PANEL */
   REAL *near;            /* rows: mean in the precision of the points */
   REAL *slopes;          /* rows x stride: Z */
   REAL *bends;           /* rows x stride: c */
@@ -42,7 +45,7 @@ typedef struct {
   REAL *points;          /* 2 x items x widest x PANEL: the mlp at the points */
   REAL *at_mean;         /* 2 x layers x padded: sums and activations at the mean */
   REAL *weighting;       /* items widths[layers] x stride: readout, transposed */
-  double *small;         /* 5 x stride x stride */
+  double *small;         /* (5 + blocks) x stride x stride */
   /* one sample */
   void (*encode)(const double *const *, double *const *); /* or NULL: features, readout given */
   const double *const *encode_arguments;
@@ -56,11 +59,20 @@ typedef struct {
   double *covariance;    /* n_y x n_y */
 } cubature;
 
-/* Row 0 of a panel, as if all rows were stored. */
-static REAL *panel_of(const cubature *f, int panel) {
-  const ptrdiff_t first = (ptrdiff_t)panel * PANEL;
-  const ptrdiff_t before = (ptrdiff_t)panel * f->rows - PANEL * (ptrdiff_t)panel * (panel - 1) / 2;
-  return f->root + (before - first) * PANEL;
+/* Rows stored by the first panels of a block of `rows` rows, panel by panel. */
+static inline ptrdiff_t rows_before(ptrdiff_t rows, ptrdiff_t panel) {
+  return panel * rows - PANEL * panel * (panel - 1) / 2;
+}
+
+/* Row 0 of a panel of a block, as if all rows of all blocks were stored. */
+static REAL *panel_of(const cubature *f, int block, int panel) {
+  ptrdiff_t before = 0;
+  for (int b = 0; b < block; b++) {
+    const int rows = f->starts[b + 1] - f->starts[b];
+    before += rows_before(rows, rows / PANEL);
+  }
+  before += rows_before(f->starts[block + 1] - f->starts[block], panel);
+  return f->root + (before - f->starts[block] - (ptrdiff_t)panel * PANEL) * PANEL;
 }
 
 #endif

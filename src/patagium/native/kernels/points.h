@@ -62,7 +62,7 @@ static void run_at_mean(cubature *f) {
 }
 
 /* The layer the columns belong to: linear in the step, `count` items at once.
- * s: column of row 0; at: first weight of the layer; start: first row that is stored. */
+ * s: column of row 0; at: first row of the layer; start: first row that is stored. */
 static inline __attribute__((always_inline)) void own_layer_of(
     int count, const REAL *s, int at, int start, reals spread, int in, int out, const REAL *x,
     const REAL *z, REAL *above) {
@@ -82,19 +82,20 @@ static inline __attribute__((always_inline)) void own_layer_of(
   }
 }
 
-/* A layer behind it, `count` items at once, so that each weight is moved once. */
+/* A layer behind it, `count` items at once, so that each weight is moved once; where it is of
+ * another block its weights stay. */
 static inline __attribute__((always_inline)) void later_layer_of(
-    int count, const REAL *w, const REAL *s, reals spread, int in, int out, const REAL *below,
+    int count, int moves, const REAL *w, const REAL *s, reals spread, int in, int out, const REAL *below,
     REAL *above) {
   for (int o = 0; o < out; o++) {
     reals plus[4], minus[4];
-    reals step = spread * reals_load(s + (out * in + o) * PANEL);
+    reals step = moves ? spread * reals_load(s + (out * in + o) * PANEL) : (reals){0};
     for (int t = 0; t < count; t++) {
       plus[t] = w[out * in + o] + step;
       minus[t] = w[out * in + o] - step;
     }
     for (int j = 0; j < in; j++) {
-      reals move = spread * reals_load(s + (o * in + j) * PANEL);
+      reals move = moves ? spread * reals_load(s + (o * in + j) * PANEL) : (reals){0};
       reals up = w[o * in + j] + move, down = w[o * in + j] - move;
       for (int t = 0; t < count; t++) {
         const REAL *x = below + (t * in + j) * PANEL;
@@ -122,32 +123,40 @@ static void own_layer(const cubature *f, int l, const REAL *s, int at, int start
                  above + t * out * PANEL);
 }
 
-static void later_layer(const cubature *f, int l, const REAL *s, int at, reals spread,
-                        const REAL *below, REAL *above) {
+static inline __attribute__((always_inline)) void later_layer(
+    const cubature *f, int moves, int l, const REAL *w, const REAL *s, reals spread,
+    const REAL *below, REAL *above) {
   const int in = f->widths[l], out = f->widths[l + 1];
-  const REAL *w = f->near + at;
-  s += at * PANEL;
   int t = 0;
   for (; t + 4 <= f->items; t += 4)
-    later_layer_of(4, w, s, spread, in, out, below + t * in * PANEL, above + t * out * PANEL);
+    later_layer_of(4, moves, w, s, spread, in, out, below + t * in * PANEL,
+                   above + t * out * PANEL);
   for (; t < f->items; t++)
-    later_layer_of(1, w, s, spread, in, out, below + t * in * PANEL, above + t * out * PANEL);
+    later_layer_of(1, moves, w, s, spread, in, out, below + t * in * PANEL,
+                   above + t * out * PANEL);
 }
 
-/* The mlp at WIDTH points on either side: columns from `first` on. Returns its outputs. */
-static REAL *run_at_points(const cubature *f, int first) {
-  const int panel = first / PANEL, start = panel * PANEL;
-  const REAL *s = panel_of(f, panel) + first - start;
+/* The mlp at WIDTH points on either side: columns of a block from `first` on. Returns its
+ * outputs. */
+static REAL *run_at_points(const cubature *f, int block, int first) {
+  const int panel = first / PANEL, start = f->starts[block] + panel * PANEL;
+  const REAL *s = panel_of(f, block, panel) + first % PANEL;
   const reals spread = reals_all(R(f->spread * f->growth));
   REAL *here = f->points, *there = here + f->items * widest_of(f) * PANEL;
-  int l = 0, at = 0;
-  while (at + f->widths[l + 1] * (f->widths[l] + 1) <= first)
+  int l = 0, at = 0, before = 0;
+  for (int b = 0; b < block; b++) before += f->counts[b];
+  const int shift = f->starts[block] - before, end = before + f->counts[block];
+  while (at + f->widths[l + 1] * (f->widths[l] + 1) <= before + first)
     at += f->widths[l + 1] * (f->widths[l] + 1), l++;
-  own_layer(f, l, s, at, start, spread, here);
+  own_layer(f, l, s, at + shift, start, spread, here);
   for (int next = l + 1; next < f->layers; next++) {
     at += f->widths[next] * (f->widths[next - 1] + 1);
     activate(f->activation, f->items * f->widths[next] * 2, here);
-    later_layer(f, next, s, at, spread, here, there);
+    if (at < end)
+      later_layer(f, 1, next, f->near + at, s + (ptrdiff_t)(at + shift) * PANEL, spread, here,
+                  there);
+    else
+      later_layer(f, 0, next, f->near + at, s, spread, here, there);
     REAL *swap = here;
     here = there;
     there = swap;

@@ -1,0 +1,117 @@
+"""What a filter takes for granted of weights and measurements before it sees a sample.
+
+Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
+the covariance before any sample and Q = diag(process_deviation^2). Neglected: deviations
+that change with the state.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ParameterError
+from patagium.identification.array_filter import FilterSetting
+from patagium.identification.learner import forgetting
+from patagium.identification.network import Network
+from patagium.identification.scaling import center_of, scale_of
+from patagium.identification.spread import SpreadRule
+from patagium.identification.structure import (
+    Structure,
+    checked_structure,
+    described_structure,
+)
+
+Array = NDArray[np.float64]
+
+
+class Assumptions(NamedTuple):
+    """Deviations, what is forgotten, and what of the covariance is kept.
+
+    Attributes:
+        network: Whose weights.
+        prior_deviation: Of each weight before any sample, times sqrt(fan-in), (n,).
+        measurement_deviation: (n_y,) in the unit of y.
+        process_deviation: By which each weight wanders between two samples, (n,).
+        forgetting_factor: Divides the covariance before each sample.
+        prior_share: Share of the prior covariance mixed in before each sample.
+        covariance: What is kept of it.
+    """
+
+    network: Network
+    prior_deviation: Array
+    measurement_deviation: Array
+    process_deviation: Array
+    forgetting_factor: float
+    prior_share: float
+    covariance: Structure
+
+    @property
+    def prior_variance(self) -> Array:
+        """Diagonal of P0, (n,)."""
+        return np.asarray(self.prior_deviation**2 / self.network.fan_in)
+
+    def setting(self, rule: SpreadRule, dtype: str) -> FilterSetting:
+        """The same as numbers of a filter: P <- P / factor + noise before each sample.
+
+        Args:
+            rule: Where its points lie.
+            dtype: Its precision.
+        """
+        return FilterSetting(
+            self.network,
+            rule,
+            self.measurement_deviation**2,
+            self.process_deviation**2 + self.prior_share * self.prior_variance,
+            self.forgetting_factor / (1.0 - self.prior_share),
+            dtype,
+            self.covariance,
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """As JSON-able values."""
+        return {
+            "network": self.network.describe(),
+            "prior_deviation": compact(self.prior_deviation),
+            "measurement_deviation": compact(self.measurement_deviation),
+            "process_deviation": compact(self.process_deviation),
+            "forgetting_factor": self.forgetting_factor,
+            "prior_share": self.prior_share,
+            "covariance": described_structure(self.covariance),
+        }
+
+
+def assume(
+    network: Network,
+    prior_deviation: ArrayLike,
+    measurement_deviation: ArrayLike,
+    process_deviation: ArrayLike,
+    forgetting_factor: float,
+    prior_share: float,
+    covariance: Structure,
+) -> Assumptions:
+    """Checked assumptions; see there.
+
+    Raises:
+        ParameterError: If a number is out of its range or there is no such structure.
+        ShapeError: If a deviation has another shape.
+    """
+    if not (isfinite(prior_share) and 0 <= prior_share < 1):
+        raise ParameterError("prior_share", "at least 0 and below 1", prior_share)
+    return Assumptions(
+        network,
+        scale_of("prior_deviation", prior_deviation, network.size),
+        scale_of("measurement_deviation", measurement_deviation, network.outputs),
+        center_of("process_deviation", process_deviation, network.size),
+        forgetting(forgetting_factor),
+        float(prior_share),
+        checked_structure(covariance),
+    )
+
+
+def compact(values: Array) -> float | list[float]:
+    """A vector as one number where all are equal, for descriptions."""
+    return float(values[0]) if (values == values[0]).all() else [float(v) for v in values]
