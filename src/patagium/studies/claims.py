@@ -150,14 +150,17 @@ def _sparse(metrics: Metrics) -> Claim:
     found = []
     for flight in ("published", "corrected"):
         parts = [
-            f"one in {every} {_text(row['nmse_second_half_worst'])}"
-            for every in (100, 10, 1)
+            f"{word} {_text(row['nmse_second_half_worst'])}"
+            for every, word in ((100, "one in 100"), (10, "one in 10"), (1, "every sample"))
             if (row := run_of(metrics, flight, best_strip(flight), every=every))
         ]
         rival = run_of(metrics, flight, "", "features")
         tail = ""
         if rival:
-            tail = f" (least squares on random features {_text(rival['nmse_second_half_worst'])})"
+            tail = (
+                f" (least squares on random features, one in 100: "
+                f"{_text(rival['nmse_second_half_worst'])})"
+            )
         found.append(f"{flight}: {', '.join(parts)}{tail}")
     return (
         "One sample in 100 is enough.",
@@ -274,8 +277,9 @@ def _extended(metrics: Metrics) -> Claim:
     return (
         "The extended Kalman filter is too costly, because of the Jacobian.",
         "It is not tried.",
-        f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. The Jacobian "
-        "costs one backward pass; both filters spend their time on P.",
+        f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. Here the "
+        "extended filter is written in NumPy and the cubature filter in C. The Jacobian costs one "
+        "backward pass; both filters spend their time on P.",
     )
 
 

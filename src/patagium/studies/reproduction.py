@@ -9,9 +9,10 @@ Neglected: hardware, closed loops.
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,10 +32,11 @@ from patagium.studies import reproduction_flights as flights
 from patagium.studies import reproduction_subjects as subjects
 from patagium.studies.benchmark import environment
 from patagium.studies.claims import claims
-from patagium.studies.reproduction_errors import error_cases, fly_case
+from patagium.studies.reproduction_errors import fly_case
 from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
 from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+from patagium.studies.reproduction_tables import start_spans
 from patagium.studies.targets import targets
 from patagium.studies.workers import Job, run_jobs
 
@@ -99,14 +101,17 @@ def reproduce(
         }
     with course.stage("measured data", 0.85, 0.9):
         studied, measured = _measured(plan, crazyflie)
+    summaries = _summaries(flown, unseen)
+    starts = [_brief(run, summaries["unseen_within"]) for run in runs if run.trial.starts]
     metrics: dict[str, Any] = {
         "environment": {"program": f"patagium {__version__}", "machine": environment().note},
         "plan": plan.describe(),
         "choices": _choices(),
-        "flights": _summaries(flown, unseen),
+        "flights": summaries,
         "errors": errors,
         "learning": [run.scores for run in runs if run.trial.kind == "table"],
-        "starts": [_brief(run) for run in runs if run.trial.starts],
+        "starts": starts,
+        "start_spans": start_spans(starts),
         "limits": [_brief(run) for run in runs if run.trial.kind == "limit"],
         "overhead": overheads,
         **studied,
@@ -158,7 +163,7 @@ def _work(
     tell: Callable[[float], None],
 ) -> tuple[list[Run], dict[str, list[dict[str, Any]]]]:
     """Everything that the workers do: all trials, and all variants of the errors."""
-    trials, cases = plan.trials(), error_cases()
+    trials, cases = plan.trials(), plan.error_cases()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for key, flight in flown.items():
@@ -196,13 +201,11 @@ def _summaries(
         key: {name: flights.summary(flight) for name, flight in group.items()}
         for key, group in unseen.items()
     }
-    learned = summaries["corrected"]["incidence_largest"]
-    asked = {
-        name: one["incidence_largest"] for name, one in summaries["unseen"]["corrected"].items()
-    }
-    within = [name for name, largest in asked.items() if largest <= flights.MARGIN * learned]
-    summaries["unseen_within"] = within
-    summaries["unseen_beyond"] = [name for name in asked if name not in within]
+    for word in ("within", "beyond"):
+        summaries[f"unseen_{word}"] = {
+            name: flights.unseen_gaits(summaries[name], summaries["unseen"][name], word)
+            for name in flown
+        }
     return summaries
 
 
@@ -230,9 +233,18 @@ def _draw(
     return gallery
 
 
-def _brief(run: Run) -> dict[str, Any]:
-    """Scores of a run that stands in a table as one line."""
-    return {key: value for key, value in run.scores.items() if key not in ("curve", "unseen")}
+def _brief(run: Run, within: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
+    """Scores of a run that stands in a table as one line.
+
+    Args:
+        run: The run.
+        within: Flight to the unseen gaits whose worst error is wanted.
+    """
+    brief = {key: value for key, value in run.scores.items() if key not in ("curve", "unseen")}
+    if within is None:
+        return brief
+    gaits = [run.scores["unseen"][gait]["worst"] for gait in within[run.trial.flight]]
+    return brief | {"unseen_worst": max(gaits, default=math.nan)}
 
 
 def _choices() -> dict[str, Any]:

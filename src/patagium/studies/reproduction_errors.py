@@ -158,8 +158,9 @@ def measure(variant: Variant, flight: xr.Dataset) -> dict[str, Any]:
 
     Returns:
         peak_speed [m/s], peak_force [N], mean lift over weight, energy residual over the energy
-        exchanged, momentum residual over the impulse exchanged, share of the time in which the
-        air does work on the robot, share of all velocity directions in which it does on a
+        exchanged, momentum residual over the impulse exchanged, work that the joints did in all
+        [J] (None where they are overwritten), share of the time in which the air does work on the
+        robot, share of all velocity directions in which it does on a
         strip, seconds flown and how it ended.
     """
     v, force = flight["v"].to_numpy(), flight["aero_force"].to_numpy()
@@ -169,6 +170,7 @@ def measure(variant: Variant, flight: xr.Dataset) -> dict[str, Any]:
         "lift_over_weight": float(force[:, 2].mean() / weight_of(flight)),
         "energy_residual": float(flight.attrs["energy_audit"]),
         "momentum_residual": float(flight.attrs["momentum_audit"]),
+        "joint_work": None if variant.overwritten else float(flight["joint_work"][-1]),
         "driven_time": float((flight["aero_power"].to_numpy() > 0).mean()),
         "driven_directions": driven_directions(variant.air()),
         "seconds": float(flight["time"][-1]),
@@ -206,6 +208,7 @@ COLUMNS = {
     "lift_over_weight": "mean lift / weight",
     "energy_residual": "energy residual / exchanged",
     "momentum_residual": "momentum residual / exchanged",
+    "joint_work": "work of the joints [J]",
     "driven_time": "time driven by the air",
     "driven_directions": "directions with F·v > 0",
     "seconds": "flown [s]",

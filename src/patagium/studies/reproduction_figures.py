@@ -27,7 +27,7 @@ from patagium.report.figures import (
 from patagium.report.style import color, dash, legend_above, panels, styled
 from patagium.report.views import flight_overview
 from patagium.studies.reproduction_learning import Run
-from patagium.studies.reproduction_subjects import NETWORKS, STRIPS
+from patagium.studies.reproduction_subjects import LEARNERS, NETWORKS, STRIPS
 
 Array = NDArray[np.float64]
 
@@ -172,8 +172,11 @@ def _curves(runs: Sequence[Run]) -> Iterator[Run]:
 
 def _curve_name(run: Run) -> str:
     trial = run.trial
-    network = NETWORKS.get(trial.network, "100 random features").split(",")[0]
-    return f"{network}, {trial.learner}, 1 in {trial.every}"
+    rate = "every sample" if trial.every == 1 else f"one in {trial.every}"
+    network = NETWORKS.get(trial.network)
+    if network is None:
+        return f"{LEARNERS[trial.learner]}, {rate}"
+    return f"{network.split(',')[0]}, {trial.learner}, {rate}"
 
 
 @styled

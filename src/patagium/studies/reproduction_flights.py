@@ -9,6 +9,7 @@ Neglected: control; a flight slowly departs from where it starts.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -99,6 +100,9 @@ UNSEEN = {
     "plunge 0.2 rad larger": replace(LEARNED, plunge=0.2),
     "regulator l3b 8 mm": replace(LEARNED, linkage={"l3b": 8e-3}),
     "elbow 0.3 rad more": replace(LEARNED, elbow=0.3),
+    "feather 0.4 rad, 0.3 rad earlier": replace(
+        LEARNED, feather=0.4, feather_phase=LEARNED.feather_phase + 0.3
+    ),
     "feather halved, a quarter beat later": replace(
         LEARNED, feather=0.27, feather_phase=LEARNED.feather_phase - np.pi / 2
     ),
@@ -214,3 +218,18 @@ def reduced_frequency(flight: xr.Dataset, speed: float) -> float:
     """
     chord = max(float(strip.chord) for strip in robot_of(flight).strips)
     return float(np.pi * beat_frequency(flight) * chord / speed)
+
+
+def unseen_gaits(
+    learned: Mapping[str, Any], asked: Mapping[str, Mapping[str, Any]], where: str
+) -> list[str]:
+    """Gaits whose incidences stay within those that were learned, or leave them.
+
+    Args:
+        learned: Summary of the flight that is learned.
+        asked: Gait to the summary of its flight.
+        where: "within" or "beyond".
+    """
+    most = MARGIN * learned["incidence_largest"]
+    inside = {name: one["incidence_largest"] <= most for name, one in asked.items()}
+    return [name for name, fits in inside.items() if fits == (where == "within")]

@@ -156,7 +156,7 @@ def run_trial(trial: Trial, folder: Path) -> Run:
 _LEFT_OUT = ("samples", "samples_predicted", "median_step", "gaps", "coverage_by_output")
 
 
-def learning_curve(result: Identification, every: int) -> dict[str, list[float]]:
+def learning_curve(result: Identification, every: int) -> dict[str, Any]:
     """Error against samples used: NMSE within windows of time, mean over the outputs.
 
     Args:
@@ -168,10 +168,12 @@ def learning_curve(result: Identification, every: int) -> dict[str, list[float]]
     variance = truth.var(axis=0)
     heard = variance > 1e-12 * variance.max()
     error = ((truth - guess)[:, heard] ** 2 / variance[heard]).mean(axis=1)
-    edges = np.unique(np.geomspace(max(every, 10), len(error), WINDOWS).astype(int))
+    updates = -(-len(error) // every)
+    used = np.unique(np.geomspace(1, updates, WINDOWS).astype(int))
+    edges = np.minimum(used * every, len(error))
     spans = list(zip([0, *edges[:-1]], edges, strict=True))
     return {
-        "samples_used": [float(-(-end // every)) for _, end in spans],
+        "samples_used": [int(count) for count in used],
         "nmse": [float(error[begin:end].mean()) for begin, end in spans],
     }
 

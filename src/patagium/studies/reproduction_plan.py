@@ -10,11 +10,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from patagium.native.compiler import compiler_path
+from patagium.studies.reproduction_errors import HEADING, STEPPING, Case, error_cases
 from patagium.studies.reproduction_learning import Trial
 from patagium.studies.reproduction_subjects import AS_RUN, STRIPS, SUBJECTS, Setting
 
 EVERY = (100, 10, 1)
 DENSE = ("dense", "dense_published", "dense_velocity")
+QUICK_ERRORS = ("corrected", "E2 drag pushes backwards", STEPPING, HEADING, "published")
+"""Variants of the errors in a short run."""
 LIMITS = {
     "as run": ("dense_velocity", AS_RUN),
     "inputs not scaled (E7)": ("dense_velocity", replace(AS_RUN, scaled=False)),
@@ -47,6 +50,7 @@ class Plan:
         starts: How many starts of the strip network.
         long_runs: Whether large networks learn at every sample.
         published_overhead: Whether the published C, which compiles for a minute, is timed.
+        errors: Variants of the errors that are flown, by name; None for all.
         yeo_cycles: Cycles of the measured wing.
     """
 
@@ -57,6 +61,7 @@ class Plan:
     long_runs: bool = True
     published_overhead: bool = True
     yeo_cycles: int = 10
+    errors: tuple[str, ...] | None = None
 
     @classmethod
     def of(cls, quick: bool) -> Plan:
@@ -66,7 +71,7 @@ class Plan:
             quick: Short flights and fewer runs.
         """
         if quick:
-            return cls(0.2, 0.1, (100, 10), 2, False, False, 3)
+            return cls(0.2, 0.1, (100, 10), 2, False, False, 3, QUICK_ERRORS)
         return cls(long_runs=compiler_path() is not None)
 
     def trials(self) -> list[Trial]:
@@ -85,6 +90,11 @@ class Plan:
         ]
         return table + starts + limits
 
+    def error_cases(self) -> list[Case]:
+        """Every variant of the errors to fly."""
+        cases = error_cases()
+        return [case for case in cases if self.errors is None or case.name in self.errors]
+
     @property
     def left_out(self) -> list[str]:
         """What was not run, and why, in sentences."""
@@ -98,6 +108,8 @@ class Plan:
                 "Large networks at every sample are left out: a short run was asked for, or there "
                 "is no C compiler."
             )
+        if self.errors is not None:
+            words.append("Of the errors only some are put in: a short run was asked for.")
         if not self.published_overhead:
             words.append("The published experiment's own C is not timed: it compiles for a minute.")
         return words
