@@ -48,7 +48,7 @@ class Plan:
         unseen_duration: Of each flight that is not learned [s].
         every: Rates of samples, one in so many.
         starts: How many starts of the strip network.
-        long_runs: Whether large networks learn at every sample.
+        dense_every: Large networks learn from one sample in so many at most.
         published_overhead: Whether the published C, which compiles for a minute, is timed.
         errors: Variants of the errors that are flown, by name; None for all.
         yeo_cycles: Cycles of the measured wing.
@@ -58,7 +58,7 @@ class Plan:
     unseen_duration: float = 1.0
     every: tuple[int, ...] = EVERY
     starts: int = 8
-    long_runs: bool = True
+    dense_every: int = 1
     published_overhead: bool = True
     yeo_cycles: int = 10
     errors: tuple[str, ...] | None = None
@@ -70,9 +70,10 @@ class Plan:
         Args:
             quick: Short flights and fewer runs.
         """
+        compiled = compiler_path() is not None
         if quick:
-            return cls(0.2, 0.1, (100, 10), 2, False, False, 3, QUICK_ERRORS)
-        return cls(long_runs=compiler_path() is not None)
+            return cls(0.2, 0.1, (100, 10), 2, 10 if compiled else 100, False, 3, QUICK_ERRORS)
+        return cls(dense_every=1 if compiled else 100)
 
     def trials(self) -> list[Trial]:
         """Every run of a learner."""
@@ -85,7 +86,15 @@ class Plan:
             for seed in range(1, self.starts)
         ]
         limits = [
-            Trial("published", network, "cubature", 10, setting=setting, label=label, kind="limit")
+            Trial(
+                "published",
+                network,
+                "cubature",
+                max(10, self.dense_every),
+                setting=setting,
+                label=label,
+                kind="limit",
+            )
             for label, (network, setting) in self._limits().items()
         ]
         return table + starts + limits
@@ -103,10 +112,10 @@ class Plan:
             "C: with the large network it learns from one sample in 10 at most. Gradient steps "
             "with replay likewise.",
         ]
-        if not self.long_runs:
+        if self.dense_every > 1:
             words.append(
-                "Large networks at every sample are left out: a short run was asked for, or there "
-                "is no C compiler."
+                f"Large networks learn from one sample in {self.dense_every} at most: a short run "
+                "was asked for, or there is no C compiler."
             )
         if self.errors is not None:
             words.append("Of the errors only some are put in: a short run was asked for.")
@@ -121,12 +130,12 @@ class Plan:
             "unseen_duration": self.unseen_duration,
             "every": list(self.every),
             "starts": self.starts,
-            "long_runs": self.long_runs,
+            "dense_every": self.dense_every,
             "published_overhead": self.published_overhead,
         }
 
     def _limits(self) -> dict[str, tuple[str, Setting]]:
-        return LIMITS if self.long_runs else dict(list(LIMITS.items())[:3])
+        return LIMITS if self.errors is None else dict(list(LIMITS.items())[:3])
 
     def _table(self, flight: str) -> list[Trial]:
         return [
@@ -146,12 +155,12 @@ class Plan:
 
     def _methods(self, flight: str) -> list[tuple[str, str, int]]:
         """Network, learner, and the most samples it learns from: one in so many."""
-        slow = 1 if self.long_runs else 10
+        slow = self.dense_every
         return [
             *((network, "cubature", 1) for network in STRIPS[flight]),
             *((network, "cubature", slow) for network in DENSE),
             (STRIPS[flight][0], "extended", 1),
-            ("dense_published", "extended", 10),
+            ("dense_published", "extended", max(10, slow)),
             *((network, "gradient", 1) for network in (STRIPS[flight][0], "dense_published")),
             *((network, "replay", 10) for network in (STRIPS[flight][0], "dense_published")),
             ("", "linear", 1),

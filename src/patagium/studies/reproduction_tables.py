@@ -145,6 +145,7 @@ def limit_table(metrics: Metrics) -> Table:
     rows = [
         [
             row["label"],
+            row["every"],
             row["weights"],
             row.get("nmse_second_half_mean"),
             row.get("nmse_second_half_worst"),
@@ -155,7 +156,8 @@ def limit_table(metrics: Metrics) -> Table:
         for row in metrics["limits"]
     ]
     columns = (
-        "published flight, one in 10",
+        "published flight",
+        "one in",
         "weights",
         "NMSE mean",
         "NMSE worst",
