@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from patagium.identification import GradientLearner as GradientLearner
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
+    from patagium.identification import NoiseEstimation as NoiseEstimation
+    from patagium.identification import Screening as Screening
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
     from patagium.identification.identify import identify as identify
@@ -96,6 +98,8 @@ _HOMES = {
         "GradientLearner",
         "LinearLearner",
         "LowRank",
+        "NoiseEstimation",
+        "Screening",
         "StripNetwork",
         "evaluate",
         "identify",

@@ -103,6 +103,10 @@ class Outcome(IntEnum):
     NOT_FINITE = 1
     COVARIANCE_LOST = 2
     LIMIT_REACHED = 3
+    BAD_INPUT = 4
+    LATE = 5
+    DUPLICATE = 6
+    BLIND = 7
 
     @property
     def remedy(self) -> str:
@@ -112,6 +116,10 @@ class Outcome(IntEnum):
             Outcome.NOT_FINITE: "reduce the time step, or check gait, mount and initial state",
             Outcome.COVARIANCE_LOST: "raise measurement_deviation or add process noise",
             Outcome.LIMIT_REACHED: "the motion left the model's range; see the named quantity",
+            Outcome.BAD_INPUT: "check the sensors of the inputs; the sample was not learned from",
+            Outcome.LATE: "check the order of the samples; this one was not learned from",
+            Outcome.DUPLICATE: "check the source of the samples; this one was not learned from",
+            Outcome.BLIND: "check the sensors of the outputs; no channel was usable",
         }[self]
 
 

@@ -33,6 +33,8 @@ PUBLIC = {
     "LinearLearner",
     "LogError",
     "LowRank",
+    "NoiseEstimation",
+    "Screening",
     "OneMinusCosineGust",
     "Outcome",
     "ParameterError",

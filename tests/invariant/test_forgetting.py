@@ -81,7 +81,7 @@ def test_false_alarms_come_at_the_rate_promised(channels, rng):
     detection = pt.ChangeDetection(rate, window, reference)
     alarms = 0
     for nis in 7.0 * rng.chisquare(channels, (repeats, window + reference)):  # any factor will do
-        monitor = ChangeMonitor(detection)
+        monitor = ChangeMonitor(detection, channels)
         found = [monitor.alarmed_by(each, channels) for each in nis]
         assert not any(found[:-1])  # not before the reference is full
         alarms += found[-1]
@@ -91,7 +91,7 @@ def test_false_alarms_come_at_the_rate_promised(channels, rng):
 
 def test_false_alarms_of_a_running_test_are_no_more_than_that(rng):
     rate = 0.01
-    monitor = ChangeMonitor(pt.ChangeDetection(rate, 10, 50))
+    monitor = ChangeMonitor(pt.ChangeDetection(rate, 10, 50), 3)
     alarms = sum(monitor.alarmed_by(each, 3) for each in rng.chisquare(3, 40_000))
     assert 0 < alarms / 40_000 < 1.2 * rate
 

@@ -1,6 +1,6 @@
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -50,7 +50,9 @@ class Kalman:
         mean = self.network.evaluate(x[None], self.weights)[0]
         return mean, variance * np.eye(len(mean))
 
-    def update(self, x: Array, y: Array) -> Array:
+    events: ClassVar[dict[str, int]] = {}
+
+    def update(self, x: Array, y: Array, time: float | None = None) -> Array:
         self.count += 1
         if self.count == self.fail_at:
             raise FilterDiverged("the covariance was lost", Outcome.COVARIANCE_LOST)
@@ -215,8 +217,8 @@ def test_a_diverged_learner_keeps_what_it_had_and_says_when_and_why() -> None:
 
 def test_weights_that_are_lost_are_noticed() -> None:
     class Poisoned(Kalman):
-        def update(self, x: Array, y: Array) -> Array:
-            innovation = super().update(x, y)
+        def update(self, x: Array, y: Array, time: float | None = None) -> Array:
+            innovation = super().update(x, y, time)
             if self.count == 3:
                 self.weights = self.weights * np.nan
             return innovation

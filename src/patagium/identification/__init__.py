@@ -12,6 +12,7 @@ from patagium.identification.mapping import TableMapping, load_mapping
 from patagium.identification.model_file import Model, load_model, model_of, save_model
 from patagium.identification.network import network_from_description
 from patagium.identification.result import Identification, load_identification
+from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.stream import stream
 from patagium.identification.strip import StripNetwork
 from patagium.identification.structure import LowRank
@@ -28,6 +29,8 @@ __all__ = [
     "LinearLearner",
     "LowRank",
     "Model",
+    "NoiseEstimation",
+    "Screening",
     "StripNetwork",
     "Table",
     "TableMapping",

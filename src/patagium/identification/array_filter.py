@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.identification.network import Network
+from patagium.identification.change import ChangeDetection
+from patagium.identification.network import Encoding, Network
 from patagium.identification.root import MatrixLost, lower_factor, measured_root, with_noise
+from patagium.identification.screening import NoiseEstimation, Screen, Screened, Screening
 from patagium.identification.spread import Moments, SpreadRule, moments_of
 from patagium.identification.structure import Structure
 
@@ -27,11 +29,14 @@ class FilterSetting(NamedTuple):
     Attributes:
         network: The network whose weights are estimated.
         rule: Where the points lie.
-        noise: Variances of the measurement, (n_y,).
+        noise: Variances of the measurement, to start from where they are estimated, (n_y,).
         process_noise: Variances added to the weights before each sample, (n,).
         forgetting_factor: Divides the covariance before each sample.
         dtype: Of the square root and of the points: "float64" or "float32".
         structure: What is kept of the covariance.
+        screening: How far samples are believed.
+        noise_estimation: How the variances of the measurement follow the innovations.
+        change_detection: When the covariance is opened anew.
     """
 
     network: Network
@@ -41,6 +46,13 @@ class FilterSetting(NamedTuple):
     forgetting_factor: float
     dtype: str
     structure: Structure = "full"
+    screening: Screening | None = None
+    noise_estimation: NoiseEstimation | None = None
+    change_detection: ChangeDetection | None = None
+
+    def screen(self) -> Screen:
+        """What the samples go through, as it is before the first one."""
+        return Screen(self.noise, self.screening, self.noise_estimation, self.change_detection)
 
     @property
     def has_process_noise(self) -> bool:
@@ -62,6 +74,11 @@ class Prediction(NamedTuple):
 
 class WeightFilter(Protocol):
     """Mean and covariance of weights, and one step of a filter over them."""
+
+    @property
+    def screen(self) -> Screen:
+        """What the samples go through."""
+        ...
 
     @property
     def mean(self) -> Array:
@@ -117,6 +134,7 @@ class ArrayFilter:
 
     def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
         self.setting = setting
+        self.screen = setting.screen()
         self.mean = np.array(mean, float)
         self.nis = float("nan")
         self._root = np.array(root, setting.dtype)
@@ -125,28 +143,34 @@ class ArrayFilter:
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
-        found = self._moments(x, self._advanced())
+        found = self._moments(self.setting.network.encode_one(x), self._advanced())
         return Prediction(found.mean, found.covariance)
 
     @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed nothing."""
-        root = self._advanced()
-        found = self._moments(x, root)
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
+        refused = self.screen.admit()
+        if refused:
+            return refused, nothing_known(len(y))
+        root, encoding = self._advanced(), self.setting.network.encode_one(x)
+        found = self._moments(encoding, root)
         prediction = Prediction(found.mean, found.covariance)
-        innovation = y - found.mean
-        if not (np.isfinite(innovation).all() and np.isfinite(prediction.covariance).all()):
-            return Outcome.NOT_FINITE, prediction
+        sample = screened(self.screen, encoding, found, y)
+        if isinstance(sample, Outcome):
+            return sample, prediction
+        (_, slopes, remainder), innovation = sample
         try:
-            after, cross, inverse = self._measured(root, found.slopes, found.remainder)
+            after, cross, inverse = self._measured(root, slopes, remainder)
         except MatrixLost as lost:
             return lost.outcome, prediction
         whitened = inverse.T @ innovation
-        nis, mean = float(whitened @ whitened), self.mean + cross @ (inverse @ whitened)
+        gain, nis = inverse @ whitened, float(whitened @ whitened)
+        mean = self.mean + cross @ gain
         if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
         self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
         self.nis = nis
+        self.screen.learned(gain, np.einsum("ij,ij->i", inverse, inverse), nis)
         return Outcome.COMPLETED, prediction
 
     def drift(self, growth: float, noise: Array) -> None:
@@ -179,8 +203,9 @@ class ArrayFilter:
             self._grown = noisy.astype(setting.dtype)
         return self._grown
 
-    def _moments(self, x: Array, root: Array) -> Moments:
-        return point_moments(self.setting, x, self.mean, root)
+    def _moments(self, encoding: Encoding, root: Array) -> Moments:
+        noise = self.screen.noise(encoding.readout)
+        return point_moments(self.setting, encoding, noise, self.mean, root)
 
 
 class CholeskyFilter:
@@ -194,6 +219,7 @@ class CholeskyFilter:
 
     def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
         self.setting = setting
+        self.screen = setting.screen()
         self.mean = np.array(mean, float)
         self.nis = float("nan")
         self._covariance = np.asarray(root @ root.T, setting.dtype)
@@ -205,32 +231,41 @@ class CholeskyFilter:
         Raises:
             MatrixLost: If the covariance is no longer positive definite.
         """
-        root = lower_factor(self._advanced()).astype(self.setting.dtype)
-        found = point_moments(self.setting, x, self.mean, root)
+        encoding = self.setting.network.encode_one(x)
+        found = self._moments(encoding, lower_factor(self._advanced()).astype(self.setting.dtype))
         return Prediction(found.mean, found.covariance)
 
     @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed nothing."""
-        covariance = self._advanced()
-        prediction = Prediction(np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan))
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
+        refused = self.screen.admit()
+        prediction = nothing_known(len(y))
+        if refused:
+            return refused, prediction
+        covariance, encoding = self._advanced(), self.setting.network.encode_one(x)
         try:
             root = lower_factor(covariance).astype(self.setting.dtype)
-            found = point_moments(self.setting, x, self.mean, root)
+            found = self._moments(encoding, root)
             prediction = Prediction(found.mean, found.covariance)
-            lower_factor(prediction.covariance)
+            sample = screened(self.screen, encoding, found, y)
+            if isinstance(sample, Outcome):
+                return sample, prediction
+            moments, innovation = sample
+            total = moments.covariance
+            lower_factor(total)
         except MatrixLost as lost:
             return lost.outcome, prediction
-        cross = root.astype(float) @ found.slopes
-        gain = np.linalg.solve(prediction.covariance, cross.T).T
-        innovation = y - found.mean
-        nis = float(innovation @ np.linalg.solve(prediction.covariance, innovation))
-        mean = self.mean + gain @ innovation
+        cross = root.astype(float) @ moments.slopes
+        gain = np.linalg.solve(total, cross.T).T
+        weighed = np.linalg.solve(total, innovation)
+        nis, mean = float(innovation @ weighed), self.mean + gain @ innovation
         if not (np.isfinite(nis) and np.isfinite(mean).all()):
             return Outcome.NOT_FINITE, prediction
-        smaller = covariance - gain @ prediction.covariance @ gain.T
+        smaller = covariance - gain @ total @ gain.T
         self._covariance = ((smaller + smaller.T) / 2).astype(self.setting.dtype)
         self.mean, self.nis = mean, nis
+        inverse: Array = np.diagonal(np.linalg.inv(total)).astype(float)
+        self.screen.learned(np.asarray(weighed, float), inverse, nis)
         return Outcome.COMPLETED, prediction
 
     def drift(self, growth: float, noise: Array) -> None:
@@ -255,22 +290,55 @@ class CholeskyFilter:
         """Its diagonal, (n,)."""
         return np.diagonal(self._covariance).astype(float)
 
+    def _moments(self, encoding: Encoding, root: Array) -> Moments:
+        noise = self.screen.noise(encoding.readout)
+        return point_moments(self.setting, encoding, noise, self.mean, root)
+
     def _advanced(self) -> Array:
         covariance = self.covariance() / self.setting.forgetting_factor
         covariance[np.diag_indices_from(covariance)] += self.setting.process_noise
         return covariance
 
 
-def point_moments(setting: FilterSetting, x: Array, mean: Array, root: Array) -> Moments:
+def nothing_known(outputs: int) -> Prediction:
+    """The prediction of a sample that was not looked at: NaN."""
+    return Prediction(np.full(outputs, np.nan), np.full((outputs, outputs), np.nan))
+
+
+def screened(screen: Screen, encoding: Encoding, found: Moments, y: Array) -> Screened | Outcome:
+    """A sample as it is learned from, or why it is not.
+
+    Args:
+        screen: What it goes through.
+        encoding: What the network sees of its input.
+        found: Moments of y before it was measured.
+        y: Measurement, (n_y,).
+    """
+    if not (np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()):
+        seen = np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()
+        if seen:
+            return Outcome.NOT_FINITE
+        screen.note("bad_inputs")
+        return Outcome.BAD_INPUT
+    sample = screen.screened(found, y)
+    if sample is None:
+        return Outcome.BLIND
+    return sample if np.isfinite(sample.innovation).all() else Outcome.NOT_FINITE
+
+
+def point_moments(
+    setting: FilterSetting, encoding: Encoding, noise: Array, mean: Array, root: Array
+) -> Moments:
     """Moments of y at the points of a rule around the mean.
 
     Args:
         setting: What the filter is made of.
-        x: Input, (n_x,).
+        encoding: What the network sees of its input.
+        noise: Variances of the measurement, (n_y,).
         mean: W, (n,).
         root: S, (n, n); the points are evaluated in its precision.
     """
-    network, rule, encoding = setting.network, setting.rule, setting.network.encode_one(x)
+    network, rule = setting.network, setting.rule
     features, center = encoding.features.astype(root.dtype)[None], mean.astype(root.dtype)
     steps = np.asarray(rule.spread, root.dtype) * root.T
     values = [network.perceptron.forward(features, center[None])]
@@ -281,4 +349,4 @@ def point_moments(setting: FilterSetting, x: Array, mean: Array, root: Array) ->
     out = np.concatenate(values).astype(float)
     y = out.reshape(len(out), -1) @ encoding.readout.T + encoding.offset
     count = len(mean)
-    return moments_of(y[0], y[1 : count + 1], y[count + 1 :], setting.noise, rule)
+    return moments_of(y[0], y[1 : count + 1], y[count + 1 :], noise, rule)

@@ -7,6 +7,7 @@ that change with the state.
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -15,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.identification.array_filter import FilterSetting
+from patagium.identification.change import ChangeDetection
 from patagium.identification.learner import forgetting
 from patagium.identification.network import Network
 from patagium.identification.scaling import center_of, scale_of
+from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.spread import SpreadRule
 from patagium.identification.structure import (
     Structure,
@@ -39,6 +42,9 @@ class Assumptions(NamedTuple):
         forgetting_factor: Divides the covariance before each sample.
         prior_share: Share of the prior covariance mixed in before each sample.
         covariance: What is kept of it.
+        screening: How far samples are believed.
+        noise_estimation: How the variances of the measurement follow the innovations.
+        change_detection: When the covariance is opened anew.
     """
 
     network: Network
@@ -48,6 +54,9 @@ class Assumptions(NamedTuple):
     forgetting_factor: float
     prior_share: float
     covariance: Structure
+    screening: Screening | None
+    noise_estimation: NoiseEstimation | None
+    change_detection: ChangeDetection | None
 
     @property
     def prior_variance(self) -> Array:
@@ -69,6 +78,9 @@ class Assumptions(NamedTuple):
             self.forgetting_factor / (1.0 - self.prior_share),
             dtype,
             self.covariance,
+            self.screening,
+            self.noise_estimation,
+            self.change_detection,
         )
 
     def describe(self) -> dict[str, Any]:
@@ -81,6 +93,9 @@ class Assumptions(NamedTuple):
             "forgetting_factor": self.forgetting_factor,
             "prior_share": self.prior_share,
             "covariance": described_structure(self.covariance),
+            "screening": _described(self.screening),
+            "noise_estimation": _described(self.noise_estimation),
+            "change_detection": _described(self.change_detection),
         }
 
 
@@ -92,6 +107,9 @@ def assume(
     forgetting_factor: float,
     prior_share: float,
     covariance: Structure,
+    screening: Screening | None = None,
+    noise_estimation: NoiseEstimation | None = None,
+    change_detection: ChangeDetection | None = None,
 ) -> Assumptions:
     """Checked assumptions; see there.
 
@@ -109,7 +127,14 @@ def assume(
         forgetting(forgetting_factor),
         float(prior_share),
         checked_structure(covariance),
+        screening,
+        noise_estimation,
+        change_detection,
     )
+
+
+def _described(part: Screening | NoiseEstimation | ChangeDetection | None) -> Any:
+    return None if part is None else asdict(part)
 
 
 def compact(values: Array) -> float | list[float]:

@@ -9,13 +9,17 @@ Neglected: correlation of innovations in time, which raises more alarms than it 
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 
+import numpy as np
 from scipy.stats import f as f_distribution
 
 from patagium.errors import ParameterError
+
+_RECENT, _BEFORE = 3, 4  # of `numbers`, as in screening.h
+_FILLED, _PLACE, _ALARM = 1, 2, 3  # of `whole`
+_LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
 
 
 @dataclass(frozen=True)
@@ -53,59 +57,63 @@ class ChangeDetection:
 
 
 class ChangeMonitor:
-    """The running test of one learner.
+    """The running test of one learner: the twin of `watch` in `kernels/screening.h`.
 
     Args:
-        detection: What it tests for.
+        detection: What it tests for; None: nothing.
+        channels: Number of channels m when none is missing: the limit is that of all of them.
     """
 
-    def __init__(self, detection: ChangeDetection) -> None:
+    def __init__(self, detection: ChangeDetection | None, channels: int) -> None:
         self.detection = detection
-        self._recent: deque[tuple[float, int]] = deque()
-        self._before: deque[tuple[float, int]] = deque()
-        self._sums = [0.0, 0.0]
-        self._channels = [0, 0]
-        self._threshold = (0, 0, 0.0)
+        self.window = 0 if detection is None else detection.window
+        self.reference = 0 if detection is None else detection.reference
+        self.ratio = inf if detection is None else _limit(detection, channels)
+        self.numbers = np.zeros(5)
+        self.whole = np.zeros(5, np.int64)
+        self.past = np.zeros(self.window + self.reference)
+
+    @property
+    def alarm(self) -> bool:
+        """Whether a change was found and nobody has said that it was dealt with."""
+        return bool(self.whole[_ALARM])
+
+    def settle(self) -> None:
+        """The alarm was dealt with."""
+        self.whole[_ALARM] = 0
 
     def alarmed_by(self, nis: float, channels: int) -> bool:
         """Whether the innovations up to this one are too large; the test then starts anew.
 
         Args:
             nis: Normalized innovation squared e' P_yy^-1 e.
-            channels: How many channels it is of, m.
+            channels: How many channels it is of.
         """
-        self._push(0, self._recent, (nis, channels))
-        if len(self._recent) <= self.detection.window:
+        if not self.window:
             return False
-        oldest = self._pop(0, self._recent)
-        self._push(1, self._before, oldest)
-        if len(self._before) < self.detection.reference:
+        size, place = len(self.past), int(self.whole[_PLACE])
+        value, oldest = min(nis / channels, _LARGEST_NIS), self.past[place]
+        self.past[place] = value
+        self.numbers[_RECENT] += value
+        if self.whole[_FILLED] >= self.window:
+            moved = self.past[(place - self.window) % size]
+            self.numbers[_RECENT] -= moved
+            self.numbers[_BEFORE] += moved
+        self.whole[_PLACE] = (place + 1) % size
+        if self.whole[_FILLED] >= size:
+            self.numbers[_BEFORE] -= oldest
+        else:
+            self.whole[_FILLED] += 1
+            if self.whole[_FILLED] < size:
+                return False
+        recent, before = self.numbers[_RECENT] / self.window, self.numbers[_BEFORE] / self.reference
+        if recent <= self.ratio * before:
             return False
-        if len(self._before) > self.detection.reference:
-            self._pop(1, self._before)
-        recent, before = (s / max(c, 1) for s, c in zip(self._sums, self._channels, strict=True))
-        if recent <= before * self._limit():
-            return False
-        self.__init__(self.detection)  # type: ignore[misc]
+        self.numbers[[_RECENT, _BEFORE]], self.whole[[_FILLED, _PLACE]] = 0.0, 0
+        self.whole[_ALARM] = 1
         return True
 
-    def _limit(self) -> float:
-        window, reference = self._channels
-        if self._threshold[:2] != (window, reference):
-            rate = self.detection.false_alarm_rate
-            limit = float(f_distribution.isf(rate, max(window, 1), max(reference, 1)))
-            self._threshold = (window, reference, limit)
-        return self._threshold[2]
 
-    def _push(
-        self, span: int, samples: deque[tuple[float, int]], sample: tuple[float, int]
-    ) -> None:
-        samples.append(sample)
-        self._sums[span] += sample[0]
-        self._channels[span] += sample[1]
-
-    def _pop(self, span: int, samples: deque[tuple[float, int]]) -> tuple[float, int]:
-        sample = samples.popleft()
-        self._sums[span] -= sample[0]
-        self._channels[span] -= sample[1]
-        return sample
+def _limit(detection: ChangeDetection, channels: int) -> float:
+    degrees = detection.window * channels, detection.reference * channels
+    return float(f_distribution.isf(detection.false_alarm_rate, *degrees))

@@ -19,6 +19,7 @@ from patagium.identification.change import ChangeDetection
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.filters import cubature_filter
 from patagium.identification.network import Network
+from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.spread import spread_rule
 from patagium.identification.structure import Structure
 
@@ -72,6 +73,9 @@ class CubatureLearner(FilterLearner):
         prior_share: Share of the covariance before any sample that is mixed in before each
             sample, 0 <= share < 1: a memory of 1 / share samples.
         covariance: "full", "layer", "node" or `LowRank(rank)`.
+        screening: How far samples are believed; None: as they are, if they are numbers.
+        noise_estimation: How the variances of the measurement follow the innovations, from
+            measurement_deviation on; None: it is known.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -98,6 +102,8 @@ class CubatureLearner(FilterLearner):
         forgetting_factor: float = 1.0,
         prior_share: float = 0.0,
         covariance: Structure = "full",
+        screening: Screening | None = None,
+        noise_estimation: NoiseEstimation | None = None,
         change_detection: ChangeDetection | None = None,
     ) -> None:
         if square_root not in get_args(SquareRoot):
@@ -114,6 +120,9 @@ class CubatureLearner(FilterLearner):
             forgetting_factor,
             prior_share,
             covariance,
+            screening,
+            noise_estimation,
+            change_detection,
         )
         setting = assumptions.setting(spread_rule(network.size, spread), dtype)
         self._setting, self._square_root, self._seed = setting, square_root, seed
@@ -123,7 +132,7 @@ class CubatureLearner(FilterLearner):
             if square_root == "cholesky"
             else cubature_filter(setting, mean, deviation)
         )
-        super().__init__(assumptions, weight_filter, change_detection)
+        super().__init__(assumptions, weight_filter)
 
     @property
     def spread(self) -> float:

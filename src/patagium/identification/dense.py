@@ -6,6 +6,7 @@ Neglected: everything known about the robot.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from patagium.errors import ParameterError
 from patagium.identification.mlp import Perceptron
 from patagium.identification.network import Encoding, Network
 from patagium.identification.scaling import center_of, scale_of
+from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
 
@@ -98,6 +100,17 @@ class DenseNetwork(Network):
         """The same of one sample, (1, n_x)."""
         features = ((x - self.input_center) / self.input_scale)[None]
         return Encoding(features, self._readout, self.output_center)
+
+    def compiled_encoder(self) -> tuple[int, Array] | None:
+        """Address of the compiled encoder and its constants; None without a compiler."""
+        library = load_kernel("scale")
+        if library is None:
+            return None
+        address = ctypes.cast(library.scale_encode, ctypes.c_void_p).value
+        readout = self._readout.T.ravel()
+        sizes = [float(self.inputs), float(readout.size)]
+        constants = np.concatenate([sizes, self.input_center, self.input_scale, readout])
+        return None if address is None else (address, constants)
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""

@@ -16,6 +16,7 @@ from patagium.identification.change import ChangeDetection
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.filters import extended_filter
 from patagium.identification.network import Network
+from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.spread import spread_rule
 from patagium.identification.structure import Structure
 
@@ -44,6 +45,9 @@ class ExtendedLearner(FilterLearner):
         prior_share: Share of the covariance before any sample that is mixed in before each
             sample, 0 <= share < 1: a memory of 1 / share samples.
         covariance: "full", "layer", "node" or `LowRank(rank)`.
+        screening: How far samples are believed; None: as they are, if they are numbers.
+        noise_estimation: How the variances of the measurement follow the innovations, from
+            measurement_deviation on; None: it is known.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -66,6 +70,8 @@ class ExtendedLearner(FilterLearner):
         forgetting_factor: float = 1.0,
         prior_share: float = 0.0,
         covariance: Structure = "full",
+        screening: Screening | None = None,
+        noise_estimation: NoiseEstimation | None = None,
         change_detection: ChangeDetection | None = None,
     ) -> None:
         assumptions = assume(
@@ -76,11 +82,14 @@ class ExtendedLearner(FilterLearner):
             forgetting_factor,
             prior_share,
             covariance,
+            screening,
+            noise_estimation,
+            change_detection,
         )
         setting = assumptions.setting(spread_rule(network.size, None), "float64")
         deviation = np.sqrt(assumptions.prior_variance)
         weight_filter = extended_filter(setting, network.initial(seed), deviation)
-        super().__init__(assumptions, weight_filter, change_detection)
+        super().__init__(assumptions, weight_filter)
         self._seed = seed
 
     def describe(self) -> dict[str, Any]:

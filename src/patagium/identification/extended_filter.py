@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from patagium.identification.array_filter import ArrayFilter, FilterSetting
 from patagium.identification.block_filter import BlockFilter
+from patagium.identification.network import Encoding
 from patagium.identification.root import transformed_root
 from patagium.identification.spread import Moments
 
@@ -21,25 +22,30 @@ class ExtendedFilter(ArrayFilter):
 
     _measured = staticmethod(transformed_root)
 
-    def _moments(self, x: Array, root: Array) -> Moments:
-        return linear_moments(self.setting, x, self.mean, root)
+    def _moments(self, encoding: Encoding, root: Array) -> Moments:
+        noise = self.screen.noise(encoding.readout)
+        return linear_moments(self.setting, encoding, noise, self.mean, root)
 
 
 class ExtendedBlockFilter(BlockFilter):
     """The same for independent blocks, each triangular."""
 
-    def _moments(self, x: Array, root: Array) -> Moments:
-        return linear_moments(self.setting, x, self.mean, root)
+    def _moments(self, encoding: Encoding, root: Array) -> Moments:
+        noise = self.screen.noise(encoding.readout)
+        return linear_moments(self.setting, encoding, noise, self.mean, root)
 
 
-def linear_moments(setting: FilterSetting, x: Array, mean: Array, root: Array) -> Moments:
+def linear_moments(
+    setting: FilterSetting, encoding: Encoding, noise: Array, mean: Array, root: Array
+) -> Moments:
     """Moments of y with the network linear around the mean.
 
     Args:
         setting: What the filter is made of.
-        x: Input, (n_x,).
+        encoding: What the network sees of its input.
+        noise: Variances of the measurement, (n_y,).
         mean: W, (n,).
         root: S, (n, n).
     """
-    y, slope = setting.network.linearized(setting.network.encode_one(x), mean)
-    return Moments(y, root.T @ slope.T, np.diag(setting.noise))
+    y, slope = setting.network.linearized(encoding, mean)
+    return Moments(y, root.T @ slope.T, np.diag(noise))

@@ -6,7 +6,6 @@ A filter differs from another in how it finds mean, slopes and remainder of y; s
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from time import perf_counter_ns
 from typing import Any
 
@@ -16,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome, ParameterError
 from patagium.identification.array_filter import WeightFilter
 from patagium.identification.assumptions import Assumptions
-from patagium.identification.change import ChangeDetection, ChangeMonitor
-from patagium.identification.learner import Stopwatch, as_input, as_sample, diverged
+from patagium.identification.learner import Stopwatch, as_input, diverged, shaped_sample
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
+from patagium.identification.screening import REFUSALS
 
 Array = NDArray[np.float64]
 
@@ -30,19 +29,12 @@ class FilterLearner:
     Args:
         assumptions: What it takes for granted.
         weight_filter: Mean and covariance of the weights, and the step over them.
-        change_detection: When the covariance is opened anew; None: never.
     """
 
-    def __init__(
-        self,
-        assumptions: Assumptions,
-        weight_filter: WeightFilter,
-        change_detection: ChangeDetection | None,
-    ) -> None:
+    def __init__(self, assumptions: Assumptions, weight_filter: WeightFilter) -> None:
         self._network, self._filter = assumptions.network, weight_filter
         self._assumptions = assumptions
         self._stopwatch = Stopwatch()
-        self._monitor = None if change_detection is None else ChangeMonitor(change_detection)
         self._changes: list[int] = []
         outputs = self._network.outputs
         self._innovation_covariance = np.full((outputs, outputs), np.nan)
@@ -78,8 +70,24 @@ class FilterLearner:
         return tuple(self._changes)
 
     @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples so far, and how often.
+
+        Channels of samples: missing (no number), outliers (doubted, or too far off to be
+        looked at), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets
+        (a clock that went back was believed), blind (no channel left), refused (the filter could
+        not be moved by it); changes (the covariance was opened anew).
+        """
+        return self._filter.screen.events
+
+    @property
+    def measurement_deviation(self) -> Array:
+        """Of the measurement, (n_y,) in the unit of y: as given, or as estimated by now."""
+        return np.sqrt(self._filter.screen.variances)
+
+    @property
     def innovation_covariance(self) -> Array:
-        """P_yy of the last sample learned, before it was used, (n_y, n_y)."""
+        """P_yy of the last sample learned, before it was used or doubted, (n_y, n_y)."""
         return self._innovation_covariance
 
     @property
@@ -117,32 +125,49 @@ class FilterLearner:
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
 
-    def update(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Learn one sample.
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample, or what of it can be used.
+
+        Channels of y that are no numbers are left out. A sample that is late, has been there
+        before, or whose input is no number changes nothing; see `events`.
 
         Args:
             x: Input, (n_x,).
             y: Measurement, (n_y,).
+            time: Of the sample [s]; None: not known, and it comes after the one before.
 
         Returns:
-            Innovation y - mean, (n_y,).
+            Innovation y - mean, (n_y,); NaN where nothing was learned.
 
         Raises:
             ShapeError: If an argument has another shape.
-            FilterDiverged: If a number is not finite or the covariance is lost; the
-                learner is then as it was before.
+            FilterDiverged: If the new weights would not be finite (with `screening` that is
+                counted, and nothing changes) or the covariance is lost; the learner is then
+                as it was before.
         """
         started = perf_counter_ns()
-        sample, measured = as_sample(self._network, self.count, x, y)
+        sample, measured = shaped_sample(self._network, x, y)
+        screen = self._filter.screen
+        screen.numbers[0] = np.nan if time is None else time
         outcome, prediction = self._filter.update(sample, measured)
         if outcome is not Outcome.COMPLETED:
-            raise diverged(outcome, self.count, sample, measured)
+            self._refuse(outcome, sample, measured)
+            return np.full(len(measured), np.nan)
         self._innovation_covariance = prediction.covariance
-        if self._monitor is not None and self._monitor.alarmed_by(self._filter.nis, len(measured)):
+        if screen.monitor.detection is not None and screen.monitor.alarm:
+            screen.monitor.settle()
             self._changes.append(self.count + 1)
-            self.reopen(self._monitor.detection.reopening)
+            self.reopen(screen.monitor.detection.reopening)
         self._stopwatch.add(perf_counter_ns() - started)
-        return measured - prediction.mean
+        return np.where(screen.left_out, np.nan, measured - prediction.mean)
+
+    def _refuse(self, outcome: Outcome, x: Array, y: Array) -> None:
+        screen = self._filter.screen
+        if outcome in REFUSALS:
+            return
+        if screen.believes or outcome is Outcome.COVARIANCE_LOST:
+            raise diverged(outcome, self.count, x, y)
+        screen.note("refused")
 
     def reopen(self, share: float) -> None:
         """Doubt what was learned: P <- (1 - share) P + share P0, the weights as they are.
@@ -163,5 +188,4 @@ class FilterLearner:
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
-        detection = None if self._monitor is None else asdict(self._monitor.detection)
-        return {**self._assumptions.describe(), "change_detection": detection}
+        return self._assumptions.describe()

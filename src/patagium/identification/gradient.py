@@ -17,11 +17,12 @@ from patagium.errors import Outcome, ParameterError
 from patagium.identification.learner import (
     Stopwatch,
     as_input,
-    as_sample,
     diverged,
     positive,
+    shaped_sample,
 )
 from patagium.identification.network import Encoding, Network
+from patagium.identification.screening import Screen, usable_channels
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,7 @@ class GradientLearner:
         self._memory: list[tuple[Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
         self._stopwatch = Stopwatch()
+        self._screen = Screen(np.ones(network.outputs))
 
     @property
     def network(self) -> Network:
@@ -83,6 +85,11 @@ class GradientLearner:
     def variances(self) -> None:
         """None, as there is no covariance."""
         return None
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        return self._screen.events
 
     @property
     def count(self) -> int:
@@ -111,23 +118,30 @@ class GradientLearner:
             return mean, np.full_like(self._scatter, np.nan)
         return mean, self._scatter / (1 - _SCATTER_DECAY**self.count)
 
-    def update(self, x: ArrayLike, y: ArrayLike) -> Array:
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
         """Learn one sample: one step of Adam.
 
         Args:
             x: Input, (n_x,).
-            y: Measurement, (n_y,).
+            y: Measurement, (n_y,); channels that are no numbers are left out.
+            time: Of the sample [s]; None: not known, and it comes after the one before.
 
         Returns:
-            Innovation y - y(W), (n_y,).
+            Innovation y - y(W), (n_y,); NaN where nothing was learned, as of samples that are
+            late, have been there before, or whose input is no number; see `events`.
 
         Raises:
             ShapeError: If an argument has another shape.
-            FilterDiverged: If a number is not finite; the learner is then as it was before.
+            FilterDiverged: If the new weights are not finite; the learner is then as it was
+                before.
         """
         started = perf_counter_ns()
-        sample, measured = as_sample(self._network, self.count, x, y)
+        sample, measured = shaped_sample(self._network, x, y)
+        kept = usable_channels(self._screen, sample, measured, time)
+        if kept is None:
+            return np.full(len(measured), np.nan)
         encoding = self._network.encode_one(sample)
+        measured = np.where(kept, measured, self._network(sample, self._weights))
         power = _decayed(self._power, measured**2, _SQUARE_DECAY)
         scale = np.sqrt(power / (1 - _SQUARE_DECAY ** (self.count + 1)))
         scale = np.maximum(scale, 1e-6 * scale.max(initial=0.0)) + 1e-300
@@ -146,7 +160,7 @@ class GradientLearner:
         if self._replay:
             self._keep(encoding, measured)
         self._stopwatch.add(perf_counter_ns() - started)
-        return innovation
+        return np.where(kept, innovation, np.nan)
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""

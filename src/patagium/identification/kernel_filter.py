@@ -18,11 +18,14 @@ from patagium.identification.array_filter import ArrayFilter, FilterSetting, Pre
 from patagium.identification.block_filter import BlockFilter, setting_blocks
 from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
+    Compiled,
     aligned,
+    function_address,
     install_encoder,
     kernel_function,
     rounded_up,
 )
+from patagium.identification.kernel_screening import screening_structure
 from patagium.identification.root import with_noise
 from patagium.identification.structure import Indices
 from patagium.native import load_kernel
@@ -32,12 +35,12 @@ Array = NDArray[np.float64]
 _INTEGERS = ("weights", "rows", "outputs", "stride", "items", "layers", "activation", "blocks")
 _NUMBERS = ("spread", "growth", "bend_gain", "centered", "shift_gain", "largest", "nis")
 _LAYOUT = ("widths", "starts", "counts")
-_STATE = ("mean", "noise", "root", "near")
+_STATE = ("mean", "screen", "root", "near")
 _WORK = ("slopes", "bends", "steps", "shrinks", "cross", "points", "at_mean", "weighting", "small")
 _ENCODER = ("encode", "encode_arguments", "encode_results")
 _SAMPLE = ("features", "readout", "offset", "measured")
 _RESULT = ("predicted", "innovation", "covariance")
-_ARRAYS = (*_STATE, *_WORK, *_SAMPLE, *_RESULT)
+_ARRAYS = (*(name for name in _STATE if name != "screen"), *_WORK, *_SAMPLE, *_RESULT)
 
 
 class _Cubature(ctypes.Structure):
@@ -79,7 +82,10 @@ class KernelFilter:
         self._blocks = setting_blocks(setting)
         self._lanes = int(library.cubature_lanes())
         self._arrays = _allocate(setting, self._lanes)
+        self.screen = setting.screen()
+        self._screening = screening_structure(self.screen)
         self._struct = _structure(setting, self._arrays)
+        self._struct.screen = ctypes.addressof(self._screening)
         self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
         self._predict, self._update = (
@@ -88,12 +94,14 @@ class KernelFilter:
         self._features, self._readout = self._arrays["features"], self._arrays["readout"]
         self._offset, self._measured = self._arrays["offset"], self._arrays["measured"]
         self._arrays["mean"][:] = mean
-        self._arrays["noise"][:] = setting.noise
         self._before_noise: Array | None = None
         self._put_root(np.asarray(root))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return restore, (self.setting, self.mean, self.root())
+        return restore, (self.setting, self.mean, self.root()), self.screen.arrays
+
+    def __setstate__(self, arrays: dict[str, Array]) -> None:
+        self.screen.restore(arrays)
 
     @property
     def mean(self) -> Array:
@@ -105,6 +113,23 @@ class KernelFilter:
         """Normalized innovation squared of the last sample learned."""
         return float(self._struct.nis)
 
+    @property
+    def compiled(self) -> Compiled | None:
+        """The filter as C code meets it; None where Python has to encode the inputs."""
+        if self._x is None:
+            return None
+        return Compiled(
+            function_address(self._update),
+            function_address(self._predict),
+            self._address,
+            self._x,
+            self._arrays["measured"],
+            self.screen.numbers[:1],
+            self._arrays["predicted"],
+            self._arrays["covariance"],
+            self.screen.whole[3:4],
+        )
+
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         self._add_process_noise()
@@ -113,7 +138,7 @@ class KernelFilter:
         return self._prediction()
 
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed nothing."""
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
         self._add_process_noise()
         self._take(x)
         self._measured[:] = y
@@ -229,7 +254,6 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     }
     doubles = {
         "mean": (network.size,),
-        "noise": (outputs,),
         "small": (5 + len(counts), stride, stride),
         "features": (items, widths[0]),
         "readout": (items * widths[-1], outputs),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,37 @@ def kernel_function(library: ctypes.CDLL, name: str) -> Any:
     function = getattr(library, name)
     function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
     return function
+
+
+class Compiled(NamedTuple):
+    """A filter as C code meets it: one sample is x, y and a stamp in, one call, moments out.
+
+    Attributes:
+        update: Address of `int f(void *memory)`: learns the sample; the integer is an Outcome.
+        predict: Address of the same that only predicts it.
+        memory: What both take.
+        x: Input, (n_x,), read by them.
+        y: Measurement, (n_y,), read by update; NaN where a channel is missing.
+        stamp: Time of the sample, (1,) [s], read by update; NaN: not known.
+        mean: Predicted, (n_y,), written by both.
+        covariance: Predicted with the noise, (n_y, n_y), written by both.
+        alarm: Written by update: not zero when a change was detected, (1,) of int64.
+    """
+
+    update: int
+    predict: int
+    memory: int
+    x: Array
+    y: Array
+    stamp: Array
+    mean: Array
+    covariance: Array
+    alarm: NDArray[np.int64]
+
+
+def function_address(function: Any) -> int:
+    """Where a function of a kernel is."""
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
 
 def install_encoder(

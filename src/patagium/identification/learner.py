@@ -1,8 +1,7 @@
 """What every learner has in common: it predicts, it updates, it says what it is.
 
 A learner holds a network and an estimate of its weights, and takes one sample at a
-time. Neglected: outliers, missing channels and late samples; non-finite samples are
-refused.
+time. Neglected: threads.
 """
 
 from __future__ import annotations
@@ -49,6 +48,11 @@ class Learner(Protocol):
         ...
 
     @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        ...
+
+    @property
     def time_per_update(self) -> float:
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         ...
@@ -57,8 +61,8 @@ class Learner(Protocol):
         """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
         ...
 
-    def update(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Learn one sample; gives the innovation y - mean, (n_y,)."""
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample made at a time [s]; gives the innovation y - mean, (n_y,)."""
         ...
 
     def describe(self) -> dict[str, Any]:
@@ -99,18 +103,15 @@ def as_input(network: Network, x: ArrayLike) -> Array:
     return sample
 
 
-def as_sample(network: Network, count: int, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """x, (n_x,), and y, (n_y,), as arrays of finite numbers.
+def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """x, (n_x,), and y, (n_y,), as arrays.
 
     Raises:
         ShapeError: If one of them has another shape.
-        FilterDiverged: If a number is not finite.
     """
     sample, measured = as_input(network, x), np.asarray(y, float)
     if measured.shape != (network.outputs,):
         raise ShapeError("y", (network.outputs,), measured.shape)
-    if not (all(map(isfinite, sample.tolist())) and all(map(isfinite, measured.tolist()))):
-        raise diverged(Outcome.NOT_FINITE, count, sample, measured)
     return sample, measured
 
 

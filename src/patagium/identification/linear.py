@@ -2,7 +2,8 @@
 
 y = offset + scale (B f(x)), f the scaled inputs and 1, or random softplus features of
 them and 1; one covariance of the rows of B serves all outputs. Neglected: different
-noise of the outputs; they are weighed alike, each in its own scale.
+noise of the outputs; they are weighed alike, each in its own scale. The covariance takes a
+channel that is left out for measured.
 """
 
 from __future__ import annotations
@@ -19,14 +20,15 @@ from patagium.identification.dense import DESCRIBED, DenseNetwork, described
 from patagium.identification.learner import (
     Stopwatch,
     as_input,
-    as_sample,
     diverged,
     forgetting,
     positive,
+    shaped_sample,
 )
 from patagium.identification.mlp import softplus
 from patagium.identification.network import Encoding
 from patagium.identification.scaling import scale_of
+from patagium.identification.screening import Screen, usable_channels
 
 Array = NDArray[np.float64]
 
@@ -78,6 +80,9 @@ class LinearNetwork(DenseNetwork):
         """The same of one sample, (1, n_f)."""
         many = self.encode(x[None])
         return Encoding(many.features[0], self._readout, self.output_center)
+
+    def compiled_encoder(self) -> None:
+        """None: random features are made in NumPy."""
 
     def initial(self, seed: int) -> Array:
         """Zero weights: least squares needs no start, (n,).
@@ -148,6 +153,7 @@ class LinearLearner:
         self._slopes = np.zeros((count, network.outputs))
         self._spread = np.eye(count) * self._prior**2
         self._stopwatch = Stopwatch()
+        self._screen = Screen(self._deviation**2)
 
     @property
     def network(self) -> LinearNetwork:
@@ -174,6 +180,11 @@ class LinearLearner:
         """Diagonal of that covariance, (n,)."""
         each, outputs = np.diagonal(self._spread), self._slopes.shape[1]
         return np.concatenate([np.tile(each[:-1], outputs), np.full(outputs, each[-1])])
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        return self._screen.events
 
     @property
     def count(self) -> int:
@@ -203,29 +214,34 @@ class LinearLearner:
         mean = self._network.output_center + scale * (features @ self._slopes)
         return mean, np.diag(spread * scale**2 + self._deviation**2)
 
-    def update(self, x: ArrayLike, y: ArrayLike) -> Array:
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
         """Learn one sample.
 
         Args:
             x: Input, (n_x,).
-            y: Measurement, (n_y,).
+            y: Measurement, (n_y,); channels that are no numbers are left out.
+            time: Of the sample [s]; None: not known, and it comes after the one before.
 
         Returns:
-            Innovation y - mean, (n_y,).
+            Innovation y - mean, (n_y,); NaN where nothing was learned, as of samples that are
+            late, have been there before, or whose input is no number; see `events`.
 
         Raises:
             ShapeError: If an argument has another shape.
-            FilterDiverged: If a number is not finite or the covariance is lost; the
+            FilterDiverged: If the new weights are not finite or the covariance is lost; the
                 learner is then as it was before.
         """
         started = perf_counter_ns()
-        sample, measured = as_sample(self._network, self.count, x, y)
+        sample, measured = shaped_sample(self._network, x, y)
+        kept = usable_channels(self._screen, sample, measured, time)
+        if kept is None:
+            return np.full(len(measured), np.nan)
         features, scale = self._features(sample), self._network.output_scale
         spread = self._spread / self._forgetting
         cross = spread @ features
         total = self._variance + float(features @ cross)
         error = (measured - self._network.output_center) / scale - features @ self._slopes
-        slopes = self._slopes + np.outer(cross / total, error)
+        slopes = self._slopes + np.outer(cross / total, np.where(kept, error, 0.0))
         smaller = spread - np.outer(cross, cross / total)
         if not np.isfinite(slopes).all() or not np.isfinite(total):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
@@ -233,7 +249,7 @@ class LinearLearner:
             raise diverged(Outcome.COVARIANCE_LOST, self.count, sample, measured)
         self._slopes, self._spread = slopes, (smaller + smaller.T) / 2
         self._stopwatch.add(perf_counter_ns() - started)
-        return np.asarray(error * scale)
+        return np.where(kept, error * scale, np.nan)
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""

@@ -23,7 +23,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
 from patagium.errors import Outcome
-from patagium.identification.array_filter import FilterSetting, Prediction
+from patagium.identification.array_filter import (
+    FilterSetting,
+    Prediction,
+    nothing_known,
+    screened,
+)
 from patagium.identification.network import Encoding
 from patagium.identification.root import MatrixLost, lower_factor
 from patagium.identification.spread import Moments, moments_of
@@ -91,6 +96,7 @@ class LowRankFilter:
 
     def __init__(self, setting: FilterSetting, mean: Array, precision: Precision) -> None:
         self.setting = setting
+        self.screen = setting.screen()
         self.mean = np.array(mean, float)
         self.nis = float("nan")
         self._precision = self._rounded(precision)
@@ -120,28 +126,41 @@ class LowRankFilter:
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
-        found, _, _ = self._seen(x, self._advanced())
+        encoding = self.setting.network.encode_one(x)
+        found, _, _ = self._seen(encoding, self._advanced())
         return Prediction(found.mean, found.covariance)
 
     @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed nothing."""
-        before = self._advanced()
-        found, columns, sensed = self._seen(x, before)
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
+        refused = self.screen.admit()
+        if refused:
+            return refused, nothing_known(len(y))
+        before, encoding = self._advanced(), self.setting.network.encode_one(x)
+        if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
+            self.screen.note("bad_inputs")
+            return Outcome.BAD_INPUT, nothing_known(len(y))
+        found, columns, sensed = self._seen(encoding, before)
         prediction = Prediction(found.mean, found.covariance)
+        sample = screened(self.screen, encoding, found, y)
+        if isinstance(sample, Outcome):
+            return sample, prediction
+        moments, innovation = sample
         try:
-            total, noise = lower_factor(found.covariance), lower_factor(found.remainder)
+            total, noise = lower_factor(moments.covariance), lower_factor(moments.remainder)
         except MatrixLost as lost:
             return lost.outcome, prediction
-        whitened = solve_triangular(total, y - found.mean, lower=True, check_finite=False)
+        whitened = solve_triangular(total, innovation, lower=True, check_finite=False)
         gain = solve_triangular(total, whitened, lower=True, trans="T", check_finite=False)
-        nis, mean = float(whitened @ whitened), self.mean + columns @ (found.slopes @ gain)
-        added = solve_triangular(noise, (sensed @ found.slopes).T, lower=True).T
+        nis, mean = float(whitened @ whitened), self.mean + columns @ (moments.slopes @ gain)
+        added = solve_triangular(noise, (sensed @ moments.slopes).T, lower=True).T
         if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(added).all()):
             return Outcome.NOT_FINITE, prediction
         after = Precision(before.diagonal, np.hstack([before.columns, added]))
         self._precision = self._rounded(after.compressed(self._rank))
         self.mean, self._grown, self.nis = mean, None, nis
+        inverse = solve_triangular(total, np.eye(len(total)), lower=True)
+        self.screen.learned(gain, np.einsum("ij,ij->j", inverse, inverse), nis)
         return Outcome.COMPLETED, prediction
 
     @property
@@ -160,11 +179,9 @@ class LowRankFilter:
             self._grown = self.precision().drifted(growth, setting.process_noise)
         return self._grown
 
-    def _seen(self, x: Array, precision: Precision) -> tuple[Moments, Array, Array]:
+    def _seen(self, encoding: Encoding, precision: Precision) -> tuple[Moments, Array, Array]:
         """Moments along the columns y sees, these columns, (n, q), and P^-1 times them."""
-        network = self.setting.network
-        encoding = network.encode_one(x)
-        y, slope = network.linearized(encoding, self.mean)
+        y, slope = self.setting.network.linearized(encoding, self.mean)
         reached = precision.solve(slope.T)
         variances, axes = eigh(slope @ reached)
         clear = variances > _UNSEEN * max(variances.max(), 0.0)
@@ -180,7 +197,7 @@ class LowRankFilter:
         self, encoding: Encoding, y: Array, columns: Array, variances: Array, axes: Array
     ) -> Moments:
         """What the points along the columns say of y; elsewhere y stays where it is."""
-        setting, rule = self.setting, self.setting.rule
+        rule = self.setting.rule
         values = [
             self._at(encoding, self.mean + sign * rule.spread * column)
             for sign in (1.0, -1.0)
@@ -188,7 +205,7 @@ class LowRankFilter:
         ]
         plus, minus = np.reshape(values, (2, columns.shape[1], len(y)))
         rest = rule.bend_gain * rule.centered * (len(self.mean) - columns.shape[1])
-        found = moments_of(y, plus, minus, setting.noise, rule)
+        found = moments_of(y, plus, minus, self.screen.noise(encoding.readout), rule)
         shift = found.mean - y
         return found._replace(remainder=found.remainder + rest * np.outer(shift, shift))
 
@@ -204,4 +221,4 @@ class ExtendedLowRankFilter(LowRankFilter):
         self, encoding: Encoding, y: Array, columns: Array, variances: Array, axes: Array
     ) -> Moments:
         slopes = np.sqrt(variances)[:, None] * axes.T
-        return Moments(y, slopes, np.diag(self.setting.noise))
+        return Moments(y, slopes, np.diag(self.screen.noise(encoding.readout)))

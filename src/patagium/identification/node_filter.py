@@ -19,11 +19,14 @@ from patagium.identification.array_filter import FilterSetting, Prediction
 from patagium.identification.block_filter import scattered, setting_blocks
 from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
+    Compiled,
     aligned,
+    function_address,
     install_encoder,
     kernel_function,
     rounded_up,
 )
+from patagium.identification.kernel_screening import screening_structure
 from patagium.identification.root import with_noise
 from patagium.native import load_kernel
 
@@ -52,7 +55,7 @@ class _Node(ctypes.Structure):
         *((name, ctypes.c_double) for name in _NUMBERS),
         *(
             (name, ctypes.c_void_p)
-            for name in ("mean", "noise", *_REALS, *_DOUBLES, *_ENCODER, *_SAMPLE)
+            for name in ("mean", "screen", *_REALS, *_DOUBLES, *_ENCODER, *_SAMPLE)
         ),
     ]
 
@@ -88,7 +91,10 @@ class NodeFilter:
         self.setting = setting
         self._blocks = setting_blocks(setting)
         self._arrays = _allocate(setting, int(library.node_lanes()))
+        self.screen = setting.screen()
+        self._screening = screening_structure(self.screen)
         self._struct = _structure(setting, self._arrays)
+        self._struct.screen = ctypes.addressof(self._screening)
         self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
         self._address = ctypes.addressof(self._struct)
         self._predict = kernel_function(library, "node_predict")
@@ -106,7 +112,10 @@ class NodeFilter:
     def __reduce__(self) -> tuple[Any, ...]:
         from patagium.identification.filters import restore_nodes
 
-        return restore_nodes, (self.setting, self.mean, self.roots())
+        return restore_nodes, (self.setting, self.mean, self.roots()), self.screen.arrays
+
+    def __setstate__(self, arrays: dict[str, Array]) -> None:
+        self.screen.restore(arrays)
 
     @property
     def mean(self) -> Array:
@@ -118,6 +127,23 @@ class NodeFilter:
         """Normalized innovation squared of the last sample learned."""
         return float(self._struct.nis)
 
+    @property
+    def compiled(self) -> Compiled | None:
+        """The filter as C code meets it; None where Python has to encode the inputs."""
+        if self._x is None:
+            return None
+        return Compiled(
+            function_address(self._update),
+            function_address(self._predict),
+            self._address,
+            self._x,
+            self._arrays["measured"],
+            self.screen.numbers[:1],
+            self._arrays["predicted"],
+            self._arrays["covariance"],
+            self.screen.whole[3:4],
+        )
+
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""
         self._take(x)
@@ -125,7 +151,7 @@ class NodeFilter:
         return self._prediction()
 
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed nothing."""
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
         self._take(x)
         self._measured[:] = y
         outcome = self._update(self._address)
@@ -211,7 +237,6 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     }
     doubles = {
         "mean": (network.size,),
-        "noise": (outputs,),
         "directions": (nodes, stride),
         "centers": (nodes, stride),
         "squares": (nodes,),
@@ -229,7 +254,6 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
     arrays["widths"] = np.array(widths, np.int32)
     arrays["offset"][:] = network.offset
-    arrays["noise"][:] = setting.noise
     _lay_out(setting.process_noise, widths, arrays["drift"])
     return arrays
 

@@ -28,23 +28,24 @@ def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
     std_i <= 1e-9 max_j rms_j. Dividing by such a variance would score rounding errors.
 
     Args:
-        measurement: What was measured, (N, n_y).
+        measurement: What was measured, (N, n_y); NaN where it was not.
 
     Returns:
         True for each silent output, (n_y,).
     """
-    truth = _table("measurement", measurement)
-    scale = np.sqrt(np.mean(truth**2, axis=0)).max(initial=0.0)
-    return np.asarray(truth.std(axis=0) <= SILENT_RATIO * scale)
+    truth = np.ma.masked_invalid(_table("measurement", measurement))
+    scale = np.sqrt((truth**2).mean(axis=0).filled(0.0)).max(initial=0.0)
+    return np.asarray(truth.std(axis=0).filled(0.0) <= SILENT_RATIO * scale)
 
 
 def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     """Mean square error of each output over its variance.
 
-    NMSE_i = mean_k (y_ki - yhat_ki)^2 / var_k y_ki; predicting the mean scores 1.
+    NMSE_i = mean_k (y_ki - yhat_ki)^2 / var_k y_ki over the samples that were measured;
+    predicting the mean scores 1.
 
     Args:
-        measurement: y, (N, n_y).
+        measurement: y, (N, n_y); NaN where it was not measured.
         prediction: yhat, (N, n_y).
 
     Returns:
@@ -56,20 +57,22 @@ def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     truth, guess = _table("measurement", measurement), _table("prediction", prediction)
     if truth.shape != guess.shape:
         raise ShapeError("prediction", truth.shape, guess.shape)
-    heard = ~silent_outputs(truth)
     score = np.full(truth.shape[1], np.nan)
-    error = np.mean((truth[:, heard] - guess[:, heard]) ** 2, axis=0)
-    score[heard] = error / truth[:, heard].var(axis=0)
+    for k in np.flatnonzero(~silent_outputs(truth)):
+        measured = np.isfinite(truth[:, k])
+        error = np.mean((truth[measured, k] - guess[measured, k]) ** 2)
+        score[k] = error / truth[measured, k].var()
     return score
 
 
 def persistence(measurement: ArrayLike, used: ArrayLike) -> Array:
     """The rival that needs no model: the last used sample, held.
 
-    yhat_k = y_u, u the largest used index below k; before any sample was used, zero.
+    yhat_k = y_u, u the largest used index below k at which the output was measured; before
+    any sample was used, zero.
 
     Args:
-        measurement: y, (N, n_y).
+        measurement: y, (N, n_y); NaN where it was not measured.
         used: Indices of the samples that were used, increasing.
 
     Returns:
@@ -77,9 +80,11 @@ def persistence(measurement: ArrayLike, used: ArrayLike) -> Array:
     """
     truth = _table("measurement", measurement)
     indices = np.asarray(used, int)
-    last = np.searchsorted(indices, np.arange(len(truth)), side="left") - 1
     held = np.zeros_like(truth)
-    held[last >= 0] = truth[indices[last[last >= 0]]]
+    for k in range(truth.shape[1]):
+        measured = indices[np.isfinite(truth[indices, k])]
+        last = np.searchsorted(measured, np.arange(len(truth)), side="left") - 1
+        held[last >= 0, k] = truth[measured[last[last >= 0]], k]
     return held
 
 
@@ -89,7 +94,7 @@ def coverage(error: ArrayLike, deviation: ArrayLike, heard: ArrayLike | None = N
     |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
 
     Args:
-        error: y - yhat, (M, n_y).
+        error: y - yhat, (M, n_y); NaN where y was not measured.
         deviation: Predicted standard deviation, (M, n_y), same unit.
         heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
 
@@ -100,7 +105,8 @@ def coverage(error: ArrayLike, deviation: ArrayLike, heard: ArrayLike | None = N
     share = np.full(miss.shape[1], np.nan)
     chosen = np.ones(miss.shape[1], bool) if heard is None else np.asarray(heard, bool)
     if len(miss) and np.isfinite(sigma).all():
-        share[chosen] = np.mean(np.abs(miss) <= 1.959963985 * sigma, axis=0)[chosen]
+        inside = np.ma.masked_where(np.isnan(miss), np.abs(miss) <= 1.959963985 * sigma)
+        share[chosen] = inside.mean(axis=0).filled(np.nan)[chosen]
     return share
 
 

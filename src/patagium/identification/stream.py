@@ -61,7 +61,7 @@ def stream(
         learner: What learns; it goes on from where it stands, and is changed.
         time: Increasing, (N,) [s].
         x: What the network sees, (N, n_x).
-        y: What it predicts, (N, n_y).
+        y: What it predicts, (N, n_y); NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
         horizons: Label and length [s] of the spans to predict with frozen weights.
         names: Names of the outputs; None for the network's.
@@ -75,7 +75,7 @@ def stream(
 
     Raises:
         ShapeError: If the arrays do not fit each other or the network.
-        LogError: If a sample is not finite or time does not advance.
+        LogError: If an input is not finite or time does not advance.
     """
     run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
@@ -151,9 +151,9 @@ class _Stream:
                 self.windows[horizon.label].append((hold.begin, ahead))
 
     def _learn(self, index: int, look: bool) -> None:
-        innovation = self.learner.update(self.x[index], self.y[index])
+        innovation = self.learner.update(self.x[index], self.y[index], self.time[index])
         weights = self.learner.weights
-        if not (np.isfinite(innovation).all() and np.isfinite(weights).all()):
+        if not np.isfinite(weights).all():
             raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.innovation[self.updates] = innovation
         self.weights_norm[self.updates] = np.linalg.norm(weights)
@@ -180,6 +180,7 @@ class _Stream:
             "updates": self.updates,
             "median_step": float(np.median(np.diff(self.time))),
             "gaps": len(self.gaps),
+            "events": {name: count for name, count in self.learner.events.items() if count},
             "outcome": self.outcome.name,
             "message": self.message,
             "silent": [name for name, mute in zip(names, silent, strict=True) if mute],
@@ -240,7 +241,7 @@ def _checked(
         raise ShapeError("x", (len(stamps), network.inputs), inputs.shape)
     if outputs.shape != (len(stamps), network.outputs):
         raise ShapeError("y", (len(stamps), network.outputs), outputs.shape)
-    for name, array in (("time", stamps), ("x", inputs), ("y", outputs)):
+    for name, array in (("time", stamps), ("x", inputs)):
         bad = np.argwhere(~np.isfinite(array))
         if len(bad):
             raise LogError(

@@ -18,15 +18,14 @@
  * S is stored by panels of two vectors of columns, each from its first row on. It may be of
  * one block a layer: then each block sees M and what the others add to it, as if they were
  * noise, and what the posterior has between blocks is forgotten. The small
- * algebra (n_y x n_y) is in double. Nothing is allocated, nothing is raised: the returned
- * integer is an Outcome, and whatever is not COMPLETED leaves mean and S as they were.
+ * algebra (n_y x n_y) is in double. What a sample is worth, and how noisy it is, is found on the
+ * way: screening.h. Nothing is allocated, nothing is raised: the returned integer is an Outcome,
+ * and whatever is not COMPLETED leaves mean and S as they were.
  */
 #include <math.h>
 
 #include "points.h"
 #include "small.h"
-
-enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
 
 /* Rows and vectors of a block of a product that stay in registers. */
 #define VECTORS 2
@@ -90,6 +89,7 @@ static void read_out(const cubature *f, int first, REAL *outputs) {
 static void visit(cubature *f) {
   const int count = f->items * f->widths[f->layers], m = f->outputs;
   if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+  find_noise(f->screen, count, f->readout);
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
   run_at_mean(f);
@@ -149,7 +149,7 @@ static void moments(cubature *f, double *remainder, double *work) {
     for (int l = 0; l < m; l++) {
       double *sum = remainder + k * stride + l;
       *sum = f->bend_gain * *sum + f->shift_gain * shift[k] * shift[l];
-      if (k == l) *sum += f->noise[k];
+      if (k == l) *sum += f->screen->noise[k];
       f->covariance[k * m + l] = *sum;
       for (int b = 0; b < f->blocks; b++)
         f->covariance[k * m + l] += gram_of(f, b)[k * stride + l];
@@ -265,18 +265,48 @@ static int in_range(cubature *f) {
   return f->growth * f->largest * sqrt(reach) < limit;
 }
 
+/* Why there is no prediction. */
+static int unseen(const cubature *f) {
+  const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
+  if (are_numbers(features, f->features) && are_numbers(rows * f->outputs, f->readout))
+    return NOT_FINITE;
+  f->screen->counts[BAD_INPUTS]++;
+  return BAD_INPUT;
+}
+
+/* Slopes and moments of y as the screen has them. */
+static void screen_moments(cubature *f) {
+  const screening *s = f->screen;
+  const int stride = f->stride;
+  leave_out(s, stride, f->small);
+  for (int k = 0; k < f->outputs; k++) {
+    if (!s->left_out[k]) continue;
+    for (int i = 0; i < f->rows; i++) f->slopes[i * stride + k] = R(0);
+    for (int b = 0; b < f->blocks; b++)
+      for (int l = 0; l < f->outputs; l++)
+        gram_of(f, b)[k * stride + l] = gram_of(f, b)[l * stride + k] = 0;
+  }
+}
+
 /* Learn one sample. */
 int cubature_update(cubature *f) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
-  if (cubature_predict(f) != COMPLETED || !in_range(f)) return NOT_FINITE;
-  for (int k = 0; k < m; k++) f->innovation[k] = f->measured[k] - f->predicted[k];
+  const int refused = admit(f->screen);
+  if (refused) return refused;
+  if (cubature_predict(f) != COMPLETED) return unseen(f);
+  if (!in_range(f)) return NOT_FINITE;
+  const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
+  if (!kept) return BLIND;
+  screen_moments(f);
   if (!plan(f, g, turned)) return COVARIANCE_LOST;
   combine(m, stride, f->innovation, g, inner);
   combine(m, stride, inner, turned, gain);
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
   f->nis = nis;
+  learn_noise(f->screen, gain, stride, g);
+  watch(f->screen, nis, kept);
   f->largest *= f->growth;
   memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
   int weight = 0;

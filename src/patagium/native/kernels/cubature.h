@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "activations.h"
+#include "screening.h"
 
 enum { SOFTPLUS = 0, TANH = 1 };
 
@@ -34,7 +35,7 @@ typedef struct {
   double largest;        /* no row of S is longer */
   double nis;            /* normalized innovation squared of the last sample */
   double *mean;          /* n */
-  double *noise;         /* n_y, variances */
+  screening *screen;     /* what samples go through; holds the variances of the measurement */
   REAL *root;            /* S by blocks: panels of (its rows - first column) x PANEL */
   REAL *near;            /* rows: mean in the precision of the points */
   REAL *slopes;          /* rows x stride: Z */

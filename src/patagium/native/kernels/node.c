@@ -18,8 +18,6 @@
 #include "node_points.h"
 #include "node_root.h"
 
-enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };
-
 static double *direction_of(const node_filter *f, int node) {
   return f->directions + (ptrdiff_t)node * f->stride;
 }
@@ -157,7 +155,7 @@ static void finish_moments(node_filter *f, double *total) {
   add_outer(m, stride, f->shift_gain, shift, total);
   for (int k = 0; k < m; k++) {
     f->predicted[k] += shift[k];
-    total[k * stride + k] += f->noise[k];
+    total[k * stride + k] += f->screen->noise[k];
     for (int l = 0; l < m; l++) f->covariance[k * m + l] = total[k * stride + l];
   }
 }
@@ -178,6 +176,7 @@ int node_predict(node_filter *f) {
   double *total = f->small, sum = 0;
   drift(f);
   if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+  find_noise(f->screen, f->items * last, f->readout);
   run_at_mean(f);
   for (int k = 0; k < m; k++) f->predicted[k] = f->offset[k];
   for (int t = 0; t < f->items; t++)
@@ -262,21 +261,46 @@ static reals learn(node_filter *f, const group *g, double growth, const REAL *be
   return longest;
 }
 
+/* Why there is no prediction. */
+static int unseen(const node_filter *f) {
+  const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
+  if (are_numbers(features, f->features) && are_numbers(rows * f->outputs, f->readout))
+    return NOT_FINITE;
+  f->screen->counts[BAD_INPUTS]++;
+  return BAD_INPUT;
+}
+
+/* Slopes and moments of y as the screen has them. */
+static void screen_moments(node_filter *f) {
+  const screening *s = f->screen;
+  const int m = f->outputs;
+  leave_out(s, f->stride, f->small);
+  for (int k = 0; k < m; k++) {
+    if (!s->left_out[k]) continue;
+    for (group g = {0}; next_group(f, &g);) {
+      REAL *slopes = f->slopes + g.rows * m * WIDTH;
+      if (is_line(f, &g))
+        for (int c = 0; c < g.count; c++) direction_of(f, g.node + c)[k] = 0;
+      else
+        for (int i = 0; i < g.size; i++) row_store(slopes, (ptrdiff_t)i * m + k, (reals){0});
+    }
+  }
+}
+
 /* Learn one sample. */
 int node_update(node_filter *f) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double *work = f->small + size, *inverse = work + size, *turned = inverse + size;
-  double inner[stride], step[stride], sum = 0, reach = 0;
-  const int outcome = node_predict(f);
+  double inner[stride], step[stride], reach = 0;
+  const int refused = admit(f->screen);
+  if (refused) return refused;
+  if (node_predict(f) != COMPLETED) return unseen(f);
+  for (int k = 0; k < m; k++) reach = fmax(reach, f->covariance[k * m + k]);
+  if (!(f->largest * sqrt(reach) < (SINGLE ? 1e36 : 1e300))) return NOT_FINITE;
   memset(inner, 0, sizeof inner);
-  for (int k = 0; k < m; k++) {
-    f->innovation[k] = f->measured[k] - f->predicted[k];
-    sum += f->innovation[k];
-    reach = fmax(reach, f->covariance[k * m + k]);
-  }
-  const double limit = SINGLE ? 1e36 : 1e300;
-  if (outcome != COMPLETED || !isfinite(sum) || !(f->largest * sqrt(reach) < limit))
-    return NOT_FINITE;
+  const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
+  if (!kept) return BLIND;
+  screen_moments(f);
   memset(inverse, 0, sizeof(double) * size);
   if (!invert_root(m, stride, f->small, work, inverse)) return COVARIANCE_LOST;
   for (int k = 0; k < stride; k++)
@@ -287,6 +311,8 @@ int node_update(node_filter *f) {
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
   f->nis = nis;
+  learn_noise(f->screen, step, stride, inverse);
+  watch(f->screen, nis, kept);
   const double growth = f->drifts ? 1 : f->growth;
   reals longest = {0};
   for (group g = {0}; next_group(f, &g);) {

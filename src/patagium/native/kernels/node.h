@@ -11,6 +11,7 @@
 #include <stddef.h>
 
 #include "activations.h"
+#include "screening.h"
 #include "small.h"
 
 enum { SOFTPLUS = 0, TANH = 1 };
@@ -35,7 +36,7 @@ typedef struct {
   double largest;        /* no row of the root is longer */
   double nis;            /* normalized innovation squared of the last sample */
   double *mean;          /* n, in the order of the network */
-  double *noise;         /* n_y, variances */
+  screening *screen;     /* what samples go through; holds the variances of the measurement */
   REAL *root;            /* of all groups */
   REAL *grown;           /* the same after the drift, where there is one */
   REAL *drift;           /* variances added before a sample, rows of all groups */

@@ -1,0 +1,190 @@
+/* A sample on its way into a filter: what of it is believed, and how much.
+ *
+ * Channels that are no numbers or stand still are left out; one that lies too far off has its
+ * noise raised until it lies just that far off; the variance of the measurement is estimated
+ * from what the innovations leave of it; innovations that grew raise an alarm. Memory is the
+ * caller's; Python's twin, equation by equation and array by array, is `screening.py`.
+ */
+#ifndef PATAGIUM_SCREENING_H
+#define PATAGIUM_SCREENING_H
+
+#include <math.h>
+#include <stdint.h>
+
+enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };          /* as errors.Outcome */
+enum { BAD_INPUT = 4, LATE = 5, DUPLICATE = 6, BLIND = 7 };
+enum { MISSING, OUTLIERS, STUCK, BAD_INPUTS, LATES, DUPLICATES, RESETS, BLINDS, REFUSED, CHANGES };
+enum { STAMP, LAST_STAMP, LATE_STAMP, RECENT, BEFORE };               /* of `numbers` */
+enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `whole` */
+
+#define CLOCK_RUN 10      /* late samples in a row, each later than the one before: a new clock */
+#define FAR 1e6           /* deviations beyond which an innovation tells nothing */
+#define LARGEST_NIS 1e6   /* a channel, as the monitor of changes takes it */
+
+typedef struct {
+  int32_t channels;
+  int32_t stuck_samples;  /* 0: still channels are believed */
+  int32_t window;         /* 0: changes are not looked for */
+  int32_t reference;
+  double limit;           /* deviations; infinite: nothing is too far off */
+  double share;           /* of a sample in the estimated variance; 0: it is known */
+  double ratio;           /* of the mean in the window over that before, at an alarm */
+  double *numbers;        /* 5 */
+  int64_t *whole;         /* 5 */
+  int64_t *counts;        /* of each event */
+  double *noise;          /* m: variance at this sample */
+  double *steady;         /* m: its part that is always there */
+  double *loaded;         /* m: its part that goes with the load, over the mean load */
+  double *smallest;       /* m: neither part falls below */
+  double *load;           /* m: squared norm of the channel's row of the readout, now */
+  double *mean_load;      /* m */
+  double *extra;          /* m: what is added to the noise of this sample */
+  double *last;           /* m: measured before */
+  int64_t *still;         /* m: samples that repeated it */
+  int64_t *moved;         /* m: whether the channel ever changed */
+  int64_t *left_out;      /* m */
+  double *past;           /* window + reference */
+} screening;
+
+/* Whether the sample is later than the one before; an event otherwise. */
+static int admit(screening *s) {
+  const double stamp = s->numbers[STAMP];
+  if (isnan(stamp)) return COMPLETED;
+  if (isfinite(stamp) && stamp > s->numbers[LAST_STAMP]) {
+    s->numbers[LAST_STAMP] = stamp;
+    s->whole[LATE_RUN] = 0;
+    return COMPLETED;
+  }
+  if (stamp == s->numbers[LAST_STAMP]) {
+    s->counts[DUPLICATES]++;
+    return DUPLICATE;
+  }
+  s->whole[LATE_RUN] = s->whole[LATE_RUN] && stamp > s->numbers[LATE_STAMP] ? s->whole[LATE_RUN] + 1 : 1;
+  s->numbers[LATE_STAMP] = stamp;
+  if (isfinite(stamp) && s->whole[LATE_RUN] == CLOCK_RUN) {
+    s->numbers[LAST_STAMP] = stamp;
+    s->whole[LATE_RUN] = 0;
+    s->counts[RESETS]++;
+    return COMPLETED;
+  }
+  s->counts[LATES]++;
+  return LATE;
+}
+
+/* Variance of each channel at this sample; readout: rows of m numbers. */
+static void find_noise(screening *s, int rows, const double *readout) {
+  if (s->share == 0) return;
+  const int m = s->channels;
+  for (int k = 0; k < m; k++) s->load[k] = 0;
+  for (int r = 0; r < rows; r++)
+    for (int k = 0; k < m; k++) s->load[k] += readout[r * m + k] * readout[r * m + k];
+  for (int k = 0; k < m; k++) {
+    const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
+    s->noise[k] = s->steady[k] + s->loaded[k] * relative;
+  }
+}
+
+/* Whether a channel that moved before repeats one value. */
+static int stands(screening *s, int k, double y) {
+  if (y == s->last[k]) return ++s->still[k] >= s->stuck_samples && s->moved[k];
+  if (!isnan(s->last[k])) s->moved[k] = 1;
+  s->still[k] = 1;
+  s->last[k] = y;
+  return 0;
+}
+
+/* Innovation of every channel, what is left out and what is doubted; how many are left. */
+static int weigh(screening *s, const double *measured, const double *predicted,
+                 const double *covariance, double *innovation) {
+  const int m = s->channels;
+  int kept = 0;
+  for (int k = 0; k < m; k++) {
+    const double variance = covariance[k * m + k], y = measured[k];
+    s->extra[k] = innovation[k] = 0;
+    s->left_out[k] = 1;
+    if (!isfinite(y)) {
+      s->counts[MISSING]++;
+      continue;
+    }
+    if (s->stuck_samples && stands(s, k, y)) {
+      s->counts[STUCK]++;
+      continue;
+    }
+    const double apart = y - predicted[k], reach = fabs(apart) / sqrt(variance);
+    if (reach > s->limit) {
+      s->counts[OUTLIERS]++;
+      if (!(reach < FAR)) continue;
+      s->extra[k] = apart / s->limit * (apart / s->limit) - variance;
+    }
+    s->left_out[k] = 0;
+    innovation[k] = apart;
+    kept++;
+  }
+  if (!kept) s->counts[BLINDS]++;
+  return kept;
+}
+
+/* Channels that are left out see no weight; others have their extra noise. matrix: of y without
+ * what the weights add, or with it; rows of stride. */
+static void leave_out(const screening *s, int stride, double *matrix) {
+  const int m = s->channels;
+  for (int k = 0; k < m; k++) {
+    matrix[k * stride + k] += s->extra[k];
+    if (!s->left_out[k]) continue;
+    for (int l = 0; l < m; l++) matrix[k * stride + l] = matrix[l * stride + k] = 0;
+    matrix[k * stride + k] = 1;
+  }
+}
+
+/* The variances after a sample: expectation of the noise given the sample, a share of it.
+ * gain: P_yy^-1 e; inverse: G with G G' = P_yy^-1, rows of stride. */
+static void learn_noise(screening *s, const double *gain, int stride, const double *inverse) {
+  s->whole[LEARNED]++;
+  if (s->share == 0) return;
+  const int m = s->channels;
+  const double fresh = fmax(s->share, 1.0 / (double)s->whole[LEARNED]);
+  for (int k = 0; k < m; k++) {
+    const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
+    s->mean_load[k] += fresh * (s->load[k] - s->mean_load[k]);
+    if (s->left_out[k]) continue;
+    double square = 0;
+    for (int l = 0; l < m; l++) square += inverse[k * stride + l] * inverse[k * stride + l];
+    const double raised = (s->noise[k] + s->extra[k]) / s->noise[k];
+    const double larger = fmax(s->steady[k], s->loaded[k] * relative);
+    const double move = s->share * raised * s->noise[k] / larger * (gain[k] * gain[k] - square);
+    s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, s->smallest[k]);
+    s->loaded[k] =
+        fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, s->smallest[k]);
+  }
+}
+
+/* Whether innovations grew, see change.py; the test then starts anew. */
+static void watch(screening *s, double nis, int kept) {
+  if (!s->window) return;
+  const int64_t size = s->window + s->reference, place = s->whole[PLACE];
+  const double value = fmin(nis / kept, LARGEST_NIS), oldest = s->past[place];
+  s->past[place] = value;
+  s->numbers[RECENT] += value;
+  if (s->whole[FILLED] >= s->window) {
+    const double moved = s->past[(place + size - s->window) % size];
+    s->numbers[RECENT] -= moved;
+    s->numbers[BEFORE] += moved;
+  }
+  s->whole[PLACE] = (place + 1) % size;
+  if (s->whole[FILLED] >= size) s->numbers[BEFORE] -= oldest;
+  else if (++s->whole[FILLED] < size) return;
+  if (s->numbers[RECENT] / s->window <= s->ratio * s->numbers[BEFORE] / s->reference) return;
+  s->numbers[RECENT] = s->numbers[BEFORE] = 0;
+  s->whole[FILLED] = s->whole[PLACE] = 0;
+  s->whole[ALARM] = 1;
+  s->counts[CHANGES]++;
+}
+
+/* Whether a network was given numbers. */
+static int are_numbers(int count, const double *x) {
+  double sum = 0;
+  for (int k = 0; k < count; k++) sum += x[k] - x[k];
+  return sum == 0;
+}
+
+#endif
