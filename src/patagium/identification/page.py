@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from patagium.report import Note, Section, Table, picture, write_page
-from patagium.report.figures import comparison, innovation_and_covariance
+from patagium.report.figures import comparison, curves, innovation_and_covariance
 
 if TYPE_CHECKING:
     from patagium.identification.result import Identification
@@ -32,6 +32,8 @@ def write_identification(result: Identification, path: str | Path, title: str) -
     ]
     if result.prediction.sizes["update_time"] > 1:
         sections.append(Section("What each update learned", [_innovation_picture(result)]))
+    if np.isfinite(list(result.scores["reliability"].values())).all():
+        sections.append(Section("Does it know how wrong it is?", _calibration(result.scores)))
     return write_page(path, title, sections, summary=summary(result.scores))
 
 
@@ -84,11 +86,37 @@ def _remarks(scores: Mapping[str, Any]) -> list[Note]:
     if scores["silent"]:
         names = ", ".join(scores["silent"])
         remarks.append(Note(f"Silent, and left out of mean and worst: {names}."))
+    if scores.get("events"):
+        events = ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in scores["events"].items())
+        remarks.append(Note(f"What samples went through, and how often: {events}."))
     if scores["gaps"]:
         remarks.append(
             Note(f"{scores['gaps']} gap(s) in time: each ends a hold interval, none is bridged.")
         )
     return remarks
+
+
+def _calibration(scores: Mapping[str, Any]) -> list[Any]:
+    nominal = np.array([float(p) for p in scores["reliability"]])
+    observed = np.array(list(scores["reliability"].values()))
+    figure = curves(
+        nominal,
+        nominal,
+        {"found": observed},
+        abscissa="probability of the predicted interval [1]",
+        ordinate="share of samples inside [1]",
+    )
+    shown = [picture(figure, "Reliability: on the diagonal, intervals are what they say.")]
+    if "nis_per_channel" not in scores or not np.isfinite(scores["nis_per_channel"]):
+        return shown
+    color = [value for value in scores["innovation_correlation"].values() if np.isfinite(value)]
+    words = (
+        f"Normalized innovation squared over the channels: {scores['nis_per_channel']:.3g} on "
+        f"average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
+        "lie in its 95 % interval. Normalized innovations one update apart correlate by "
+        f"{np.mean(color):.2f} on average (0 if white: what could be foreseen, was)."
+    )
+    return [Note(words), *shown]
 
 
 def _prediction_picture(result: Identification) -> Any:

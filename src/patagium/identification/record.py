@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.identification.calibration import NOMINAL, reliability
 from patagium.identification.learner import Learner
 from patagium.identification.schedule import Indices
 from patagium.identification.scores import coverage
@@ -36,12 +37,16 @@ class Updates(NamedTuple):
     Attributes:
         samples: Used for an update, (U,).
         innovation: (U, n_y).
+        deviation: Predicted standard deviation of it, (U, n_y); nan of learners without.
+        nis: Normalized innovation squared, (U,); nan of learners without.
         weights_norm: Euclidean norm of the weights, (U,).
         largest_variance: Largest diagonal entry of their covariance, (U,); nan where not seen.
     """
 
     samples: Indices
     innovation: Array
+    deviation: Array
+    nis: Array
     weights_norm: Array
     largest_variance: Array
 
@@ -53,7 +58,8 @@ def no_updates(outputs: int) -> Updates:
         outputs: Number of outputs n_y.
     """
     nothing = np.empty(0)
-    return Updates(np.empty(0, np.int64), np.empty((0, outputs)), nothing, nothing)
+    none = np.empty((0, outputs))
+    return Updates(np.empty(0, np.int64), none, none, nothing, nothing, nothing)
 
 
 def check(learner: Learner, sample: int, x: Array, y: Array) -> Check:
@@ -89,6 +95,9 @@ def interval_scores(
         "coverage_second_half": _mean(coverage(error[late], deviation[late], heard)),
         "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
         "coverage_checks": len(checks),
+        "reliability": dict(
+            zip(map(str, NOMINAL), reliability(error[:, heard], deviation[:, heard]), strict=True)
+        ),
     }
 
 
@@ -121,6 +130,8 @@ def record_of(
             "prediction": (("time", "output"), prediction),
             "persistence": (("time", "output"), held),
             "innovation": (("update_time", "output"), updates.innovation),
+            "innovation_deviation": (("update_time", "output"), updates.deviation),
+            "nis": (("update_time",), updates.nis),
             "weights_norm": (("update_time",), updates.weights_norm),
             "largest_variance": (("update_time",), updates.largest_variance),
             "predicted_deviation": (("check_time", "output"), deviation),

@@ -38,7 +38,7 @@ REFUSALS = {
 }
 """Outcomes of samples that are not learned from, and no failure of the filter."""
 
-_CLOCK_RUN, _FAR = 10, 1e6  # as in screening.h
+_CLOCK_RUN, _FAR, _FIRST_MEMORY = 10, 1e6, 9  # as in screening.h
 _STAMP, _LAST_STAMP, _LATE_STAMP = 0, 1, 2  # of `numbers`
 _LATE_RUN, _LEARNED = 0, 4  # of `whole`
 _PARTS = ("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last")
@@ -83,8 +83,8 @@ class NoiseEstimation:
 
     R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
     readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
-    is constant. After each sample a_k moves by a share 1 / memory towards its expectation given
-    the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and b_k alike: a step of the EM
+    is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
+    towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and b_k alike: a step of the EM
     algorithm (times R_k over the larger part, so that R_k as a whole moves by that share); both
     stay positive. `measurement_deviation` is where it starts, half in each: rather too large
     than too small, as a covariance that shrank on too small a noise opens by forgetting only.
@@ -307,7 +307,8 @@ class Screen:
         parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
         raised = (parts["noise"] + parts["extra"]) / parts["noise"]
         larger = np.maximum(parts["steady"], parts["loaded"] * relative)
-        rate = self.share * raised * parts["noise"] / larger
+        share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
+        rate = share * raised * parts["noise"] / larger
         move = np.where(kept, rate * (gain**2 - inverse), 0.0)
         for name, factor in (("steady", move), ("loaded", relative * move)):
             part = parts[name]

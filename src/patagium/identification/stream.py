@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
+from patagium.identification.calibration import calibration_scores
+from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.learner import Learner
 from patagium.identification.record import Check, Updates, check, interval_scores, record_of
 from patagium.identification.result import Identification
@@ -108,6 +110,8 @@ class _Stream:
         self.horizons = plan_horizons(durations, time, self.used, self.gaps)
         self.prediction = np.full_like(y, np.nan)
         self.innovation = np.full((len(self.used), y.shape[1]), np.nan)
+        self.deviation = np.full_like(self.innovation, np.nan)
+        self.nis = np.full(len(self.used), np.nan)
         self.weights_norm = np.full(len(self.used), np.nan)
         self.largest_variance = np.full(len(self.used), np.nan)
         self.checks: list[Check] = []
@@ -156,6 +160,10 @@ class _Stream:
         if not np.isfinite(weights).all():
             raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.innovation[self.updates] = innovation
+        if isinstance(self.learner, FilterLearner) and np.isfinite(innovation).any():
+            self.nis[self.updates] = self.learner.nis
+            variances = np.diagonal(self.learner.innovation_covariance)
+            self.deviation[self.updates] = np.sqrt(variances)
         self.weights_norm[self.updates] = np.linalg.norm(weights)
         if look:
             self.largest_variance[self.updates] = _largest_variance(self.learner)
@@ -191,6 +199,13 @@ class _Stream:
         for horizon in self.horizons:
             scores |= self._horizon_scores(horizon, names)
         scores |= interval_scores(self.checks, names, ~silent, self.reached)
+        loud = self.innovation[: self.updates][:, ~silent]
+        scores |= calibration_scores(
+            loud,
+            self.deviation[: self.updates][:, ~silent],
+            self.nis[: self.updates],
+            [name for name, mute in zip(names, silent, strict=True) if not mute],
+        )
         variance = self.largest_variance[np.isfinite(self.largest_variance)]
         scores["largest_variance"] = float(variance[-1]) if len(variance) else float("nan")
         scores["time_per_update"] = float(self.learner.time_per_update)
@@ -198,6 +213,8 @@ class _Stream:
         updates = Updates(
             self.used[used],
             self.innovation[used],
+            self.deviation[used],
+            self.nis[used],
             self.weights_norm[used],
             self.largest_variance[used],
         )

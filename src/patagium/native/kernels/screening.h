@@ -19,6 +19,7 @@ enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `who
 
 #define CLOCK_RUN 10      /* late samples in a row, each later than the one before: a new clock */
 #define FAR 1e6           /* deviations beyond which an innovation tells nothing */
+#define FIRST_MEMORY 9    /* samples over which the first variance is estimated, less one */
 #define LARGEST_NIS 1e6   /* a channel, as the monitor of changes takes it */
 
 typedef struct {
@@ -143,6 +144,7 @@ static void learn_noise(screening *s, const double *gain, int stride, const doub
   if (s->share == 0) return;
   const int m = s->channels;
   const double fresh = fmax(s->share, 1.0 / (double)s->whole[LEARNED]);
+  const double share = fmax(s->share, 1.0 / (double)(s->whole[LEARNED] + FIRST_MEMORY));
   for (int k = 0; k < m; k++) {
     const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
     s->mean_load[k] += fresh * (s->load[k] - s->mean_load[k]);
@@ -151,7 +153,7 @@ static void learn_noise(screening *s, const double *gain, int stride, const doub
     for (int l = 0; l < m; l++) square += inverse[k * stride + l] * inverse[k * stride + l];
     const double raised = (s->noise[k] + s->extra[k]) / s->noise[k];
     const double larger = fmax(s->steady[k], s->loaded[k] * relative);
-    const double move = s->share * raised * s->noise[k] / larger * (gain[k] * gain[k] - square);
+    const double move = share * raised * s->noise[k] / larger * (gain[k] * gain[k] - square);
     s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, s->smallest[k]);
     s->loaded[k] =
         fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, s->smallest[k]);
