@@ -13,7 +13,7 @@
 
 enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };          /* as errors.Outcome */
 enum { BAD_INPUT = 4, LATE = 5, DUPLICATE = 6, BLIND = 7 };
-enum { MISSING, OUTLIERS, STUCK, BAD_INPUTS, LATES, DUPLICATES, RESETS, BLINDS, REFUSED, CHANGES };
+enum { MISSING, OUTLIERS, STUCK, BAD_INPUTS, BEHIND, DUPLICATES, RESETS, BLINDS, REFUSED, CHANGES };
 enum { STAMP, LAST_STAMP, LATE_STAMP, RECENT, BEFORE };               /* of `numbers` */
 enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `whole` */
 
@@ -68,7 +68,7 @@ static int admit(screening *s) {
     s->counts[RESETS]++;
     return COMPLETED;
   }
-  s->counts[LATES]++;
+  s->counts[BEHIND]++;
   return LATE;
 }
 
