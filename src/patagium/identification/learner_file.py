@@ -82,8 +82,9 @@ def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
         content = file.read_bytes()
     except OSError as problem:
         raise LogError(f"{file}: cannot be read: {problem.strerror}") from None
-    header, arrays = _parts_of(file, content)
+    sound = _sound(file, content)
     try:
+        header, arrays = _parts_of(sound)
         if like is not None:
             difference = first_difference(header["learner"], like.describe())
             if difference is not None:
@@ -110,8 +111,12 @@ def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes
     return b"%s\n%s\n%s" % (FORMAT.encode(), hashlib.sha256(rest).hexdigest().encode(), rest)
 
 
-def _parts_of(file: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of a file's content, after its digest was found right."""
+def _sound(file: Path, content: bytes) -> bytes:
+    """What the digest of a file's content says was written.
+
+    Raises:
+        LogError: If it is of another format, or damaged.
+    """
     first, _, content = content.partition(b"\n")
     if first != FORMAT.encode():
         found = first[:40].decode("ascii", errors="replace")
@@ -122,7 +127,12 @@ def _parts_of(file: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDA
             f"{file}: damaged: expected what was written, found {len(rest)} bytes with another "
             "digest; use an older copy"
         )
-    text, _, numbers = rest.partition(b"\n")
+    return rest
+
+
+def _parts_of(sound: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and arrays."""
+    text, _, numbers = sound.partition(b"\n")
     header, arrays, start = json.loads(text), {}, 0
     for name, (kind, shape) in header["arrays"].items():
         dtype, count = np.dtype(kind), int(np.prod(shape, dtype=int))
