@@ -248,3 +248,20 @@ def test_a_full_disk_does_not_stop_a_learner(tmp_path: Path, monkeypatch: Any) -
     assert saver.tick() and saver.problem == ""
     with pytest.raises(ParameterError, match="seconds"):
         AutoSave(learner, tmp_path, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["filter", "gradient", "linear"])
+def test_a_clock_goes_on_unless_it_is_restarted(kind: str, tmp_path: Path) -> None:
+    base = pt.DenseNetwork(3, (), 2)
+    learner: Resumable = {
+        "filter": learner_of(),
+        "gradient": pt.GradientLearner(base, learning_rate=0.1),
+        "linear": pt.LinearLearner(base, prior_deviation=1.0, measurement_deviation=0.1),
+    }[kind]
+    learner.update([1, 0, 0], [1, 1], 5.0)
+    again = pt.load_learner(learner.save(tmp_path / "learner.state"))
+    again.update([1, 0, 0], [1, 1], 4.0)
+    assert (again.count, again.events["late"]) == (1, 1)
+    again.restart_clock()
+    again.update([1, 0, 0], [1, 1], 4.0)
+    assert (again.count, again.events["late"]) == (2, 1)

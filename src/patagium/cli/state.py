@@ -22,7 +22,7 @@ class Interrupted(Exception):
 
 
 def resumed(learner: Any, state: Path | None) -> Any:
-    """The learner of a state, where there is one that fits.
+    """The learner of a state, where there is one that fits; another log, another clock.
 
     Args:
         learner: The learner asked for; centers and scales may be others.
@@ -36,6 +36,7 @@ def resumed(learner: Any, state: Path | None) -> Any:
     from patagium.identification import load_learner
 
     found = load_learner(state, like=learner)
+    found.restart_clock()
     typer.echo(f"Going on from {state}: {found.count} samples learned before.", err=True)
     return found
 

@@ -132,12 +132,7 @@ class WeightFilter(Protocol):
         ...
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from a state.
-
-        Raises:
-            KeyError: If an array is missing.
-            ShapeError: If one has another shape; nothing is then changed.
-        """
+        """Go on from a state; KeyError or ShapeError, and nothing changes, if it does not fit."""
         ...
 
 

@@ -199,6 +199,10 @@ class FilterLearner:
         structure = self._assumptions.covariance
         return covariance_of_state(self._network.perceptron, structure, self._filter.state())
 
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._filter.screen.restart_clock()
+
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
         kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}

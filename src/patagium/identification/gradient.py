@@ -175,6 +175,10 @@ class GradientLearner:
             "seed": self._seed,
         }
 
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
         network, count = self._network, len(self._memory)

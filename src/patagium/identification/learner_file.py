@@ -44,6 +44,10 @@ class Resumable(Learner, Protocol):
         """Go on from a state."""
         ...
 
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes."""
+        ...
+
     def save(self, path: str | Path) -> Path:
         """Keep the learner in a file."""
         ...

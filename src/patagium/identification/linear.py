@@ -276,6 +276,10 @@ class LinearLearner:
         parts = [self._spread] * self._network.outputs
         return block_covariance(self._network.perceptron, "node", parts)
 
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
         return {
