@@ -98,6 +98,7 @@ def test_a_resumed_learner_is_the_one_that_never_stopped(
         monkeypatch.setenv("PATAGIUM_COMPILER", "none")
     straight = KINDS[name]()
     teach(straight, 0, 100)
+    straight.predict([0.3, 0.1, -1.0])  # some do what time does to P before it is saved
     straight.save(tmp_path / "learner.state")
     teach(straight, 100, 200)
     resumed = pt.load_learner(tmp_path / "learner.state")

@@ -75,6 +75,13 @@ def test_a_structured_covariance_is_kept_as_it_is(
     np.testing.assert_allclose(model.predict(x)[1], expected, rtol=1e-9, atol=1e-15)  # rounding
 
 
+def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> None:
+    learner = taught(rng, noise_estimation=pt.NoiseEstimation(memory=10))
+    deviation = model_of(learner).measurement_deviation
+    np.testing.assert_array_equal(deviation, learner.measurement_deviation)
+    assert np.abs(deviation - [0.1, 0.3]).max() > 0.01
+
+
 def test_a_linear_learner_keeps_one_block_an_output(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:

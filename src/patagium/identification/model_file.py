@@ -49,8 +49,8 @@ class Model:
         network: The network.
         weights: (n,).
         kept_covariance: Of the weights, as much as the learner kept; None if it had none.
-        measurement_deviation: Of the measurements it learned from, (n_y,) in the unit of y;
-            zero where unknown.
+        measurement_deviation: Of the measurements it learned from, as given or estimated,
+            (n_y,) in the unit of y; None where unknown.
         inputs: Names of what the network sees; None: the state q, then v.
         learner: What the learner was made of.
         source: What it was learned from, in words.
@@ -112,7 +112,7 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
         source: What it was learned from, in words.
     """
     description = learner.describe()
-    noise = description.get("measurement_deviation")
+    noise = getattr(learner, "measurement_deviation", description.get("measurement_deviation"))
     outputs = learner.network.outputs
     return Model(
         learner.network,
