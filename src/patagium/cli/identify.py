@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -155,7 +156,7 @@ def identify(
     try:
         with (
             progress_bar(f"Learning from {file.name}") as bar,
-            interrupted_between_samples(bar) as progress,
+            interrupted_between_samples(bar) if state else nullcontext(bar) as progress,
         ):
             if mapping is None:
                 result = identify_flight(flight, student, every=every, progress=progress)
