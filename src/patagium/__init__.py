@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from patagium.identification import Screening as Screening
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
+    from patagium.identification import load_learner as load_learner
     from patagium.identification.identify import identify as identify
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
@@ -103,6 +104,7 @@ _HOMES = {
         "StripNetwork",
         "evaluate",
         "identify",
+        "load_learner",
         "training_data",
     ),
 }

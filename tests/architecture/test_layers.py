@@ -52,6 +52,7 @@ PUBLIC = {
     "gaits",
     "identify",
     "load_flight",
+    "load_learner",
     "load_robot",
     "mounts",
     "save_flight",

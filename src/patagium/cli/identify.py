@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,7 +23,7 @@ EXAMPLES = (
     "patagium identify flight.nc --network strip --hidden 8,8 --prior-deviation 0.3 "
     "--measurement-deviation 3e-4 --spread 1.7 --model model.json --report report.html",
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
-    "--prior-deviation 0.5 --measurement-deviation 0.05",
+    "--prior-deviation 0.5 --measurement-deviation 0.05 --state learner.state",
 )
 
 
@@ -95,7 +96,16 @@ def identify(
         int | None, typer.Option(help="Random softplus features of the linear learner.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the initial weights.")] = 0,
-    model: Annotated[Path | None, typer.Option(help="Write what was learned (.json).")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
+    ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            help="Learn on from this file if it is there; keep the learner in it at the end and "
+            "on Ctrl-C. Unlike a model, it learns on."
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Write an HTML page.")] = None,
     predictions: Annotated[
         Path | None, typer.Option(help="Write every prediction and score (.nc).")
@@ -107,7 +117,11 @@ def identify(
     Each sample is predicted before it may be used; the score is the mean square error of
     these predictions over the variance of the output, beside that of holding the last
     used sample. There is no default for deviations and learning rate: they are yours.
+
+    With --state the learner goes on where it stood, with the centers and scales it began
+    with; everything else must be said alike. A learner that diverged is not kept.
     """
+    from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state, resumed
     from patagium.cli.words import existing, progress_bar
     from patagium.errors import Outcome, ParameterError
     from patagium.identification import identify as identify_flight
@@ -132,18 +146,29 @@ def identify(
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     if not is_flight and mapping is None:
         raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
-    with progress_bar(f"Learning from {file.name}") as progress:
-        if mapping is None:
-            flight = load_flight(existing(file))
-            net = _flight_network(flight, kind, layers, activation.value)
-            student = _learner(learner, net, given, seed)
-            result = identify_flight(flight, student, every=every, progress=progress)
-        else:
-            table = read_table(existing(file), existing(mapping))
-            net = _table_network(table, kind, layers, activation.value)
-            student = _learner(learner, net, given, seed)
-            result = identify_table(table, student, every=every, progress=progress)
-            typer.echo(f"{file}: {table.describe_gaps()}", err=True)
+    if mapping is None:
+        flight = load_flight(existing(file))
+        net = _flight_network(flight, kind, layers, activation.value)
+    else:
+        table = read_table(existing(file), existing(mapping))
+        net = _table_network(table, kind, layers, activation.value)
+    student = resumed(_learner(learner, net, given, seed), state)
+    try:
+        with (
+            progress_bar(f"Learning from {file.name}") as bar,
+            interrupted_between_samples(bar) if state else nullcontext(bar) as progress,
+        ):
+            if mapping is None:
+                result = identify_flight(flight, student, every=every, progress=progress)
+            else:
+                result = identify_table(table, student, every=every, progress=progress)
+    except Interrupted:
+        keep_state(student, state)
+        raise typer.Exit(130) from None
+    if mapping is not None:
+        typer.echo(f"{file}: {table.describe_gaps()}", err=True)
+    if result.outcome is Outcome.COMPLETED:
+        keep_state(student, state)
     _keep(result, file, None if is_flight else table.input_names, model, report, predictions)
     show_scores(result.scores, as_json=as_json)
     if result.outcome is not Outcome.COMPLETED:

@@ -1,11 +1,14 @@
 """What we learn: networks, learners, training data, the online stream and its scores."""
 
+from patagium.identification.autosave import AutoSave
 from patagium.identification.change import ChangeDetection
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
 from patagium.identification.extended import ExtendedLearner
 from patagium.identification.gradient import GradientLearner
 from patagium.identification.identify import evaluate, identify
+from patagium.identification.learner_description import learner_from_description
+from patagium.identification.learner_file import load_learner, save_learner
 from patagium.identification.linear import LinearLearner
 from patagium.identification.logs import evaluate_table, identify_table, network_for
 from patagium.identification.mapping import TableMapping, load_mapping
@@ -20,6 +23,7 @@ from patagium.identification.table import Table, read_table
 from patagium.identification.training_data import training_data
 
 __all__ = [
+    "AutoSave",
     "ChangeDetection",
     "CubatureLearner",
     "DenseNetwork",
@@ -38,13 +42,16 @@ __all__ = [
     "evaluate_table",
     "identify",
     "identify_table",
+    "learner_from_description",
     "load_identification",
+    "load_learner",
     "load_mapping",
     "load_model",
     "model_of",
     "network_for",
     "network_from_description",
     "read_table",
+    "save_learner",
     "save_model",
     "stream",
     "training_data",

@@ -6,6 +6,7 @@ Whatever fails leaves them as they were. Neglected: speed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -13,6 +14,14 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.change import ChangeDetection
+from patagium.identification.filter_state import (
+    RootState,
+    packed,
+    root_state,
+    symmetric,
+    unpacked,
+    vector,
+)
 from patagium.identification.network import Encoding, Network
 from patagium.identification.root import MatrixLost, lower_factor, measured_root, with_noise
 from patagium.identification.screening import NoiseEstimation, Screen, Screened, Screening
@@ -118,6 +127,14 @@ class WeightFilter(Protocol):
         """Its diagonal, (n,)."""
         ...
 
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        ...
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state; KeyError or ShapeError, and nothing changes, if it does not fit."""
+        ...
+
 
 class ArrayFilter:
     """Square-root filter: S is carried through the measurement, see `root.measured_root`.
@@ -168,7 +185,8 @@ class ArrayFilter:
         mean = self.mean + cross @ gain
         if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(after).all()):
             return Outcome.NOT_FINITE, prediction
-        self._root, self.mean, self._grown = after.astype(root.dtype, copy=False), mean, None
+        self._root, self.mean = np.ascontiguousarray(after, root.dtype), mean
+        self._grown = None
         self.nis = nis
         self.screen.learned(gain, np.einsum("ij,ij->i", inverse, inverse), nis)
         return Outcome.COMPLETED, prediction
@@ -176,7 +194,7 @@ class ArrayFilter:
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once."""
         grown = with_noise(np.sqrt(growth) * self.root(), noise)
-        self._root, self._grown = grown.astype(self.setting.dtype), None
+        self._root, self._grown = np.ascontiguousarray(grown, self.setting.dtype), None
 
     def root(self) -> Array:
         """The square root of the covariance after the last sample, (n, n)."""
@@ -191,6 +209,23 @@ class ArrayFilter:
         """Its diagonal, (n,)."""
         root = self.root()
         return np.asarray(np.einsum("ij,ij->i", root, root))
+
+    def roots(self) -> list[Array]:
+        """Square roots of the blocks of the covariance, (k, k) each: one of all weights."""
+        return [self.root()]
+
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        return RootState(self.mean, self.nis, self.roots()).packed(self.setting.dtype)
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        found = root_state(state, [len(root) for root in self.roots()])
+        self.mean, self.nis = found.mean, found.nis
+        self._root, self._grown = self._joined(found.roots).astype(self.setting.dtype), None
+
+    def _joined(self, roots: list[Array]) -> Array:
+        return roots[0]
 
     def _advanced(self) -> Array:
         """S before the next sample, forgetting and process noise done."""
@@ -289,6 +324,18 @@ class CholeskyFilter:
     def variances(self) -> Array:
         """Its diagonal, (n,)."""
         return np.diagonal(self._covariance).astype(float)
+
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        lower = packed([self._covariance])
+        return {"mean": self.mean.copy(), "nis": np.array(self.nis), "covariance": lower}
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        mean = vector(state, "mean", len(self.mean))
+        (lower,) = unpacked(np.asarray(state["covariance"], self.setting.dtype), [len(mean)])
+        self.mean, self.nis = mean, float(state["nis"])
+        self._covariance = symmetric(lower)
 
     def _moments(self, encoding: Encoding, root: Array) -> Moments:
         noise = self.screen.noise(encoding.readout)

@@ -50,6 +50,14 @@ class BlockFilter(ArrayFilter):
         lower = lower_factor(sum(grams, remainder))
         return after, cross, np.asarray(np.linalg.inv(lower).T)
 
+    def roots(self) -> list[Array]:
+        """Square roots of the blocks of the covariance, (k, k) each."""
+        root = self.root()
+        return [root[np.ix_(block, block)] for block in self._blocks]
+
+    def _joined(self, roots: list[Array]) -> Array:
+        return scattered(roots, self._blocks)
+
 
 def setting_blocks(setting: FilterSetting) -> tuple[Indices, ...]:
     """Weights that a filter keeps together."""

@@ -5,11 +5,14 @@ Neglected: curvature of the network over the spread of its weights.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.identification.array_filter import ArrayFilter, FilterSetting
 from patagium.identification.block_filter import BlockFilter
+from patagium.identification.filter_state import vector
 from patagium.identification.network import Encoding
 from patagium.identification.root import transformed_root
 from patagium.identification.spread import Moments
@@ -21,6 +24,16 @@ class ExtendedFilter(ArrayFilter):
     """The square-root step with Z = S' H' and M = R, S not triangular."""
 
     _measured = staticmethod(transformed_root)
+
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        return {"mean": self.mean.copy(), "nis": np.array(self.nis), "square": self.root()}
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        size = len(self.mean)
+        mean, square = vector(state, "mean", size), vector(state, "square", size, size)
+        self.mean, self.nis, self._root, self._grown = mean, float(state["nis"]), square, None
 
     def _moments(self, encoding: Encoding, root: Array) -> Moments:
         noise = self.screen.noise(encoding.readout)

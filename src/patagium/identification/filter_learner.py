@@ -6,6 +6,8 @@ A filter differs from another in how it finds mean, slopes and remainder of y; s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -15,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome, ParameterError
 from patagium.identification.array_filter import WeightFilter
 from patagium.identification.assumptions import Assumptions
+from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.learner import Stopwatch, as_input, diverged, shaped_sample
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
 from patagium.identification.screening import REFUSALS
+from patagium.identification.weight_covariance import WeightCovariance, covariance_of_state
 
 Array = NDArray[np.float64]
 
@@ -189,3 +193,51 @@ class FilterLearner:
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
         return self._assumptions.describe()
+
+    def kept_covariance(self) -> WeightCovariance:
+        """What is kept of the covariance after the last sample, in its own size."""
+        structure = self._assumptions.covariance
+        return covariance_of_state(self._network.perceptron, structure, self._filter.state())
+
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._filter.screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
+        kept["innovation_covariance"] = self._innovation_covariance.copy()
+        kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
+        return kept | {f"screen_{name}": a.copy() for name, a in self._filter.screen.arrays.items()}
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        outputs = self._network.outputs
+        covariance = vector(state, "innovation_covariance", outputs, outputs)
+        seen = arrays_like(self._filter.screen.arrays, part(state, "screen_"))
+        changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
+        self._filter.resume(part(state, "filter_"))
+        self._filter.screen.restore(seen)
+        self._innovation_covariance, self._changes = covariance, changes
+        self._stopwatch = stopwatch
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: The file, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+        """
+        from patagium.identification.learner_file import save_learner
+
+        return save_learner(path, self)

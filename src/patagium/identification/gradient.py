@@ -7,6 +7,8 @@ Neglected: mini-batches other than the sample and those replayed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError
+from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.learner import (
     Stopwatch,
     as_input,
@@ -61,7 +64,7 @@ class GradientLearner:
         self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
         self._scatter = np.zeros((network.outputs, network.outputs))
         self._power = np.zeros(network.outputs)
-        self._memory: list[tuple[Encoding, Array]] = []
+        self._memory: list[tuple[Array, Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
         self._stopwatch = Stopwatch()
         self._screen = Screen(np.ones(network.outputs))
@@ -147,7 +150,7 @@ class GradientLearner:
         scale = np.maximum(scale, 1e-6 * scale.max(initial=0.0)) + 1e-300
         innovation, slope = self._slope(encoding, measured, scale)
         for number in self._drawn():
-            slope = slope + self._slope(*self._memory[number], scale)[1]
+            slope = slope + self._slope(*self._memory[number][1:], scale)[1]
         mean = _decayed(self._mean, slope, _MEAN_DECAY)
         square = _decayed(self._square, slope**2, _SQUARE_DECAY)
         step = self.count + 1
@@ -158,7 +161,7 @@ class GradientLearner:
         self._weights, self._mean, self._square, self._power = weights, mean, square, power
         self._scatter = _decayed(self._scatter, np.outer(innovation, innovation), _SCATTER_DECAY)
         if self._replay:
-            self._keep(encoding, measured)
+            self._keep(sample.copy(), encoding, measured.copy())
         self._stopwatch.add(perf_counter_ns() - started)
         return np.where(kept, innovation, np.nan)
 
@@ -172,6 +175,64 @@ class GradientLearner:
             "seed": self._seed,
         }
 
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        network, count = self._network, len(self._memory)
+        return {
+            "count": self.count,
+            "draw": self._draw.bit_generator.state,
+            "weights": self._weights,
+            "mean": self._mean,
+            "square": self._square,
+            "power": self._power,
+            "scatter": self._scatter,
+            "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
+            "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
+        }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        network, count = self._network, len(state["replay_x"])
+        n, outputs = network.size, network.outputs
+        weights, mean, square = (vector(state, k, n) for k in ("weights", "mean", "square"))
+        power, scatter = vector(state, "power", outputs), vector(state, "scatter", outputs, outputs)
+        seen = vector(state, "replay_x", count, network.inputs)
+        measured = vector(state, "replay_y", count, outputs)
+        events = arrays_like(self._screen.arrays, part(state, "screen_"))
+        stopwatch = Stopwatch(int(state["count"]))
+        self._draw.bit_generator.state = state["draw"]
+        self._screen.restore(events)
+        self._weights, self._mean, self._square = weights, mean, square
+        self._power, self._scatter = power, scatter
+        self._memory = [(x, network.encode_one(x), y) for x, y in zip(seen, measured, strict=True)]
+        self._stopwatch = stopwatch
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: The file, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+        """
+        from patagium.identification.learner_file import save_learner
+
+        return save_learner(path, self)
+
     def _slope(self, encoding: Encoding, y: Array, scale: Array) -> tuple[Array, Array]:
         """Innovation, (n_y,), and derivative of half its scaled square for W, (n,)."""
         guess, jacobian = self._network.linearized(encoding, self._weights)
@@ -182,11 +243,11 @@ class GradientLearner:
         count = min(self._replay, len(self._memory))
         return self._draw.choice(len(self._memory), count, replace=False).tolist() if count else []
 
-    def _keep(self, encoding: Encoding, y: Array) -> None:
+    def _keep(self, x: Array, encoding: Encoding, y: Array) -> None:
         if len(self._memory) < _MEMORY:
-            self._memory.append((encoding, y.copy()))
+            self._memory.append((x, encoding, y))
         else:
-            self._memory[self.count % _MEMORY] = (encoding, y.copy())
+            self._memory[self.count % _MEMORY] = (x, encoding, y)
 
 
 def _decayed(average: Array, new: Array, decay: float) -> Array:

@@ -7,7 +7,7 @@ Neglected: two threads on one learner.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.array_filter import ArrayFilter, FilterSetting, Prediction
-from patagium.identification.block_filter import BlockFilter, setting_blocks
+from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
+from patagium.identification.filter_state import RootState, root_state
 from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
@@ -215,6 +216,22 @@ class KernelFilter:
 
     def _prediction(self) -> Prediction:
         return Prediction(self._arrays["predicted"].copy(), self._arrays["covariance"].copy())
+
+    def roots(self) -> list[Array]:
+        """Square roots of the blocks of the covariance after the last sample, (k, k) each."""
+        root = self.root()
+        return [root[np.ix_(block, block)] for block in self._blocks]
+
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        return RootState(self.mean, self.nis, self.roots()).packed(self.setting.dtype)
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        found = root_state(state, [len(block) for block in self._blocks])
+        self._arrays["mean"][:], self._struct.nis = found.mean, found.nis
+        self._put_root(scattered(found.roots, self._blocks))
+        self._before_noise = None
 
 
 def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | ArrayFilter:

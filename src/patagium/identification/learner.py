@@ -71,15 +71,19 @@ class Learner(Protocol):
 
 
 class Stopwatch:
-    """Durations of updates, kept as nanoseconds."""
+    """Durations of updates, kept as nanoseconds.
 
-    def __init__(self) -> None:
-        self._durations = array("q")
+    Args:
+        earlier: Updates before, of which no duration is known.
+    """
+
+    def __init__(self, earlier: int = 0) -> None:
+        self._durations, self._earlier = array("q"), earlier
 
     @property
     def count(self) -> int:
         """How many."""
-        return len(self._durations)
+        return self._earlier + len(self._durations)
 
     @property
     def median(self) -> float:

@@ -9,6 +9,7 @@ channel that is left out for measured.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -17,6 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError
 from patagium.identification.dense import DESCRIBED, DenseNetwork, described
+from patagium.identification.filter_state import (
+    arrays_like,
+    packed,
+    part,
+    symmetric,
+    unpacked,
+    vector,
+)
 from patagium.identification.learner import (
     Stopwatch,
     as_input,
@@ -29,6 +38,7 @@ from patagium.identification.mlp import softplus
 from patagium.identification.network import Encoding
 from patagium.identification.scaling import scale_of
 from patagium.identification.screening import Screen, usable_channels
+from patagium.identification.weight_covariance import BlockCovariance, block_covariance
 
 Array = NDArray[np.float64]
 
@@ -260,6 +270,54 @@ class LinearLearner:
             "measurement_deviation": self._deviation.tolist(),
             "forgetting_factor": self._forgetting,
         }
+
+    def kept_covariance(self) -> BlockCovariance:
+        """The covariance by outputs, each that of the features' weights."""
+        parts = [self._spread] * self._network.outputs
+        return block_covariance(self._network.perceptron, "node", parts)
+
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        return {
+            "count": self.count,
+            "slopes": self._slopes,
+            "spread": packed([self._spread]),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
+        }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        slopes = vector(state, "slopes", *self._slopes.shape)
+        (lower,) = unpacked(np.asarray(state["spread"], float), [len(slopes)])
+        events = arrays_like(self._screen.arrays, part(state, "screen_"))
+        self._stopwatch = Stopwatch(int(state["count"]))
+        self._slopes, self._spread = slopes, symmetric(lower)
+        self._screen.restore(events)
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: The file, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+        """
+        from patagium.identification.learner_file import save_learner
+
+        return save_learner(path, self)
 
     def _features(self, x: Array) -> Array:
         return np.append(self._network.encode_one(x).features[0], 1.0)

@@ -16,6 +16,7 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ from patagium.identification.array_filter import (
     nothing_known,
     screened,
 )
+from patagium.identification.filter_state import vector
 from patagium.identification.network import Encoding
 from patagium.identification.root import MatrixLost, lower_factor
 from patagium.identification.spread import Moments, moments_of
@@ -55,6 +57,14 @@ class Precision(NamedTuple):
         inner = np.eye(columns.shape[1]) + columns.T @ (columns / self.diagonal[:, None])
         part = cho_solve(cho_factor(inner, check_finite=False), columns.T @ scaled)
         return np.asarray(scaled - (columns @ part) / self.diagonal[:, None])
+
+    def variances(self) -> Array:
+        """Diagonal of (U + F F')^-1, (n,)."""
+        diagonal, columns = self
+        scaled = columns / diagonal[:, None]
+        lower = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ scaled)
+        part = solve_triangular(lower, scaled.T, lower=True)
+        return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
 
     def drifted(self, growth: float, noise: Array) -> Precision:
         """The inverse of growth P + diag(noise), as exactly.
@@ -117,11 +127,7 @@ class LowRankFilter:
 
     def variances(self) -> Array:
         """Its diagonal, (n,)."""
-        diagonal, columns = self.precision()
-        scaled = columns / diagonal[:, None]
-        lower = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ scaled)
-        part = solve_triangular(lower, scaled.T, lower=True)
-        return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
+        return self.precision().variances()
 
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
@@ -163,13 +169,31 @@ class LowRankFilter:
         self.screen.learned(gain, np.einsum("ij,ij->j", inverse, inverse), nis)
         return Outcome.COMPLETED, prediction
 
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        diagonal, columns = self._precision
+        return {
+            "mean": self.mean.copy(),
+            "nis": np.array(self.nis),
+            "diagonal": diagonal.copy(),
+            "columns": columns.copy(),
+        }
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        mean = vector(state, "mean", len(self.mean))
+        diagonal = vector(state, "diagonal", len(mean))
+        columns = vector(state, "columns", *self._precision.columns.shape)
+        self.mean, self.nis = mean, float(state["nis"])
+        self._precision, self._grown = self._rounded(Precision(diagonal, columns)), None
+
     @property
     def _rank(self) -> int:
         structure = self.setting.structure
         return structure.rank if isinstance(structure, LowRank) else len(self.mean)
 
     def _rounded(self, precision: Precision) -> Precision:
-        return Precision(*(np.asarray(part, self.setting.dtype) for part in precision))
+        return Precision(*(np.ascontiguousarray(part, self.setting.dtype) for part in precision))
 
     def _advanced(self) -> Precision:
         """The precision before the next sample, forgetting and noise done."""

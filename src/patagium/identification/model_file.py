@@ -1,19 +1,18 @@
 """A learned model on disk: the network, its weights, how sure they are, what they came from.
 
-One JSON file, written whole or not at all. Numbers come back bit for bit; the covariance
-is kept as the bytes of its lower triangle. Neglected: the learner's own state beyond that.
+One JSON file, written whole or not at all. Numbers come back bit for bit; of the covariance
+the bytes of what its structure keeps: lower triangles of blocks, or diagonal and columns of
+its inverse. Neglected: the learner's own state beyond that; see `learner_file`.
 """
 
 from __future__ import annotations
 
 import base64
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,10 +21,24 @@ from patagium import __version__
 from patagium.errors import LogError, PatagiumError, ShapeError
 from patagium.identification.learner import Learner, as_input
 from patagium.identification.network import Network, network_from_description
+from patagium.identification.weight_covariance import (
+    WeightCovariance,
+    block_covariance,
+    covariance_from,
+)
+from patagium.identification.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
-FORMAT = "patagium model 1"
+FORMAT = "patagium model 2"
+_FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
+
+
+@runtime_checkable
+class _Structured(Protocol):
+    """A learner that gives its covariance in the size of what it keeps."""
+
+    def kept_covariance(self) -> WeightCovariance: ...
 
 
 @dataclass(frozen=True)
@@ -35,9 +48,9 @@ class Model:
     Attributes:
         network: The network.
         weights: (n,).
-        covariance: Of the weights, (n, n); None if the learner had none.
-        measurement_deviation: Of the measurements it learned from, (n_y,) in the unit of y;
-            zero where unknown.
+        kept_covariance: Of the weights, as much as the learner kept; None if it had none.
+        measurement_deviation: Of the measurements it learned from, as given or estimated,
+            (n_y,) in the unit of y; None where unknown.
         inputs: Names of what the network sees; None: the state q, then v.
         learner: What the learner was made of.
         source: What it was learned from, in words.
@@ -45,7 +58,7 @@ class Model:
 
     network: Network
     weights: Array
-    covariance: Array | None = field(default=None, repr=False)
+    kept_covariance: WeightCovariance | None = field(default=None, repr=False)
     measurement_deviation: Array | None = None
     inputs: tuple[str, ...] | None = None
     learner: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -56,8 +69,18 @@ class Model:
         n = self.network.size
         if self.weights.shape != (n,):
             raise ShapeError("weights", (n,), self.weights.shape)
-        if self.covariance is not None and self.covariance.shape != (n, n):
-            raise ShapeError("covariance", (n, n), self.covariance.shape)
+        kept = self.kept_covariance
+        if kept is not None and kept.size != n:
+            raise ShapeError("covariance", (n, n), (kept.size, kept.size))
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of the weights, (n, n); None if the learner had none.
+
+        Raises:
+            ParameterError: If it was kept by parts and would be a very large matrix.
+        """
+        return None if self.kept_covariance is None else self.kept_covariance.dense()
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, with the network linear around its weights.
@@ -73,11 +96,11 @@ class Model:
         """
         sample = as_input(self.network, x)
         mean = self.network(sample, self.weights)
-        if self.covariance is None or self.measurement_deviation is None:
+        if self.kept_covariance is None or self.measurement_deviation is None:
             return mean, np.full((len(mean), len(mean)), np.nan)
         _, slope = self.network.linearized(self.network.encode_one(sample), self.weights)
         noise = np.diag(self.measurement_deviation**2)
-        return mean, slope @ self.covariance @ slope.T + noise
+        return mean, self.kept_covariance.seen_by(slope) + noise
 
 
 def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
@@ -88,13 +111,13 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
         inputs: Names of what its network sees; None: the state q, then v.
         source: What it was learned from, in words.
     """
-    description, covariance = learner.describe(), learner.covariance
-    noise = description.get("measurement_deviation")
+    description = learner.describe()
+    noise = getattr(learner, "measurement_deviation", description.get("measurement_deviation"))
     outputs = learner.network.outputs
     return Model(
         learner.network,
         np.array(learner.weights, float),
-        None if covariance is None else np.array(covariance, float),
+        _kept(learner),
         None if noise is None else np.broadcast_to(np.asarray(noise, float), (outputs,)).copy(),
         None if inputs is None else tuple(inputs),
         {key: value for key, value in description.items() if key != "network"},
@@ -112,19 +135,8 @@ def save_model(path: str | Path, model: Model | Learner) -> Path:
     Returns:
         The path.
     """
-    file = Path(path)
     learned = model if isinstance(model, Model) else model_of(model)
-    text = json.dumps(_words(learned), indent=1)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, draft = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        Path(draft).chmod(0o644)
-        Path(draft).replace(file)
-    finally:
-        Path(draft).unlink(missing_ok=True)
-    return file
+    return write_whole(path, json.dumps(_words(learned), indent=1).encode())
 
 
 def load_model(path: str | Path) -> Model:
@@ -144,7 +156,7 @@ def load_model(path: str | Path) -> Model:
     except ValueError as problem:
         raise LogError(f"{file}: expected a model (JSON), found: {problem}") from None
     found = words.get("format") if isinstance(words, dict) else type(words).__name__
-    if found != FORMAT:
+    if found not in (FORMAT, _FIRST_FORMAT):
         raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
     try:
         return _model(words)
@@ -164,7 +176,7 @@ def _words(model: Model) -> dict[str, Any]:
         "learner": model.learner,
         "measurement_deviation": None if noise is None else noise.tolist(),
         "weights": model.weights.tolist(),
-        "covariance": None if model.covariance is None else _packed(model.covariance),
+        "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
     }
 
 
@@ -172,11 +184,11 @@ def _model(words: Mapping[str, Any]) -> Model:
     inputs, noise, covariance = (
         words[key] for key in ("inputs", "measurement_deviation", "covariance")
     )
-    weights = np.array(words["weights"], float)
+    network = network_from_description(words["network"])
     return Model(
-        network_from_description(words["network"]),
-        weights,
-        None if covariance is None else _unpacked(covariance, len(weights)),
+        network,
+        np.array(words["weights"], float),
+        None if covariance is None else _unpacked(network, covariance),
         None if noise is None else np.array(noise, float),
         None if inputs is None else tuple(inputs),
         dict(words["learner"]),
@@ -184,15 +196,32 @@ def _model(words: Mapping[str, Any]) -> Model:
     )
 
 
-def _packed(covariance: Array) -> str:
-    lower = covariance[np.tril_indices(len(covariance))]
-    return base64.b64encode(lower.astype("<f8").tobytes()).decode("ascii")
+def _kept(learner: Learner) -> WeightCovariance | None:
+    """What a learner keeps of its covariance; of a stranger the whole matrix."""
+    if isinstance(learner, _Structured):
+        return learner.kept_covariance()
+    whole = learner.covariance
+    if whole is None:
+        return None
+    return block_covariance(learner.network.perceptron, "full", [np.array(whole, float)])
 
 
-def _unpacked(text: str, size: int) -> Array:
-    lower = np.frombuffer(base64.b64decode(text, validate=True), "<f8")
-    rows, columns = np.tril_indices(size)
-    covariance = np.empty((size, size))
-    covariance[rows, columns] = lower
-    covariance[columns, rows] = lower
-    return covariance
+def _packed(covariance: WeightCovariance) -> dict[str, str]:
+    kind, arrays = covariance.arrays()
+    words = {name: base64.b64encode(_raw(array)).decode() for name, array in arrays.items()}
+    return {"kind": kind, **words}
+
+
+def _raw(array: Array) -> bytes:
+    return array.astype("<f8").tobytes()
+
+
+def _unpacked(network: Network, words: Mapping[str, str] | str) -> WeightCovariance:
+    """The covariance of a file; one text is the lower triangle of the whole matrix."""
+    texts = {"kind": "full", "lower": words} if isinstance(words, str) else dict(words)
+    kind = texts.pop("kind")
+    arrays = {
+        name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)
+        for name, text in texts.items()
+    }
+    return covariance_from(network.perceptron, kind, arrays)

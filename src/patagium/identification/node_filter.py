@@ -7,7 +7,7 @@ Neglected: two threads on one learner.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from patagium.errors import Outcome
 from patagium.identification.array_filter import FilterSetting, Prediction
 from patagium.identification.block_filter import scattered, setting_blocks
+from patagium.identification.filter_state import RootState, root_state
 from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
@@ -205,6 +206,16 @@ class NodeFilter:
 
     def _prediction(self) -> Prediction:
         return Prediction(self._predicted.copy(), self._covariance.copy())
+
+    def state(self) -> dict[str, Array]:
+        """All that the next samples depend on, as arrays by name."""
+        return RootState(self.mean, self.nis, self.roots()).packed(self.setting.dtype)
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state."""
+        found = root_state(state, [len(block) for block in self._blocks])
+        self._mean[:], self._struct.nis = found.mean, found.nis
+        self._put_roots(found.roots)
 
 
 def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:

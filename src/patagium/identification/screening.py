@@ -173,6 +173,10 @@ class Screen:
         for name, array in self.arrays.items():
             array[...] = arrays[name]
 
+    def restart_clock(self) -> None:
+        """Take the next time stamp, whatever it is."""
+        self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = -inf, 0
+
     @property
     def events(self) -> dict[str, int]:
         """How often each event happened."""

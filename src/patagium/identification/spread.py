@@ -59,7 +59,7 @@ def spread_rule(weights: int, spread: float | None) -> SpreadRule:
     Raises:
         ParameterError: If the spread is not a positive number.
     """
-    if spread is None:
+    if spread is None or spread == sqrt(weights):
         return SpreadRule(sqrt(weights), 1.0 / weights, 1.0, 0.0)
     if not (isfinite(spread) and spread > 0):
         raise ParameterError("spread", "a positive number, or None for sqrt(n)", spread)

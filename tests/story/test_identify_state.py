@@ -1,0 +1,105 @@
+"""`patagium identify --state`: one learner over several runs, kept when somebody interrupts."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+
+MAPPING = """
+time: {column: t, unit: s}
+inputs:
+  - {column: a, unit: "1", range: [-1, 1]}
+  - {column: b, unit: "1", range: [-1, 1]}
+outputs:
+  - {column: lift, unit: N, range: [-2, 2]}
+"""
+LEARN = ("--prior-deviation", "0.5", "--measurement-deviation", "0.05", "--hidden", "4")
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer]]:
+    """Identify a log of 400 samples, every one of them used."""
+    draw = np.random.default_rng(3)
+    x = np.sin(np.linspace(0, 20, 400)[:, None] * [1.0, 1.7])
+    rows = np.column_stack([0.01 * np.arange(400), x, x[:, 0] * x[:, 1] + 0.01 * draw.normal()])
+    log, mapping = tmp_path / "log.csv", tmp_path / "columns.yaml"
+    np.savetxt(log, rows, delimiter=",", header="t,a,b,lift", comments="", fmt="%.9g")
+    mapping.write_text(MAPPING)
+
+    def say(*words: object) -> Answer:
+        with pytest.raises(SystemExit) as left:
+            run(["identify", str(log), "--mapping", str(mapping), "--every", "1", *map(str, words)])
+        said = capsys.readouterr()
+        code = left.value.code
+        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
+
+    handler = signal.getsignal(signal.SIGINT)
+    yield say
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+def test_a_second_run_goes_on_from_the_first(
+    identify: Callable[..., Answer], tmp_path: Path
+) -> None:
+    state = tmp_path / "new" / "learner.state"
+    first = identify(*LEARN, "--state", state)
+    assert first.code == 0 and f"The state after 400 samples is in {state}" in first.err
+    second = identify(*LEARN, "--state", state, "--json")
+    assert second.code == 0 and "Going on" in second.err and "400 samples" in second.err
+    learner = pt.load_learner(state)
+    assert learner.count == 800
+    fresh = identify(*LEARN, "--state", tmp_path / "other", "--json")
+    nmse = [float(answer.out.split('"nmse_mean":')[1].split(",")[0]) for answer in (fresh, second)]
+    assert nmse[1] < 0.5 * nmse[0]  # it knew the log
+
+
+def test_a_state_of_another_learner_is_refused_and_kept(
+    identify: Callable[..., Answer], tmp_path: Path
+) -> None:
+    state = tmp_path / "learner.state"
+    assert identify(*LEARN, "--state", state).code == 0
+    before = state.read_bytes()
+    answer = identify(*LEARN[:-1], "6", "--state", state)
+    assert answer.code == 2
+    assert "network.hidden: expected [6], found [4]" in answer.err
+    assert "Traceback" not in answer.err and state.read_bytes() == before
+
+
+def test_a_learner_that_diverged_is_not_kept(
+    identify: Callable[..., Answer], tmp_path: Path
+) -> None:
+    state = tmp_path / "learner.state"
+    answer = identify(*LEARN, "--forgetting-factor", "1e-8", "--state", state)
+    assert answer.code == 2 and "diverged" in answer.err
+    assert not state.exists()
+
+
+def test_ctrl_c_keeps_what_was_learned(
+    identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state, update = tmp_path / "learner.state", pt.CubatureLearner.update
+
+    def interrupted(self: pt.CubatureLearner, *sample: object) -> object:
+        if self.count == 150:
+            signal.raise_signal(signal.SIGINT)
+        return update(self, *sample)
+
+    monkeypatch.setattr(pt.CubatureLearner, "update", interrupted)
+    answer = identify(*LEARN, "--state", state)
+    assert answer.code == 130
+    found = pt.load_learner(state)
+    assert 150 < found.count < 200 and str(found.count) in answer.err
