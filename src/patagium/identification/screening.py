@@ -85,9 +85,10 @@ class NoiseEstimation:
     readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
     is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
     towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
-    b_k alike: a step of the EM algorithm (times R_k over the larger part, so that R_k as a whole moves by that share); both
-    stay positive. `measurement_deviation` is where it starts, half in each: rather too large
-    than too small, as a covariance that shrank on too small a noise opens by forgetting only.
+    b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
+    moves by that share. Both stay positive. `measurement_deviation` is where it starts, half in
+    each: rather too large than too small, as a covariance that shrank on too small a noise opens
+    by forgetting only.
 
     Args:
         memory: Samples over which it is estimated; a wingbeat or more.
