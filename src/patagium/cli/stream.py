@@ -1,0 +1,298 @@
+"""`patagium stream`: learn what the air does while the robot flies, from packets as they come."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from patagium.cli.learner_options import (
+    Activation,
+    ActivationOption,
+    ChangeReferenceOption,
+    ChangeWindowOption,
+    CovarianceOption,
+    DtypeOption,
+    FalseAlarmRateOption,
+    FeaturesOption,
+    ForgettingFactorOption,
+    HiddenOption,
+    LearnerKind,
+    LearnerOption,
+    LearningRateOption,
+    MeasurementDeviationOption,
+    NetworkKind,
+    NetworkOption,
+    NoiseMemoryOption,
+    OutlierDeviationOption,
+    PriorDeviationOption,
+    PriorShareOption,
+    ProcessDeviationOption,
+    ReplayOption,
+    SeedOption,
+    SpreadOption,
+    StuckSamplesOption,
+    given,
+    make_learner,
+    network_shape,
+    scaled_network,
+    watched,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from patagium.identification.live import Status
+    from patagium.identification.packets import Intake
+    from patagium.identification.pipeline import Pipeline
+    from patagium.robot import Robot
+
+EXAMPLES = (
+    "patagium stream udp://127.0.0.1:9000 --robot aerobat --network strip --prior-deviation 0.3 "
+    "--measurement-deviation 3e-4 --spread 1.7 --outlier-deviation 5 --noise-memory 2000 "
+    "--record stream.nc --model model.json",
+    "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
+    "--covariance node --prior-deviation 0.5 --measurement-deviation 1e-3 --idle 5",
+    "sensors | patagium stream - --robot robot.yaml --prior-deviation 0.3 "
+    "--measurement-deviation 1e-3",
+)
+_LINE_PERIOD = 0.2  # s
+_NOW_AND_THEN = 5.0  # s
+
+
+def stream(
+    source: Annotated[
+        str, typer.Argument(help="A CSV file, - for standard input, or udp://ADDRESS:PORT.")
+    ],
+    robot: Annotated[str, typer.Option(help="A preset's name or a robot file.")],
+    network: NetworkOption = None,
+    hidden: HiddenOption = None,
+    activation: ActivationOption = Activation.SOFTPLUS,
+    scale_by: Annotated[
+        Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
+    ] = None,
+    learner: LearnerOption = LearnerKind.CUBATURE,
+    prior_deviation: PriorDeviationOption = None,
+    measurement_deviation: MeasurementDeviationOption = None,
+    process_deviation: ProcessDeviationOption = None,
+    spread: SpreadOption = None,
+    forgetting_factor: ForgettingFactorOption = None,
+    prior_share: PriorShareOption = None,
+    covariance: CovarianceOption = None,
+    dtype: DtypeOption = None,
+    outlier_deviation: OutlierDeviationOption = None,
+    stuck_samples: StuckSamplesOption = None,
+    noise_memory: NoiseMemoryOption = None,
+    change_window: ChangeWindowOption = None,
+    change_reference: ChangeReferenceOption = None,
+    false_alarm_rate: FalseAlarmRateOption = None,
+    learning_rate: LearningRateOption = None,
+    replay: ReplayOption = None,
+    features: FeaturesOption = None,
+    seed: SeedOption = 0,
+    idle: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="End when nothing came for so long [s]; Ctrl-C otherwise."),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="End after so many samples.")] = None,
+    memory: Annotated[
+        float, typer.Option(min=1.0, help="Samples that the running scores reach back.")
+    ] = 10_000.0,
+    room: Annotated[
+        int, typer.Option(min=1, help="Packets that may wait for the learner.")
+    ] = 16_384,
+    record: Annotated[
+        Path | None, typer.Option(help="Write packets and predictions (.nc) as they come.")
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="Write what was learned (.json).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The summary as JSON.")] = False,
+) -> None:
+    """Learn what the air does while the robot flies, every sample, from packets as they come.
+
+    A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
+    time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
+    Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
+    is counted and shown. Ctrl-C ends it, and what was asked for is written.
+    """
+    from patagium.cli.words import answer
+    from patagium.identification.air_force import packet_columns
+    from patagium.identification.live import Rhythm, Status, follow
+    from patagium.identification.packets import Intake
+    from patagium.identification.pipeline import Pipeline
+    from patagium.identification.sources import PacketQueue, source_of, start_reading
+    from patagium.identification.tally import Tally
+    from patagium.robot import load_robot
+
+    watching = watched(
+        outlier_deviation,
+        stuck_samples,
+        noise_memory,
+        change_window,
+        change_reference,
+        false_alarm_rate,
+    )
+    settings = watching | given(
+        prior_deviation=prior_deviation,
+        measurement_deviation=measurement_deviation,
+        process_deviation=process_deviation,
+        spread=spread,
+        forgetting_factor=forgetting_factor,
+        prior_share=prior_share,
+        covariance=covariance,
+        dtype=dtype,
+        learning_rate=learning_rate,
+        replay=replay,
+        features=features,
+    )
+    machine = load_robot(robot)
+    kind, layers = network_shape(network, hidden, learner)
+    net = _network(machine, kind, layers, activation.value, scale_by)
+    pipeline = Pipeline(make_learner(learner, net, settings, seed), machine)
+    columns = [column.name for column in packet_columns(machine)]
+    intake, stop = Intake(), threading.Event()
+    queue, status = PacketQueue(room, len(columns), intake), Status(Tally(net.outputs, memory))
+    with (
+        _stopping(stop),
+        _recording(record, pipeline) as sink,
+        _line(status, pipeline, intake) as show,
+    ):
+        reader = start_reading(source_of(source, columns, idle=idle), queue, stop)
+        facts = follow(
+            queue, pipeline, status, stop, sink=sink, most=samples,
+            rhythms=(Rhythm(_LINE_PERIOD, show),),
+        )  # fmt: skip
+        stop.set()
+        reader.join(1.0)
+        if sink is not None:
+            typer.echo(f"The record is in {sink.close(facts)}", err=True)
+    _keep_model(model, pipeline, source)
+    for reason in intake.examples:
+        typer.echo(f"patagium: not used: {reason}", err=True)
+    answer(facts if as_json else _flat(facts), as_json=as_json)
+
+
+def _network(
+    robot: Robot,
+    kind: NetworkKind | None,
+    hidden: tuple[int, ...],
+    activation: str,
+    scale_by: Path | None,
+) -> Any:
+    from patagium.errors import ParameterError
+    from patagium.identification import StripNetwork, training_data
+    from patagium.simulation import load_flight
+
+    if kind is not NetworkKind.DENSE:
+        if scale_by is not None:
+            raise ParameterError("--scale-by", "a dense network to go with it", "a strip network")
+        return StripNetwork(robot, hidden, activation=activation)
+    if scale_by is None:
+        raise ParameterError("--scale-by", "a flight that scales the dense network", None)
+    _, x, y = training_data(load_flight(scale_by), robot)
+    return scaled_network(robot.dof_names, hidden, activation, x, y)
+
+
+@contextmanager
+def _stopping(stop: threading.Event) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the stream, not the program; a second Ctrl-C does."""
+
+    def end(number: int, frame: object) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = [signal.signal(number, end) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
+    """A file of the stream, whole or not at all; None where none is asked for."""
+    from patagium.identification.live_record import StreamFile
+
+    if path is None:
+        yield None
+        return
+    file = StreamFile(path, pipeline)
+    try:
+        yield file
+    finally:
+        file.discard()
+
+
+@contextmanager
+def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
+    """One line on stderr, rewritten; without a terminal, a line now and then."""
+    rewritten, told = sys.stderr.isatty(), -math.inf
+
+    def show() -> None:
+        nonlocal told
+        now = time.monotonic()
+        if rewritten:
+            sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline.learner.events))
+            sys.stderr.flush()
+        elif status.tally.samples and now - told > _NOW_AND_THEN:
+            told = now
+            typer.echo(live_line(status, intake, pipeline.learner.events), err=True)
+
+    try:
+        yield show
+    finally:
+        if rewritten:
+            sys.stderr.write("\n")
+
+
+def live_line(status: Status, intake: Intake, events: Mapping[str, int]) -> str:
+    """How a stream goes, in one line.
+
+    Args:
+        status: Rate, error, coverage.
+        intake: What came in, and what did not.
+        events: What the learner refused, left out or noticed.
+    """
+    tally = status.tally
+    words = ["waiting for packets"]
+    if tally.samples:
+        words = [
+            f"{tally.samples} samples",
+            f"{status.rate:.0f}/s",
+            f"load {status.load:.0%}",
+            f"NMSE {tally.nmse_mean:.2e}",
+            f"in the 95 % interval {tally.coverage:.1%}",
+        ]
+    counts = {**intake.counts, "failed": tally.failed, **events}
+    del counts["received"]
+    words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]
+    return ", ".join(words)
+
+
+def _keep_model(path: Path | None, pipeline: Pipeline, source: str) -> None:
+    from patagium.identification.model_file import model_of, save_model
+
+    if path is not None:
+        save_model(path, model_of(pipeline.learner, inputs=pipeline.inputs, source=source))
+        typer.echo(f"The model is in {path}", err=True)
+
+
+def _flat(facts: dict[str, Any]) -> dict[str, Any]:
+    """The summary for a person: without channels, times in microseconds."""
+    flat = {name: value for name, value in facts.items() if not isinstance(value, dict)}
+    flat |= {f"event: {name}": count for name, count in facts["events"].items() if count}
+    times = facts["time_per_call"]
+    return flat | {f"time per call, {name} [us]": 1e6 * value for name, value in times.items()}
