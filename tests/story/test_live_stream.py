@@ -18,8 +18,9 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.identification import load_learner, sources
 from patagium.identification.air_force import packet_columns
-from patagium.identification.live import Rhythm, Status, follow
+from patagium.identification.live import Rhythm, Status, follow, summary
 from patagium.identification.live_record import StreamFile
 from patagium.identification.packets import Intake, datagrams
 from patagium.identification.pipeline import Pipeline
@@ -73,11 +74,12 @@ def learned_from(source, pipeline, sink=None, rhythms=(), most=None, room=COUNT)
     queue, stop = PacketQueue(room, 57, Intake()), threading.Event()
     status = Status(Tally(14, 500.0))
     reader = start_reading(source, queue, stop)
-    facts = follow(queue, pipeline, status, stop, sink=sink, rhythms=rhythms, most=most)
+    follow(queue, pipeline, status, stop, sink=sink, rhythms=rhythms, most=most)
     stop.set()
+    queue.close()
     reader.join(5.0)
     assert not reader.is_alive()
-    return facts
+    return summary(status, queue, pipeline)
 
 
 def weights_after(packets):
@@ -139,7 +141,9 @@ def test_what_found_no_room_is_counted(packets, pipeline):
     queue = PacketQueue(30, 57, Intake())
     reader = start_reading(source, queue, threading.Event())
     reader.join(10.0)  # nobody takes anything meanwhile
-    facts = follow(queue, pipeline, Status(Tally(14, 500.0)), threading.Event())
+    status = Status(Tally(14, 500.0))
+    follow(queue, pipeline, status, threading.Event())
+    facts = summary(status, queue, pipeline)
     assert (facts["received"], facts["samples"], facts["dropped"]) == (100, 30, 70)
 
 
@@ -199,6 +203,7 @@ def test_interrupted_it_writes_what_it_has(packets, tmp_path):
     log.write_bytes(text_of(packets))
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN]
     words += ["--record", str(record), "--model", str(model), "--json"]
+    words += ["--state", str(tmp_path / "state"), "--autosave", "0.1"]
     program = "import sys; from patagium.cli.main import run; run(sys.argv[1:])"
     process = subprocess.Popen(
         [sys.executable, "-c", program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -214,7 +219,25 @@ def test_interrupted_it_writes_what_it_has(packets, tmp_path):
     with xr.open_dataset(record) as kept:
         np.testing.assert_array_equal(kept["time"], packets[:samples, 0])
     assert json.loads(model.read_text())["source"].endswith("log.csv")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "model.json", "stream.nc"]
+    kept_files = ["log.csv", "model.json", "state", "stream.nc"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == kept_files
+    np.testing.assert_array_equal(
+        load_learner(tmp_path / "state").weights, weights_after(packets[:samples])
+    )
+
+
+def test_a_stream_goes_on_where_the_last_one_stood(packets, tmp_path, capsys):
+    log, state = tmp_path / "log.csv", tmp_path / "learner.state"
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
+    for part in (packets[:150], packets[150:400]):
+        log.write_bytes(text_of(part))
+        with pytest.raises(SystemExit) as left:
+            run([*words, "--state", str(state)])
+        assert left.value.code == 0
+    assert "150 samples learned before" in capsys.readouterr().err
+    learner = load_learner(state)
+    assert learner.count == 400
+    np.testing.assert_array_equal(learner.weights, weights_after(packets[:400]))
 
 
 def test_options_reach_the_learner(packets, tmp_path, capsys):
@@ -235,6 +258,25 @@ def test_options_reach_the_learner(packets, tmp_path, capsys):
     assert learner["screening"]["outlier_deviation"] == 6.0
     assert learner["noise_estimation"]["memory"] == 500
     assert learner["change_detection"]["window"] == 10
+
+
+def test_what_was_learned_before_reading_failed_is_kept(packets, tmp_path, capsys, monkeypatch):
+    log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
+    log.write_bytes(text_of(packets[:100]))
+
+    class Unplugged(TextSource):
+        def read(self, queue, stop):
+            super().read(queue, stop)
+            raise OSError(5, "Input/output error", str(log))
+
+    monkeypatch.setattr(sources, "TextSource", Unplugged)
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
+    with pytest.raises(SystemExit) as left:
+        run([*words, "--record", str(record)])
+    said = capsys.readouterr()
+    assert left.value.code == 2 and said.err.endswith("log.csv: Input/output error\n")
+    with xr.open_dataset(record) as kept:
+        assert kept.sizes["time"] == 100
 
 
 def test_refusals_are_one_sentence(tmp_path, capsys):

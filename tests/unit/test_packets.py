@@ -155,6 +155,16 @@ def test_what_went_wrong_while_reading_is_raised_where_it_is_taken():
         queue.take(5, 0.0)
 
 
+def test_what_is_abandoned_is_counted():
+    queue = PacketQueue(10, 5, Intake())
+    queue.put(ROWS[:7], waits=True)
+    assert len(queue.take(2, 0.0)) == 2
+    queue.abandon()
+    assert queue.take(2, 0.0) is None
+    assert queue.intake.dropped == 5
+    queue.put(ROWS, waits=True)  # does not wait for ever
+
+
 def test_addresses():
     assert address_of("udp://127.0.0.1:9000") == ("127.0.0.1", 9000)
     assert address_of("udp://:9000") == ("127.0.0.1", 9000)

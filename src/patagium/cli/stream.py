@@ -50,9 +50,10 @@ from patagium.cli.learner_options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from patagium.identification.live import Status
+    from patagium.identification.live import Rhythm, Status
     from patagium.identification.packets import Intake
     from patagium.identification.pipeline import Pipeline
+    from patagium.identification.sources import PacketQueue, Source
     from patagium.robot import Robot
 
 EXAMPLES = (
@@ -113,6 +114,13 @@ def stream(
         Path | None, typer.Option(help="Write packets and predictions (.nc) as they come.")
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Write what was learned (.json).")] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(help="Learn on from this file if it is there; keep the learner in it."),
+    ] = None,
+    autosave: Annotated[
+        float, typer.Option(min=0.1, help="How often the state is kept [s], and at the end.")
+    ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="The summary as JSON.")] = False,
 ) -> None:
     """Learn what the air does while the robot flies, every sample, from packets as they come.
@@ -120,14 +128,16 @@ def stream(
     A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
     time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
-    is counted and shown. Ctrl-C ends it, and what was asked for is written.
+    is counted and shown. Ctrl-C ends it, and what was asked for is written. With --state
+    the learner goes on where it stood, with the centers and scales it began with.
     """
+    from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
     from patagium.identification.air_force import packet_columns
-    from patagium.identification.live import Rhythm, Status, follow
+    from patagium.identification.live import Status
     from patagium.identification.packets import Intake
     from patagium.identification.pipeline import Pipeline
-    from patagium.identification.sources import PacketQueue, source_of, start_reading
+    from patagium.identification.sources import PacketQueue, source_of
     from patagium.identification.tally import Tally
     from patagium.robot import load_robot
 
@@ -155,28 +165,78 @@ def stream(
     machine = load_robot(robot)
     kind, layers = network_shape(network, hidden, learner)
     net = _network(machine, kind, layers, activation.value, scale_by)
-    pipeline = Pipeline(make_learner(learner, net, settings, seed), machine)
+    student = resumed(make_learner(learner, net, settings, seed), state)
+    pipeline = Pipeline(student, machine)
+    status, intake = Status(Tally(net.outputs, memory)), Intake()
     columns = [column.name for column in packet_columns(machine)]
-    intake, stop = Intake(), threading.Event()
-    queue, status = PacketQueue(room, len(columns), intake), Status(Tally(net.outputs, memory))
-    with (
-        _stopping(stop),
-        _recording(record, pipeline) as sink,
-        _line(status, pipeline, intake) as show,
-    ):
-        reader = start_reading(source_of(source, columns, idle=idle), queue, stop)
-        facts = follow(
-            queue, pipeline, status, stop, sink=sink, most=samples,
-            rhythms=(Rhythm(_LINE_PERIOD, show),),
-        )  # fmt: skip
-        stop.set()
-        reader.join(1.0)
-        if sink is not None:
-            typer.echo(f"The record is in {sink.close(facts)}", err=True)
+    queue = PacketQueue(room, len(columns), intake)
+    rhythms = _saving(student, state, autosave)
+    facts, problem = _learn(
+        source_of(source, columns, idle=idle), queue, pipeline, status, record, rhythms, samples
+    )
+    if problem is not None and not facts["samples"]:
+        raise problem
+    keep_state(student, state)
     _keep_model(model, pipeline, source)
     for reason in intake.examples:
         typer.echo(f"patagium: not used: {reason}", err=True)
     answer(facts if as_json else _flat(facts), as_json=as_json)
+    if problem is not None:
+        raise problem
+
+
+def _learn(
+    source: Source,
+    queue: PacketQueue,
+    pipeline: Pipeline,
+    status: Status,
+    record: Path | None,
+    rhythms: tuple[Rhythm, ...],
+    samples: int | None,
+) -> tuple[dict[str, Any], Exception | None]:
+    """The stream itself: its summary, and what ended it before its time."""
+    from patagium.errors import PatagiumError
+    from patagium.identification.live import Rhythm, follow, summary
+    from patagium.identification.sources import start_reading
+
+    stop, problem = threading.Event(), None
+    with (
+        _stopping(stop, queue),
+        _recording(record, pipeline) as sink,
+        _line(status, pipeline, queue.intake) as show,
+    ):
+        reader = start_reading(source, queue, stop)
+        often = (Rhythm(_LINE_PERIOD, show), *rhythms)
+        try:
+            follow(queue, pipeline, status, stop, sink=sink, rhythms=often, most=samples)
+        except (PatagiumError, OSError) as error:
+            problem = error
+        stop.set()
+        queue.close()
+        reader.join(1.0)
+        facts = summary(status, queue, pipeline)
+        if sink is not None and (facts["samples"] or problem is None):
+            typer.echo(f"The record is in {sink.close(facts)}", err=True)
+    return facts, problem
+
+
+def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
+    """The state kept from time to time; a disk that is full does not stop the stream."""
+    from patagium.identification.autosave import AutoSave
+    from patagium.identification.live import Rhythm
+
+    if state is None:
+        return ()
+    keeper, told = AutoSave(learner, state, period), 0
+
+    def tick() -> None:
+        nonlocal told
+        keeper.tick()
+        if keeper.failures > told:
+            typer.echo(f"patagium: {keeper.problem}", err=True)
+        told = keeper.failures
+
+    return (Rhythm(period / 4, tick),)
 
 
 def _network(
@@ -201,13 +261,21 @@ def _network(
 
 
 @contextmanager
-def _stopping(stop: threading.Event) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the stream, not the program; a second Ctrl-C does."""
+def _stopping(stop: threading.Event, queue: PacketQueue) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the stream, not the program.
+
+    The first one lets what waits be learned, the second drops it, the third ends the program.
+    """
+    heard = 0
 
     def end(number: int, frame: object) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
+        nonlocal heard
+        heard += 1
         stop.set()
+        if heard == 2:
+            queue.abandon()
+        if heard > 2:
+            raise KeyboardInterrupt
 
     numbers = (signal.SIGINT, signal.SIGTERM)
     if threading.current_thread() is not threading.main_thread():

@@ -83,7 +83,7 @@ def follow(
     sink: Sink | None = None,
     rhythms: tuple[Rhythm, ...] = (),
     most: int | None = None,
-) -> dict[str, Any]:
+) -> None:
     """Learn packets as they come, until there are no more.
 
     Args:
@@ -95,8 +95,9 @@ def follow(
         rhythms: What else is done, each at its period, between two calls.
         most: Packets to learn at most; None: all.
 
-    Returns:
-        `summary` of it all.
+    Raises:
+        LogError: If reading failed.
+        FilterDiverged: If a covariance that was to be opened is lost.
     """
     due = [time.monotonic() + rhythm.period for rhythm in rhythms]
     clock = _Clock(status)
@@ -117,7 +118,6 @@ def follow(
                 clock.look(now)
                 rhythm.action()
                 due[number] = now + rhythm.period
-    return summary(status, queue, pipeline)
 
 
 def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str, Any]:

@@ -50,7 +50,7 @@ class PacketQueue:
         self.intake = intake
         self._capacity, self._columns = capacity, columns
         self._blocks: deque[Array] = deque()
-        self._held, self._closed = 0, False
+        self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._changed = threading.Condition()
 
@@ -87,6 +87,8 @@ class PacketQueue:
             LogError: If reading them failed.
         """
         with self._changed:
+            if self._abandoned:
+                self._drop_all()
             if not self._blocks and not self._closed:
                 self._changed.wait(patience)
             if not self._blocks:
@@ -104,6 +106,15 @@ class PacketQueue:
             self._held -= len(packets)
             self._changed.notify_all()
             return packets
+
+    def abandon(self) -> None:
+        """Drop what waits, and count it, as soon as it is asked for; no more will come."""
+        self._abandoned = True  # no lock: signal handlers may call this
+
+    def _drop_all(self) -> None:
+        self.intake.dropped += self._held
+        self._blocks.clear()
+        self._held, self._closed = 0, True
 
     def close(self, problem: Exception | None = None) -> None:
         """No more will come."""
