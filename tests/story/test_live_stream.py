@@ -118,6 +118,7 @@ def test_every_packet_over_loopback_is_learned_or_counted(packets, pipeline, tmp
     assert lost == 4
     assert (facts["lost"], facts["repeated"], facts["bad_rows"], facts["dropped"]) == (4, 4, 2, 0)
     assert facts["samples"] == facts["learned"] == facts["received"] == COUNT - 4
+    assert facts["gaps"] == 1
     assert len(shown) > 1
     kept = np.delete(packets, np.arange(148, 152), axis=0)
     with xr.open_dataset(tmp_path / "stream.nc") as record:

@@ -344,7 +344,7 @@ def live_line(status: Status, intake: Intake, events: Mapping[str, int]) -> str:
             f"NMSE {tally.nmse_mean:.2e}",
             f"in the 95 % interval {tally.coverage:.1%}",
         ]
-    counts = {**intake.counts, "failed": tally.failed, **events}
+    counts = {**intake.counts, "gaps": status.gaps, "failed": tally.failed, **events}
     del counts["received"]
     words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]
     return ", ".join(words)

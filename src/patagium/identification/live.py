@@ -26,6 +26,7 @@ BLOCK = 512
 """Packets that go through the pipeline in one call at most."""
 PATIENCE = 0.1
 """How long nothing may come before the loop looks around [s]."""
+_USUAL = 5  # steps that show what is usual
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}
 
 
@@ -47,6 +48,7 @@ class Status:
         flown: Time that the packets' stamps span [s].
         busy: Time spent in calls [s].
         rate: Packets a second since the last status [1/s].
+        gaps: Steps of the stamps that are longer than 1.5 usual ones (the median of a call).
     """
 
     tally: Tally
@@ -54,6 +56,7 @@ class Status:
     flown: float = 0.0
     busy: float = 0.0
     rate: float = float("nan")
+    gaps: int = 0
 
     @property
     def load(self) -> float:
@@ -135,6 +138,7 @@ def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str,
         "learned": tally.learned,
         "failed": tally.failed,
         **queue.intake.counts,
+        "gaps": status.gaps,
         "events": dict(pipeline.learner.events),
         "compiled": pipeline.compiled,
         "elapsed": status.elapsed,
@@ -155,7 +159,7 @@ class _Clock:
         self._status = status
         self._began: float | None = None
         self._seen, self._counted = 0.0, 0
-        self._last_stamp = float("nan")
+        self._last_stamp, self._usual = float("nan"), float("inf")
 
     def start(self) -> None:
         if self._began is None:
@@ -167,7 +171,11 @@ class _Clock:
         status.busy += float(records.duration.sum())
         status.elapsed = time.monotonic() - (self._began or 0.0)
         steps = np.diff(packets[:, 0], prepend=self._last_stamp)
-        status.flown += float(steps[steps > 0].sum())
+        ahead = steps[steps > 0]
+        status.flown += float(ahead.sum())
+        if len(ahead) >= _USUAL:
+            self._usual = float(np.median(ahead))
+        status.gaps += int((ahead > 1.5 * self._usual).sum())
         self._last_stamp = float(packets[-1, 0])
 
     def look(self, now: float) -> None:

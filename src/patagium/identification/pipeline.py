@@ -66,7 +66,7 @@ class Records:
 
     @property
     def left_out(self) -> NDArray[np.bool_]:
-        """Channels of samples learned that were left out, (N, n_y)."""
+        """Channels of samples learned that were left out, (N, n_y); of the first 53 at most."""
         bits = self.rows[:, -2].astype(np.int64)[:, None] >> np.arange(self._outputs)
         return (bits & 1).astype(bool)
 
