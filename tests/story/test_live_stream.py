@@ -213,7 +213,7 @@ def test_interrupted_it_writes_what_it_has(packets, tmp_path):
     assert process.stderr is not None
     assert any(" samples, " in line for line in process.stderr)  # it has begun
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=300)
     assert process.returncode == 0
     samples = json.loads(out)["samples"]
     assert 0 < samples <= COUNT
