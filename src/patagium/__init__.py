@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
     from patagium.identification import NoiseEstimation as NoiseEstimation
+    from patagium.identification import Pipeline as Pipeline
     from patagium.identification import Screening as Screening
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
@@ -101,6 +102,7 @@ _HOMES = {
         "LowRank",
         "NoiseEstimation",
         "Screening",
+        "Pipeline",
         "StripNetwork",
         "evaluate",
         "identify",

@@ -39,6 +39,7 @@ PUBLIC = {
     "Outcome",
     "ParameterError",
     "PatagiumError",
+    "Pipeline",
     "Published",
     "QuasiSteady",
     "Robot",

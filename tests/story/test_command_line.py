@@ -17,7 +17,10 @@ import patagium as pt
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
-VERBS = ("reproduce", "simulate", "identify", "evaluate", "bench", "validate", "robots", "check")
+VERBS = (
+    *("reproduce", "simulate", "identify", "evaluate", "stream", "send", "bench", "latency"),
+    *("validate", "robots", "check"),
+)
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
 LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--spread", "1.7")

@@ -3,19 +3,46 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import Numbers, WholeNumbers, numbers, whole_numbers
+from patagium.cli.learner_options import (
+    Activation,
+    ActivationOption,
+    ChangeReferenceOption,
+    ChangeWindowOption,
+    CovarianceOption,
+    DtypeOption,
+    FalseAlarmRateOption,
+    FeaturesOption,
+    ForgettingFactorOption,
+    HiddenOption,
+    LearnerKind,
+    LearnerOption,
+    LearningRateOption,
+    MeasurementDeviationOption,
+    NetworkKind,
+    NetworkOption,
+    NoiseMemoryOption,
+    OutlierDeviationOption,
+    PriorDeviationOption,
+    PriorShareOption,
+    ProcessDeviationOption,
+    ReplayOption,
+    SeedOption,
+    SpreadOption,
+    StuckSamplesOption,
+    given,
+    make_learner,
+    network_shape,
+    scaled_network,
+    watched,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
 
     from patagium.identification import Identification, Table
 
@@ -27,75 +54,34 @@ EXAMPLES = (
 )
 
 
-class NetworkKind(StrEnum):
-    """Networks: one that knows the wing, one that knows nothing."""
-
-    STRIP = "strip"
-    DENSE = "dense"
-
-
-class LearnerKind(StrEnum):
-    """Ways of learning the weights."""
-
-    CUBATURE = "cubature"
-    EXTENDED = "extended"
-    GRADIENT = "gradient"
-    LINEAR = "linear"
-
-
-class Activation(StrEnum):
-    """What a neuron does to its sum."""
-
-    SOFTPLUS = "softplus"
-    TANH = "tanh"
-
-
 def identify(
     file: Annotated[Path, typer.Argument(help="A flight (.nc) or a table (.csv, .parquet).")],
     mapping: Annotated[
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
     ] = None,
-    network: Annotated[
-        NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
-    ] = None,
-    hidden: Annotated[
-        WholeNumbers | None,
-        typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 by default."),
-    ] = None,
-    activation: Annotated[Activation, typer.Option(help="Of the hidden layers.")] = (
-        Activation.SOFTPLUS
-    ),
-    learner: Annotated[LearnerKind, typer.Option(help="How the weights are learned.")] = (
-        LearnerKind.CUBATURE
-    ),
+    network: NetworkOption = None,
+    hidden: HiddenOption = None,
+    activation: ActivationOption = Activation.SOFTPLUS,
+    learner: LearnerOption = LearnerKind.CUBATURE,
     every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 100,
-    prior_deviation: Annotated[
-        float | None,
-        typer.Option(help="Of each weight at the start, before dividing by sqrt(fan-in)."),
-    ] = None,
-    measurement_deviation: Annotated[
-        Numbers | None,
-        typer.Option(parser=numbers, help="Of the outputs, in their units: one, or one each."),
-    ] = None,
-    process_deviation: Annotated[
-        float | None, typer.Option(help="By which each weight wanders between updates.")
-    ] = None,
-    spread: Annotated[
-        float | None, typer.Option(help="Distance of the cubature points, in deviations.")
-    ] = None,
-    forgetting_factor: Annotated[
-        float | None, typer.Option(help="Above 0, at most 1: forgets old samples.")
-    ] = None,
-    learning_rate: Annotated[
-        float | None, typer.Option(help="Step of the gradient learner.")
-    ] = None,
-    replay: Annotated[
-        int | None, typer.Option(help="Old samples the gradient learner sees again.")
-    ] = None,
-    features: Annotated[
-        int | None, typer.Option(help="Random softplus features of the linear learner.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of the initial weights.")] = 0,
+    prior_deviation: PriorDeviationOption = None,
+    measurement_deviation: MeasurementDeviationOption = None,
+    process_deviation: ProcessDeviationOption = None,
+    spread: SpreadOption = None,
+    forgetting_factor: ForgettingFactorOption = None,
+    prior_share: PriorShareOption = None,
+    covariance: CovarianceOption = None,
+    dtype: DtypeOption = None,
+    outlier_deviation: OutlierDeviationOption = None,
+    stuck_samples: StuckSamplesOption = None,
+    noise_memory: NoiseMemoryOption = None,
+    change_window: ChangeWindowOption = None,
+    change_reference: ChangeReferenceOption = None,
+    false_alarm_rate: FalseAlarmRateOption = None,
+    learning_rate: LearningRateOption = None,
+    replay: ReplayOption = None,
+    features: FeaturesOption = None,
+    seed: SeedOption = 0,
     model: Annotated[
         Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
     ] = None,
@@ -129,18 +115,28 @@ def identify(
     from patagium.identification.logs import identify_table
     from patagium.simulation import load_flight
 
-    settings = {
-        "prior_deviation": prior_deviation,
-        "measurement_deviation": _one_or_each(measurement_deviation),
-        "process_deviation": process_deviation,
-        "spread": spread,
-        "forgetting_factor": forgetting_factor,
-        "learning_rate": learning_rate,
-        "replay": replay,
-        "features": features,
-    }
-    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
-    kind, layers = _shape(network, hidden, learner)
+    watching = watched(
+        outlier_deviation,
+        stuck_samples,
+        noise_memory,
+        change_window,
+        change_reference,
+        false_alarm_rate,
+    )
+    settings = watching | given(
+        prior_deviation=prior_deviation,
+        measurement_deviation=measurement_deviation,
+        process_deviation=process_deviation,
+        spread=spread,
+        forgetting_factor=forgetting_factor,
+        prior_share=prior_share,
+        covariance=covariance,
+        dtype=dtype,
+        learning_rate=learning_rate,
+        replay=replay,
+        features=features,
+    )
+    kind, layers = network_shape(network, hidden, learner)
     is_flight = file.suffix.lower() == ".nc"
     if is_flight and mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
@@ -152,7 +148,7 @@ def identify(
     else:
         table = read_table(existing(file), existing(mapping))
         net = _table_network(table, kind, layers, activation.value)
-    student = resumed(_learner(learner, net, given, seed), state)
+    student = resumed(make_learner(learner, net, settings, seed), state)
     try:
         with (
             progress_bar(f"Learning from {file.name}") as bar,
@@ -202,26 +198,10 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     typer.echo(summary(scores))
 
 
-def _shape(
-    network: NetworkKind | None, hidden: WholeNumbers | None, learner: LearnerKind
-) -> tuple[NetworkKind | None, tuple[int, ...]]:
-    """The network asked for; the linear learner takes inputs and outputs only."""
-    from patagium.errors import ParameterError
-
-    if learner is not LearnerKind.LINEAR:
-        return network, hidden or (8, 8)
-    if hidden is not None or network is NetworkKind.STRIP:
-        option = "--network" if hidden is None else "--hidden"
-        raise ParameterError(
-            option, "nothing: the linear learner has --features", hidden or network
-        )
-    return NetworkKind.DENSE, ()
-
-
 def _flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
-    from patagium.identification import DenseNetwork, StripNetwork, training_data
+    from patagium.identification import StripNetwork, training_data
     from patagium.simulation import aero_of, robot_of
 
     robot = robot_of(flight)
@@ -229,11 +209,7 @@ def _flight_network(
         return StripNetwork(robot, hidden, aero_of(flight).air, activation)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
-    (x_center, x_scale), (y_center, y_scale) = _spans(x[first]), _spans(y[first])
-    return DenseNetwork(
-        2 * robot.dof, hidden, robot.dof_names, activation, input_center=x_center,
-        input_scale=x_scale, output_center=y_center, output_scale=y_scale,
-    )  # fmt: skip
+    return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])
 
 
 def _look(flight: Any) -> float:
@@ -245,14 +221,6 @@ def _look(flight: Any) -> float:
     return span
 
 
-def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Middle and half width of each column, one where it stands still."""
-    low, high = values.min(axis=0), values.max(axis=0)
-    half = (high - low) / 2
-    half[half < 1e-9 * max(half.max(), 1e-300)] = 1.0
-    return (low + high) / 2, half
-
-
 def _table_network(
     table: Table, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
@@ -262,40 +230,6 @@ def _table_network(
     if kind is NetworkKind.STRIP:
         raise ParameterError("--network", "dense for a table: a strip needs q and v", kind.value)
     return network_for(table, hidden, activation)
-
-
-_NEEDED = {
-    LearnerKind.CUBATURE: {"prior_deviation", "measurement_deviation"},
-    LearnerKind.EXTENDED: {"prior_deviation", "measurement_deviation"},
-    LearnerKind.GRADIENT: {"learning_rate"},
-    LearnerKind.LINEAR: {"prior_deviation", "measurement_deviation"},
-}
-_TAKEN = {
-    LearnerKind.CUBATURE: {"process_deviation", "spread", "forgetting_factor"},
-    LearnerKind.EXTENDED: {"process_deviation", "forgetting_factor"},
-    LearnerKind.GRADIENT: {"replay"},
-    LearnerKind.LINEAR: {"features", "forgetting_factor"},
-}
-
-
-def _learner(kind: LearnerKind, network: Any, given: Mapping[str, Any], seed: int) -> Any:
-    from patagium import identification
-    from patagium.errors import ParameterError
-
-    for name in sorted(_NEEDED[kind] - set(given)):
-        raise ParameterError(_option(name), f"a number for the {kind} learner", None)
-    for name in sorted(set(given) - _NEEDED[kind] - _TAKEN[kind]):
-        raise ParameterError(_option(name), f"nothing: the {kind} learner has none", given[name])
-    make = getattr(identification, f"{kind.value.capitalize()}Learner")
-    return make(network, seed=seed, **given)
-
-
-def _one_or_each(deviations: Numbers | None) -> float | Numbers | None:
-    return deviations[0] if deviations is not None and len(deviations) == 1 else deviations
-
-
-def _option(name: str) -> str:
-    return "--" + name.replace("_", "-")
 
 
 def _keep(

@@ -14,7 +14,19 @@ from typing import Annotated
 import typer
 
 from patagium import __version__
-from patagium.cli import bench, check, evaluate, identify, reproduce, robots, simulate, validate
+from patagium.cli import (
+    bench,
+    check,
+    evaluate,
+    identify,
+    latency,
+    reproduce,
+    robots,
+    send,
+    simulate,
+    stream,
+    validate,
+)
 from patagium.errors import PatagiumError
 
 app = typer.Typer(
@@ -28,7 +40,9 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["--help", "-h"]},
 )
-for _verb in (reproduce, simulate, identify, evaluate, bench, validate, robots, check):
+for _verb in (
+    reproduce, simulate, identify, evaluate, stream, send, bench, latency, validate, robots, check,
+):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
     app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))
 

@@ -14,6 +14,7 @@ from patagium.identification.logs import evaluate_table, identify_table, network
 from patagium.identification.mapping import TableMapping, load_mapping
 from patagium.identification.model_file import Model, load_model, model_of, save_model
 from patagium.identification.network import network_from_description
+from patagium.identification.pipeline import Pipeline
 from patagium.identification.result import Identification, load_identification
 from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.stream import stream
@@ -35,6 +36,7 @@ __all__ = [
     "Model",
     "NoiseEstimation",
     "Screening",
+    "Pipeline",
     "StripNetwork",
     "Table",
     "TableMapping",

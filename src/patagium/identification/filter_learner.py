@@ -18,6 +18,7 @@ from patagium.errors import Outcome, ParameterError
 from patagium.identification.array_filter import WeightFilter
 from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
+from patagium.identification.kernel_memory import Compiled
 from patagium.identification.learner import Stopwatch, as_input, diverged, shaped_sample
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
@@ -158,12 +159,45 @@ class FilterLearner:
             self._refuse(outcome, sample, measured)
             return np.full(len(measured), np.nan)
         self._innovation_covariance = prediction.covariance
-        if screen.monitor.detection is not None and screen.monitor.alarm:
-            screen.monitor.settle()
-            self._changes.append(self.count + 1)
-            self.reopen(screen.monitor.detection.reopening)
+        self._heed_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
         return np.where(screen.left_out, np.nan, measured - prediction.mean)
+
+    @property
+    def compiled(self) -> Compiled | None:
+        """Its filter as C code meets it; None where a sample takes Python as well."""
+        found: Compiled | None = getattr(self._filter, "compiled", None)
+        return found
+
+    def account_for(self, outcomes: ArrayLike, nanoseconds: ArrayLike) -> None:
+        """Account for samples that C code learned through `compiled`, as `update` would.
+
+        C code stops where an alarm is raised, for here the covariance is opened.
+
+        Args:
+            outcomes: Outcome of each, (N,).
+            nanoseconds: That it took, (N,).
+
+        Raises:
+            FilterDiverged: If the covariance cannot be opened.
+        """
+        ends, screen, compiled = np.asarray(outcomes), self._filter.screen, self.compiled
+        learned = ends == Outcome.COMPLETED
+        for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
+            self._stopwatch.add(duration)
+        for outcome in ends[~learned & (ends < Outcome.BAD_INPUT)]:
+            if not (screen.believes or outcome == Outcome.COVARIANCE_LOST):
+                screen.note("refused")
+        if compiled is not None and learned[-1:].any():
+            self._innovation_covariance = compiled.covariance.copy()
+        self._heed_alarm(self.count)
+
+    def _heed_alarm(self, sample: int) -> None:
+        monitor = self._filter.screen.monitor
+        if monitor.detection is not None and monitor.alarm:
+            monitor.settle()
+            self._changes.append(sample)
+            self.reopen(monitor.detection.reopening)
 
     def _refuse(self, outcome: Outcome, x: Array, y: Array) -> None:
         screen = self._filter.screen

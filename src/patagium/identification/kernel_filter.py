@@ -116,8 +116,8 @@ class KernelFilter:
 
     @property
     def compiled(self) -> Compiled | None:
-        """The filter as C code meets it; None where Python has to encode the inputs."""
-        if self._x is None:
+        """The filter as C code meets it; None where a sample takes Python as well."""
+        if self._x is None or self.setting.has_process_noise:
             return None
         return Compiled(
             function_address(self._update),
@@ -129,6 +129,8 @@ class KernelFilter:
             self._arrays["predicted"],
             self._arrays["covariance"],
             self.screen.whole[3:4],
+            self.screen.marks["left_out"],
+            self._address + type(self._struct).nis.offset,
         )
 
     def predict(self, x: Array) -> Prediction:

@@ -40,6 +40,8 @@ class Compiled(NamedTuple):
         mean: Predicted, (n_y,), written by both.
         covariance: Predicted with the noise, (n_y, n_y), written by both.
         alarm: Written by update: not zero when a change was detected, (1,) of int64.
+        left_out: Written by update: channels that were not learned from, (n_y,) of int64.
+        nis: Address of the normalized innovation squared, written by update.
     """
 
     update: int
@@ -51,6 +53,8 @@ class Compiled(NamedTuple):
     mean: Array
     covariance: Array
     alarm: NDArray[np.int64]
+    left_out: NDArray[np.int64]
+    nis: int
 
 
 def function_address(function: Any) -> int:

@@ -143,6 +143,8 @@ class NodeFilter:
             self._arrays["predicted"],
             self._arrays["covariance"],
             self.screen.whole[3:4],
+            self.screen.marks["left_out"],
+            self._address + type(self._struct).nis.offset,
         )
 
     def predict(self, x: Array) -> Prediction:

@@ -1,0 +1,289 @@
+"""What verbs that teach a network share: its shape, how it learns, and with which numbers.
+
+Options are declared here once, and a verb names them in its signature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+import typer
+
+from patagium.cli.words import Numbers, WholeNumbers, numbers, whole_numbers
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class NetworkKind(StrEnum):
+    """Networks: one that knows the wing, one that knows nothing."""
+
+    STRIP = "strip"
+    DENSE = "dense"
+
+
+class LearnerKind(StrEnum):
+    """Ways of learning the weights."""
+
+    CUBATURE = "cubature"
+    EXTENDED = "extended"
+    GRADIENT = "gradient"
+    LINEAR = "linear"
+
+
+class Activation(StrEnum):
+    """What a neuron does to its sum."""
+
+    SOFTPLUS = "softplus"
+    TANH = "tanh"
+
+
+class Precision(StrEnum):
+    """Numbers of the covariance's square root."""
+
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
+
+
+def structure(text: str) -> Any:
+    """Structure of a covariance: `full`, `layer`, `node`, or a rank such as 20."""
+    if text in ("full", "layer", "node"):
+        return text
+    if not text.isdecimal() or int(text) < 1:
+        raise typer.BadParameter(f"expected full, layer, node or a rank such as 20, found {text!r}")
+    from patagium.identification import LowRank
+
+    return LowRank(int(text))
+
+
+NetworkOption: TypeAlias = Annotated[
+    NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
+]
+HiddenOption: TypeAlias = Annotated[
+    WholeNumbers | None,
+    typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 by default."),
+]
+ActivationOption: TypeAlias = Annotated[Activation, typer.Option(help="Of the hidden layers.")]
+LearnerOption: TypeAlias = Annotated[LearnerKind, typer.Option(help="How the weights are learned.")]
+PriorDeviationOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(help="Of each weight at the start, before dividing by sqrt(fan-in)."),
+]
+MeasurementDeviationOption: TypeAlias = Annotated[
+    Numbers | None,
+    typer.Option(parser=numbers, help="Of the outputs, in their units: one, or one each."),
+]
+ProcessDeviationOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="By which each weight wanders between updates.")
+]
+SpreadOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Distance of the cubature points, in deviations.")
+]
+ForgettingFactorOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Above 0, at most 1: forgets old samples.")
+]
+PriorShareOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Of the first covariance, mixed in before each sample.")
+]
+CovarianceOption: TypeAlias = Annotated[
+    Any,
+    typer.Option(
+        parser=structure,
+        metavar="full|layer|node|RANK",
+        help="What is kept of it; full by default.",
+    ),
+]
+DtypeOption: TypeAlias = Annotated[
+    Precision | None, typer.Option(help="Of the covariance's root; float64 by default.")
+]
+OutlierDeviationOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Innovations beyond so many deviations are doubted, such as 5.")
+]
+StuckSamplesOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="A channel that repeats itself so often is left out.")
+]
+NoiseMemoryOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="Estimate the measurement deviation over so many samples.")
+]
+ChangeWindowOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="Look for changes over so many samples, and doubt the weights.")
+]
+ChangeReferenceOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="Samples before them to compare with; a wingbeat or more.")
+]
+FalseAlarmRateOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Of the test for changes, a sample, such as 1e-7.")
+]
+LearningRateOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Step of the gradient learner.")
+]
+ReplayOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="Old samples the gradient learner sees again.")
+]
+FeaturesOption: TypeAlias = Annotated[
+    int | None, typer.Option(help="Random softplus features of the linear learner.")
+]
+SeedOption: TypeAlias = Annotated[int, typer.Option(help="Of the initial weights.")]
+
+_FILTER = {
+    *("process_deviation", "forgetting_factor", "prior_share", "covariance"),
+    *("screening", "noise_estimation", "change_detection"),
+}
+_NEEDED = {
+    LearnerKind.CUBATURE: {"prior_deviation", "measurement_deviation"},
+    LearnerKind.EXTENDED: {"prior_deviation", "measurement_deviation"},
+    LearnerKind.GRADIENT: {"learning_rate"},
+    LearnerKind.LINEAR: {"prior_deviation", "measurement_deviation"},
+}
+_TAKEN = {
+    LearnerKind.CUBATURE: {*_FILTER, "spread", "dtype"},
+    LearnerKind.EXTENDED: _FILTER,
+    LearnerKind.GRADIENT: {"replay"},
+    LearnerKind.LINEAR: {"features", "forgetting_factor"},
+}
+
+
+def given(**settings: Any) -> dict[str, Any]:
+    """Settings that somebody gave, as a learner takes them.
+
+    Args:
+        **settings: By name; None where nothing was given.
+    """
+    found = {name: value for name, value in settings.items() if value is not None}
+    deviations = found.get("measurement_deviation")
+    if deviations is not None and len(deviations) == 1:
+        found["measurement_deviation"] = deviations[0]
+    if "dtype" in found:
+        found["dtype"] = found["dtype"].value
+    return found
+
+
+def watched(
+    outlier_deviation: float | None,
+    stuck_samples: int | None,
+    noise_memory: int | None,
+    change_window: int | None,
+    change_reference: int | None,
+    false_alarm_rate: float | None,
+) -> dict[str, Any]:
+    """Settings of what a learner does about bad samples, noise and changes.
+
+    Args:
+        outlier_deviation: Of `Screening`.
+        stuck_samples: Of `Screening`.
+        noise_memory: Of `NoiseEstimation`.
+        change_window: Of `ChangeDetection`.
+        change_reference: Of `ChangeDetection`.
+        false_alarm_rate: Of `ChangeDetection`.
+
+    Raises:
+        ParameterError: If a number is out of its range, or the test for changes is not whole.
+    """
+    from patagium.errors import ParameterError
+    from patagium.identification import ChangeDetection, NoiseEstimation, Screening
+
+    found: dict[str, Any] = {}
+    screening = given(outlier_deviation=outlier_deviation, stuck_samples=stuck_samples)
+    if screening:
+        found["screening"] = Screening(**screening)
+    if noise_memory is not None:
+        found["noise_estimation"] = NoiseEstimation(noise_memory)
+    test = (false_alarm_rate, change_window, change_reference)
+    if test != (None, None, None):
+        if false_alarm_rate is None or change_window is None or change_reference is None:
+            names = "--change-window, --change-reference and --false-alarm-rate"
+            raise ParameterError("test for changes", names, test)
+        found["change_detection"] = ChangeDetection(
+            false_alarm_rate, change_window, change_reference
+        )
+    return found
+
+
+def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], seed: int) -> Any:
+    """A learner with the settings given.
+
+    Args:
+        kind: How it learns.
+        network: What it learns.
+        settings: See `given`.
+        seed: Of the initial weights.
+
+    Raises:
+        ParameterError: If a setting is missing, or one that this learner does not have.
+    """
+    from patagium import identification
+    from patagium.errors import ParameterError
+
+    for name in sorted(_NEEDED[kind] - set(settings)):
+        raise ParameterError(_option(name), f"a number for the {kind} learner", None)
+    for name in sorted(set(settings) - _NEEDED[kind] - _TAKEN[kind]):
+        raise ParameterError(_option(name), f"nothing: the {kind} learner has none", settings[name])
+    make = getattr(identification, f"{kind.value.capitalize()}Learner")
+    return make(network, seed=seed, **settings)
+
+
+def network_shape(
+    network: NetworkKind | None, hidden: WholeNumbers | None, learner: LearnerKind
+) -> tuple[NetworkKind | None, tuple[int, ...]]:
+    """The network asked for; the linear learner takes inputs and outputs only.
+
+    Raises:
+        ParameterError: If the linear learner is to have hidden layers or strips.
+    """
+    from patagium.errors import ParameterError
+
+    if learner is not LearnerKind.LINEAR:
+        return network, hidden or (8, 8)
+    if hidden is not None or network is NetworkKind.STRIP:
+        option = "--network" if hidden is None else "--hidden"
+        raise ParameterError(
+            option, "nothing: the linear learner has --features", hidden or network
+        )
+    return NetworkKind.DENSE, ()
+
+
+def scaled_network(
+    names: tuple[str, ...],
+    hidden: tuple[int, ...],
+    activation: str,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+) -> Any:
+    """A dense network whose inputs and outputs are scaled by samples.
+
+    Args:
+        names: Of the outputs.
+        hidden: Neurons of each hidden layer.
+        activation: Of the hidden layers.
+        x: Inputs, (N, n_x).
+        y: Outputs, (N, n_y).
+    """
+    from patagium.identification import DenseNetwork
+
+    (x_center, x_scale), (y_center, y_scale) = _spans(x), _spans(y)
+    return DenseNetwork(
+        x.shape[1], hidden, names, activation, input_center=x_center,
+        input_scale=x_scale, output_center=y_center, output_scale=y_scale,
+    )  # fmt: skip
+
+
+def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middle and half width of each column, one where it stands still."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    half = (high - low) / 2
+    half[half < 1e-9 * max(half.max(), 1e-300)] = 1.0
+    return (low + high) / 2, half
+
+
+_OPTIONS = {
+    "screening": "--outlier-deviation, --stuck-samples",
+    "noise_estimation": "--noise-memory",
+    "change_detection": "--change-window",
+}
+
+
+def _option(name: str) -> str:
+    return _OPTIONS.get(name, "--" + name.replace("_", "-"))

@@ -1,0 +1,366 @@
+"""`patagium stream`: learn what the air does while the robot flies, from packets as they come."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from patagium.cli.learner_options import (
+    Activation,
+    ActivationOption,
+    ChangeReferenceOption,
+    ChangeWindowOption,
+    CovarianceOption,
+    DtypeOption,
+    FalseAlarmRateOption,
+    FeaturesOption,
+    ForgettingFactorOption,
+    HiddenOption,
+    LearnerKind,
+    LearnerOption,
+    LearningRateOption,
+    MeasurementDeviationOption,
+    NetworkKind,
+    NetworkOption,
+    NoiseMemoryOption,
+    OutlierDeviationOption,
+    PriorDeviationOption,
+    PriorShareOption,
+    ProcessDeviationOption,
+    ReplayOption,
+    SeedOption,
+    SpreadOption,
+    StuckSamplesOption,
+    given,
+    make_learner,
+    network_shape,
+    scaled_network,
+    watched,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from patagium.identification.live import Rhythm, Status
+    from patagium.identification.packets import Intake
+    from patagium.identification.pipeline import Pipeline
+    from patagium.identification.sources import PacketQueue, Source
+    from patagium.robot import Robot
+
+EXAMPLES = (
+    "patagium stream udp://127.0.0.1:9000 --robot aerobat --network strip --prior-deviation 0.3 "
+    "--measurement-deviation 3e-4 --spread 1.7 --outlier-deviation 5 --noise-memory 2000 "
+    "--record stream.nc --model model.json",
+    "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
+    "--covariance node --prior-deviation 0.5 --measurement-deviation 1e-3 --idle 5",
+    "sensors | patagium stream - --robot robot.yaml --prior-deviation 0.3 "
+    "--measurement-deviation 1e-3",
+)
+_LINE_PERIOD = 0.2  # s
+_NOW_AND_THEN = 5.0  # s
+
+
+def stream(
+    source: Annotated[
+        str, typer.Argument(help="A CSV file, - for standard input, or udp://ADDRESS:PORT.")
+    ],
+    robot: Annotated[str, typer.Option(help="A preset's name or a robot file.")],
+    network: NetworkOption = None,
+    hidden: HiddenOption = None,
+    activation: ActivationOption = Activation.SOFTPLUS,
+    scale_by: Annotated[
+        Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
+    ] = None,
+    learner: LearnerOption = LearnerKind.CUBATURE,
+    prior_deviation: PriorDeviationOption = None,
+    measurement_deviation: MeasurementDeviationOption = None,
+    process_deviation: ProcessDeviationOption = None,
+    spread: SpreadOption = None,
+    forgetting_factor: ForgettingFactorOption = None,
+    prior_share: PriorShareOption = None,
+    covariance: CovarianceOption = None,
+    dtype: DtypeOption = None,
+    outlier_deviation: OutlierDeviationOption = None,
+    stuck_samples: StuckSamplesOption = None,
+    noise_memory: NoiseMemoryOption = None,
+    change_window: ChangeWindowOption = None,
+    change_reference: ChangeReferenceOption = None,
+    false_alarm_rate: FalseAlarmRateOption = None,
+    learning_rate: LearningRateOption = None,
+    replay: ReplayOption = None,
+    features: FeaturesOption = None,
+    seed: SeedOption = 0,
+    idle: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="End when nothing came for so long [s]; Ctrl-C otherwise."),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="End after so many samples.")] = None,
+    memory: Annotated[
+        float, typer.Option(min=1.0, help="Samples that the running scores reach back.")
+    ] = 10_000.0,
+    room: Annotated[
+        int, typer.Option(min=1, help="Packets that may wait for the learner.")
+    ] = 16_384,
+    record: Annotated[
+        Path | None, typer.Option(help="Write packets and predictions (.nc) as they come.")
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="Write what was learned (.json).")] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(help="Learn on from this file if it is there; keep the learner in it."),
+    ] = None,
+    autosave: Annotated[
+        float, typer.Option(min=0.1, help="How often the state is kept [s], and at the end.")
+    ] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="The summary as JSON.")] = False,
+) -> None:
+    """Learn what the air does while the robot flies, every sample, from packets as they come.
+
+    A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
+    time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
+    Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
+    is counted and shown. Ctrl-C ends it, and what was asked for is written. With --state
+    the learner goes on where it stood, with the centers and scales it began with.
+    """
+    from patagium.cli.state import keep_state, resumed
+    from patagium.cli.words import answer
+    from patagium.identification.air_force import packet_columns
+    from patagium.identification.live import Status
+    from patagium.identification.packets import Intake
+    from patagium.identification.pipeline import Pipeline
+    from patagium.identification.sources import PacketQueue, source_of
+    from patagium.identification.tally import Tally
+    from patagium.robot import load_robot
+
+    watching = watched(
+        outlier_deviation,
+        stuck_samples,
+        noise_memory,
+        change_window,
+        change_reference,
+        false_alarm_rate,
+    )
+    settings = watching | given(
+        prior_deviation=prior_deviation,
+        measurement_deviation=measurement_deviation,
+        process_deviation=process_deviation,
+        spread=spread,
+        forgetting_factor=forgetting_factor,
+        prior_share=prior_share,
+        covariance=covariance,
+        dtype=dtype,
+        learning_rate=learning_rate,
+        replay=replay,
+        features=features,
+    )
+    machine = load_robot(robot)
+    kind, layers = network_shape(network, hidden, learner)
+    net = _network(machine, kind, layers, activation.value, scale_by)
+    student = resumed(make_learner(learner, net, settings, seed), state)
+    pipeline = Pipeline(student, machine)
+    status, intake = Status(Tally(net.outputs, memory)), Intake()
+    columns = [column.name for column in packet_columns(machine)]
+    queue = PacketQueue(room, len(columns), intake)
+    rhythms = _saving(student, state, autosave)
+    facts, problem = _learn(
+        source_of(source, columns, idle=idle), queue, pipeline, status, record, rhythms, samples
+    )
+    if problem is not None and not facts["samples"]:
+        raise problem
+    keep_state(student, state)
+    _keep_model(model, pipeline, source)
+    for reason in intake.examples:
+        typer.echo(f"patagium: not used: {reason}", err=True)
+    answer(facts if as_json else _flat(facts), as_json=as_json)
+    if problem is not None:
+        raise problem
+
+
+def _learn(
+    source: Source,
+    queue: PacketQueue,
+    pipeline: Pipeline,
+    status: Status,
+    record: Path | None,
+    rhythms: tuple[Rhythm, ...],
+    samples: int | None,
+) -> tuple[dict[str, Any], Exception | None]:
+    """The stream itself: its summary, and what ended it before its time."""
+    from patagium.errors import PatagiumError
+    from patagium.identification.live import Rhythm, follow, summary
+    from patagium.identification.sources import start_reading
+
+    stop, problem = threading.Event(), None
+    with (
+        _stopping(stop, queue),
+        _recording(record, pipeline) as sink,
+        _line(status, pipeline, queue.intake) as show,
+    ):
+        reader = start_reading(source, queue, stop)
+        often = (Rhythm(_LINE_PERIOD, show), *rhythms)
+        try:
+            follow(queue, pipeline, status, stop, sink=sink, rhythms=often, most=samples)
+        except (PatagiumError, OSError) as error:
+            problem = error
+        stop.set()
+        queue.close()
+        reader.join(1.0)
+        facts = summary(status, queue, pipeline)
+        if sink is not None and (facts["samples"] or problem is None):
+            typer.echo(f"The record is in {sink.close(facts)}", err=True)
+    return facts, problem
+
+
+def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
+    """The state kept from time to time; a disk that is full does not stop the stream."""
+    from patagium.identification.autosave import AutoSave
+    from patagium.identification.live import Rhythm
+
+    if state is None:
+        return ()
+    keeper, told = AutoSave(learner, state, period), 0
+
+    def tick() -> None:
+        nonlocal told
+        keeper.tick()
+        if keeper.failures > told:
+            typer.echo(f"patagium: {keeper.problem}", err=True)
+        told = keeper.failures
+
+    return (Rhythm(period / 4, tick),)
+
+
+def _network(
+    robot: Robot,
+    kind: NetworkKind | None,
+    hidden: tuple[int, ...],
+    activation: str,
+    scale_by: Path | None,
+) -> Any:
+    from patagium.errors import ParameterError
+    from patagium.identification import StripNetwork, training_data
+    from patagium.simulation import load_flight
+
+    if kind is not NetworkKind.DENSE:
+        if scale_by is not None:
+            raise ParameterError("--scale-by", "a dense network to go with it", "a strip network")
+        return StripNetwork(robot, hidden, activation=activation)
+    if scale_by is None:
+        raise ParameterError("--scale-by", "a flight that scales the dense network", None)
+    _, x, y = training_data(load_flight(scale_by), robot)
+    return scaled_network(robot.dof_names, hidden, activation, x, y)
+
+
+@contextmanager
+def _stopping(stop: threading.Event, queue: PacketQueue) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the stream, not the program.
+
+    The first one lets what waits be learned, the second drops it, the third ends the program.
+    """
+    heard = 0
+
+    def end(number: int, frame: object) -> None:
+        nonlocal heard
+        heard += 1
+        stop.set()
+        if heard == 2:
+            queue.abandon()
+        if heard > 2:
+            raise KeyboardInterrupt
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = [signal.signal(number, end) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
+    """A file of the stream, whole or not at all; None where none is asked for."""
+    from patagium.identification.live_record import StreamFile
+
+    if path is None:
+        yield None
+        return
+    file = StreamFile(path, pipeline)
+    try:
+        yield file
+    finally:
+        file.discard()
+
+
+@contextmanager
+def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
+    """One line on stderr, rewritten; without a terminal, a line now and then."""
+    rewritten, told = sys.stderr.isatty(), -math.inf
+
+    def show() -> None:
+        nonlocal told
+        now = time.monotonic()
+        if rewritten:
+            sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline.learner.events))
+            sys.stderr.flush()
+        elif status.tally.samples and now - told > _NOW_AND_THEN:
+            told = now
+            typer.echo(live_line(status, intake, pipeline.learner.events), err=True)
+
+    try:
+        yield show
+    finally:
+        if rewritten:
+            sys.stderr.write("\n")
+
+
+def live_line(status: Status, intake: Intake, events: Mapping[str, int]) -> str:
+    """How a stream goes, in one line.
+
+    Args:
+        status: Rate, error, coverage.
+        intake: What came in, and what did not.
+        events: What the learner refused, left out or noticed.
+    """
+    tally = status.tally
+    words = ["waiting for packets"]
+    if tally.samples:
+        words = [
+            f"{tally.samples} samples",
+            f"{status.rate:.0f}/s",
+            f"load {status.load:.0%}",
+            f"NMSE {tally.nmse_mean:.2e}",
+            f"in the 95 % interval {tally.coverage:.1%}",
+        ]
+    counts = {**intake.counts, "gaps": status.gaps, "failed": tally.failed, **events}
+    del counts["received"]
+    words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]
+    return ", ".join(words)
+
+
+def _keep_model(path: Path | None, pipeline: Pipeline, source: str) -> None:
+    from patagium.identification.model_file import model_of, save_model
+
+    if path is not None:
+        save_model(path, model_of(pipeline.learner, inputs=pipeline.inputs, source=source))
+        typer.echo(f"The model is in {path}", err=True)
+
+
+def _flat(facts: dict[str, Any]) -> dict[str, Any]:
+    """The summary for a person: without channels, times in microseconds."""
+    flat = {name: value for name, value in facts.items() if not isinstance(value, dict)}
+    flat |= {f"event: {name}": count for name, count in facts["events"].items() if count}
+    times = facts["time_per_call"]
+    return flat | {f"time per call, {name} [us]": 1e6 * value for name, value in times.items()}

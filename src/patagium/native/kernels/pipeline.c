@@ -1,0 +1,80 @@
+/* From sensor packets to what a learner foresaw of them, one after the other.
+ *
+ * A packet is [time, q, v, a, u1], dof numbers each. Inverse dynamics makes x and y of it, the
+ * filter foresees y, learns it, and one record a packet says how that went:
+ *
+ *     [prediction, its deviation, measurement: outputs each; nis, outcome, left out, nanoseconds].
+ *
+ * Deviations hold the noise of the measurement; a prediction is NaN where none was made. Left
+ * out is a number whose bit k stands for channel k. The time is that of the call, writing the
+ * record left aside. Models nothing itself; nothing is allocated, nothing repaired. Python's
+ * twin of the struct is `pipeline.py`, field by field.
+ */
+#define _POSIX_C_SOURCE 199309L
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+#include <time.h>
+
+enum { COMPLETED = 0, BAD_INPUT = 4, LATE = 5, DUPLICATE = 6 }; /* as errors.Outcome */
+
+typedef struct {
+  int32_t dof, outputs;
+  void (*air_force)(const double *const *, double *const *); /* q, v, a, u1, parameters -> x, y */
+  const double *parameters;  /* of the robot */
+  int (*update)(void *);     /* of a filter: learns what stands in its memory */
+  void *memory;
+  double *x;                 /* the filter's, as all that follows */
+  double *y;
+  double *stamp;             /* time of the sample */
+  const double *mean;        /* outputs */
+  const double *covariance;  /* outputs x outputs */
+  const double *nis;
+  const int64_t *left_out;   /* outputs */
+  const int64_t *alarm;      /* not zero: somebody must look at the learner */
+} pipeline;
+
+static double now_ns(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
+
+static int learn(pipeline *p, const double *packet) {
+  const double *state = packet + 1;
+  const double *arguments[5] = {state, state + p->dof, state + 2 * p->dof, state + 3 * p->dof,
+                                p->parameters};
+  double *results[2] = {p->x, p->y};
+  p->air_force(arguments, results);
+  *p->stamp = packet[0];
+  return p->update(p->memory);
+}
+
+static void write_record(const pipeline *p, int outcome, double *record) {
+  const int m = p->outputs;
+  const int foreseen = outcome != BAD_INPUT && outcome != LATE && outcome != DUPLICATE;
+  double left_out = 0;
+  for (int k = 0; k < m; k++) {
+    record[k] = foreseen ? p->mean[k] : NAN;
+    record[m + k] = foreseen ? sqrt(p->covariance[k * m + k]) : NAN;
+    if (outcome == COMPLETED && p->left_out[k]) left_out += ldexp(1, k);
+  }
+  memcpy(record + 2 * m, p->y, sizeof(double) * m);
+  record[3 * m] = outcome == COMPLETED ? *p->nis : NAN;
+  record[3 * m + 1] = outcome;
+  record[3 * m + 2] = left_out;
+}
+
+/* Takes packets, rows of 1 + 4 dof; writes records, rows of 3 outputs + 4. How many were taken:
+ * fewer than there are where an alarm was raised, by the last one taken. */
+int64_t pipeline_run(pipeline *p, int64_t count, const double *packets, double *records) {
+  for (int64_t k = 0; k < count; k++, packets += 1 + 4 * p->dof, records += 3 * p->outputs + 4) {
+    const double started = now_ns();
+    const int outcome = learn(p, packets);
+    const double ended = now_ns();
+    write_record(p, outcome, records);
+    records[3 * p->outputs + 3] = ended - started;
+    if (*p->alarm) return k + 1;
+  }
+  return count;
+}
