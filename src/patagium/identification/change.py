@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import betaincinv
 
 from patagium.errors import ParameterError
 
@@ -115,5 +115,7 @@ class ChangeMonitor:
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:
-    degrees = detection.window * channels, detection.reference * channels
-    return float(f_distribution.isf(detection.false_alarm_rate, *degrees))
+    """What F exceeds at that rate: P(F > x) = I_u(d2 / 2, d1 / 2), u = d2 / (d2 + d1 x)."""
+    window, reference = detection.window * channels, detection.reference * channels
+    share = float(betaincinv(reference / 2, window / 2, detection.false_alarm_rate))
+    return reference * (1 - share) / (window * share)

@@ -19,6 +19,9 @@ from patagium.identification.network import Network
 Array = NDArray[np.float64]
 
 
+_KEPT = 2**16
+
+
 class Learner(Protocol):
     """An estimate of a network's weights that follows samples one by one."""
 
@@ -71,19 +74,19 @@ class Learner(Protocol):
 
 
 class Stopwatch:
-    """Durations of updates, kept as nanoseconds.
+    """Durations of updates, in nanoseconds; the last 2^16 are kept.
 
     Args:
         earlier: Updates before, of which no duration is known.
     """
 
     def __init__(self, earlier: int = 0) -> None:
-        self._durations, self._earlier = array("q"), earlier
+        self._durations, self._count = array("q"), earlier
 
     @property
     def count(self) -> int:
         """How many."""
-        return self._earlier + len(self._durations)
+        return self._count
 
     @property
     def median(self) -> float:
@@ -91,8 +94,12 @@ class Stopwatch:
         return float(np.median(self._durations)) * 1e-9 if self._durations else float("nan")
 
     def add(self, nanoseconds: int) -> None:
-        """Keep one more duration [ns]."""
-        self._durations.append(nanoseconds)
+        """One more duration [ns]."""
+        if len(self._durations) < _KEPT:
+            self._durations.append(nanoseconds)
+        else:
+            self._durations[self._count % _KEPT] = nanoseconds
+        self._count += 1
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:
