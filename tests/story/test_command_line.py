@@ -18,8 +18,8 @@ from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
 VERBS = (
-    *("reproduce", "simulate", "identify", "evaluate", "stream", "send", "bench", "latency"),
-    *("validate", "robots", "check"),
+    *("reproduce", "simulate", "identify", "tune", "evaluate", "stream", "send", "bench"),
+    *("latency", "validate", "robots", "check"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")

@@ -37,9 +37,12 @@ from patagium.cli.learner_options import (
     given,
     make_learner,
     network_shape,
+    said_by_hand,
     scaled_network,
+    settled,
     watched,
 )
+from patagium.cli.words import WholeNumbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,13 +54,19 @@ EXAMPLES = (
     "--measurement-deviation 3e-4 --spread 1.7 --model model.json --report report.html",
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-deviation 0.5 --measurement-deviation 0.05 --state learner.state",
+    "patagium identify flight.nc --settings settings.yaml --report report.html",
 )
 
 
 def identify(
+    context: typer.Context,
     file: Annotated[Path, typer.Argument(help="A flight (.nc) or a table (.csv, .parquet).")],
     mapping: Annotated[
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
     ] = None,
     network: NetworkOption = None,
     hidden: HiddenOption = None,
@@ -111,7 +120,7 @@ def identify(
     from patagium.cli.words import existing, progress_bar
     from patagium.errors import Outcome, ParameterError
     from patagium.identification import identify as identify_flight
-    from patagium.identification import read_table
+    from patagium.identification import load_settings, read_table
     from patagium.identification.logs import identify_table
     from patagium.simulation import load_flight
 
@@ -123,7 +132,7 @@ def identify(
         change_reference,
         false_alarm_rate,
     )
-    settings = watching | given(
+    options = watching | given(
         prior_deviation=prior_deviation,
         measurement_deviation=measurement_deviation,
         process_deviation=process_deviation,
@@ -136,6 +145,17 @@ def identify(
         replay=replay,
         features=features,
     )
+    if settings is not None:
+        found = load_settings(existing(settings))
+        said = said_by_hand(context)
+        learner = learner if "learner" in said else LearnerKind(found.learner.kind)
+        options = settled(found.learner.values, learner) | options
+        if learner is not LearnerKind.LINEAR:
+            network = network or NetworkKind(found.network.kind)
+            hidden = hidden or WholeNumbers(found.network.hidden)
+        activation = activation if "activation" in said else Activation(found.network.activation)
+        every = every if "every" in said else found.every
+        seed = seed if "seed" in said else found.learner.seed
     kind, layers = network_shape(network, hidden, learner)
     is_flight = file.suffix.lower() == ".nc"
     if is_flight and mapping is not None:
@@ -144,11 +164,11 @@ def identify(
         raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
     if mapping is None:
         flight = load_flight(existing(file))
-        net = _flight_network(flight, kind, layers, activation.value)
+        net = flight_network(flight, kind, layers, activation.value)
     else:
         table = read_table(existing(file), existing(mapping))
-        net = _table_network(table, kind, layers, activation.value)
-    student = resumed(make_learner(learner, net, settings, seed), state)
+        net = table_network(table, kind, layers, activation.value)
+    student = resumed(make_learner(learner, net, options, seed), state)
     try:
         with (
             progress_bar(f"Learning from {file.name}") as bar,
@@ -198,9 +218,10 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     typer.echo(summary(scores))
 
 
-def _flight_network(
+def flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
+    """A network for a flight; a dense one is scaled by its first wingbeat."""
     from patagium.identification import StripNetwork, training_data
     from patagium.simulation import aero_of, robot_of
 
@@ -221,9 +242,10 @@ def _look(flight: Any) -> float:
     return span
 
 
-def _table_network(
+def table_network(
     table: Table, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
+    """A network for a table; it is scaled by the ranges of its mapping."""
     from patagium.errors import ParameterError
     from patagium.identification.logs import network_for
 

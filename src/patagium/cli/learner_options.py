@@ -225,6 +225,29 @@ def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], s
     return make(network, seed=seed, **settings)
 
 
+def settled(values: Mapping[str, Any], kind: LearnerKind) -> dict[str, Any]:
+    """Settings of a learner from a file of settings, as far as it has them.
+
+    Args:
+        values: Plain, by name.
+        kind: How it learns.
+    """
+    from patagium.identification.knobs import keywords
+
+    known = _NEEDED[kind] | _TAKEN[kind]
+    return {name: value for name, value in keywords(values).items() if name in known}
+
+
+def said_by_hand(context: typer.Context) -> set[str]:
+    """Names of the options that stand on the command line.
+
+    Args:
+        context: Of the verb.
+    """
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    return {name for name, source in sources.items() if source and source.name == "COMMANDLINE"}
+
+
 def network_shape(
     network: NetworkKind | None, hidden: WholeNumbers | None, learner: LearnerKind
 ) -> tuple[NetworkKind | None, tuple[int, ...]]:

@@ -17,11 +17,13 @@ from patagium.identification.network import network_from_description
 from patagium.identification.pipeline import Pipeline
 from patagium.identification.result import Identification, load_identification
 from patagium.identification.screening import NoiseEstimation, Screening
+from patagium.identification.settings import Settings, load_settings
 from patagium.identification.stream import stream
 from patagium.identification.strip import StripNetwork
 from patagium.identification.structure import LowRank
 from patagium.identification.table import Table, read_table
 from patagium.identification.training_data import training_data
+from patagium.identification.tune import Tuned, tune
 
 __all__ = [
     "AutoSave",
@@ -37,9 +39,11 @@ __all__ = [
     "NoiseEstimation",
     "Screening",
     "Pipeline",
+    "Settings",
     "StripNetwork",
     "Table",
     "TableMapping",
+    "Tuned",
     "evaluate",
     "evaluate_table",
     "identify",
@@ -49,6 +53,7 @@ __all__ = [
     "load_learner",
     "load_mapping",
     "load_model",
+    "load_settings",
     "model_of",
     "network_for",
     "network_from_description",
@@ -57,4 +62,5 @@ __all__ = [
     "save_model",
     "stream",
     "training_data",
+    "tune",
 ]

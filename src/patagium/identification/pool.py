@@ -1,0 +1,66 @@
+"""Pieces of work in several processes of this machine, or on a Dask cluster, by joblib.
+
+Neglected: a cluster without patagium installed; workers import it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+from patagium.errors import ParameterError
+
+
+@contextmanager
+def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
+    """Where `in_any_order` works meanwhile: processes of one thread each, or a cluster.
+
+    Args:
+        jobs: Number of processes; None: one a core. A cluster uses all its workers.
+        cluster: Address of a Dask scheduler, such as tcp://10.0.0.1:8786; None: this machine.
+
+    Raises:
+        ParameterError: If the jobs are below one, or dask.distributed is not installed.
+    """
+    from joblib import Parallel, cpu_count, parallel_config
+
+    if jobs is not None and jobs < 1:
+        raise ParameterError("jobs", "a whole number of at least 1", jobs)
+    order = {"return_as": "generator_unordered", "batch_size": 1}
+    if cluster is None:
+        with parallel_config("loky", n_jobs=jobs or cpu_count(), inner_max_num_threads=1):
+            yield Parallel(**order)
+        return
+    with _client(cluster) as client, parallel_config("dask", client=client):
+        yield Parallel(**order)
+
+
+def in_any_order(
+    workers: Any, function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]
+) -> Iterator[tuple[int, Any]]:
+    """Number of each call and what it gave, as they end.
+
+    Args:
+        workers: What `pool` gave.
+        function: Found by its module and name.
+        calls: Arguments of each call.
+    """
+    from joblib import delayed
+
+    yield from workers(delayed(_numbered)(k, function, *call) for k, call in enumerate(calls))
+
+
+def _numbered(number: int, function: Callable[..., Any], *arguments: Any) -> tuple[int, Any]:
+    return number, function(*arguments)
+
+
+def _client(cluster: str) -> Any:
+    try:
+        distributed = import_module("distributed")
+    except ImportError:
+        raise ParameterError(
+            "cluster", "dask.distributed to be installed: pip install 'patagium[cluster]'", cluster
+        ) from None
+    return distributed.Client(cluster, set_as_default=False)
