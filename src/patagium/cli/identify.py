@@ -11,6 +11,7 @@ import typer
 from patagium.cli.learner_options import (
     Activation,
     ActivationOption,
+    Asked,
     ChangeReferenceOption,
     ChangeWindowOption,
     CovarianceOption,
@@ -32,17 +33,16 @@ from patagium.cli.learner_options import (
     ProcessDeviationOption,
     ReplayOption,
     SeedOption,
+    SettingsOption,
     SpreadOption,
     StuckSamplesOption,
+    completed,
     given,
     make_learner,
     network_shape,
-    said_by_hand,
     scaled_network,
-    settled,
     watched,
 )
-from patagium.cli.words import WholeNumbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,10 +64,7 @@ def identify(
     mapping: Annotated[
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
     ] = None,
-    settings: Annotated[
-        Path | None,
-        typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
-    ] = None,
+    settings: SettingsOption = None,
     network: NetworkOption = None,
     hidden: HiddenOption = None,
     activation: ActivationOption = Activation.SOFTPLUS,
@@ -120,7 +117,7 @@ def identify(
     from patagium.cli.words import existing, progress_bar
     from patagium.errors import Outcome, ParameterError
     from patagium.identification import identify as identify_flight
-    from patagium.identification import load_settings, read_table
+    from patagium.identification import read_table
     from patagium.identification.logs import identify_table
     from patagium.simulation import load_flight
 
@@ -145,17 +142,8 @@ def identify(
         replay=replay,
         features=features,
     )
-    if settings is not None:
-        found = load_settings(existing(settings))
-        said = said_by_hand(context)
-        learner = learner if "learner" in said else LearnerKind(found.learner.kind)
-        options = settled(found.learner.values, learner) | options
-        if learner is not LearnerKind.LINEAR:
-            network = network or NetworkKind(found.network.kind)
-            hidden = hidden or WholeNumbers(found.network.hidden)
-        activation = activation if "activation" in said else Activation(found.network.activation)
-        every = every if "every" in said else found.every
-        seed = seed if "seed" in said else found.learner.seed
+    asked = Asked(learner, options, network, hidden, activation, every, seed)
+    learner, options, network, hidden, activation, every, seed = completed(context, asked, settings)
     kind, layers = network_shape(network, hidden, learner)
     is_flight = file.suffix.lower() == ".nc"
     if is_flight and mapping is not None:

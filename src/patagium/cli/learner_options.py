@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import typer
 
@@ -59,6 +60,10 @@ def structure(text: str) -> Any:
     return LowRank(int(text))
 
 
+SettingsOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
+]
 NetworkOption: TypeAlias = Annotated[
     NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
 ]
@@ -223,6 +228,55 @@ def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], s
         raise ParameterError(_option(name), f"nothing: the {kind} learner has none", settings[name])
     make = getattr(identification, f"{kind.value.capitalize()}Learner")
     return make(network, seed=seed, **settings)
+
+
+class Asked(NamedTuple):
+    """What the command line asks for.
+
+    Attributes:
+        learner: How it learns.
+        options: Settings of the learner that were given.
+        network: None where nothing was said.
+        hidden: None where nothing was said.
+        activation: Of the hidden layers.
+        every: One sample in so many is used.
+        seed: Of the initial weights.
+    """
+
+    learner: LearnerKind
+    options: dict[str, Any]
+    network: NetworkKind | None
+    hidden: WholeNumbers | None
+    activation: Activation
+    every: int
+    seed: int
+
+
+def completed(context: typer.Context, asked: Asked, settings: Path | None) -> Asked:
+    """The same, with what was not said taken from a file of settings.
+
+    Args:
+        context: Of the verb.
+        asked: What the command line asks for.
+        settings: What `patagium tune` wrote; None: nothing is added.
+    """
+    if settings is None:
+        return asked
+    from patagium.cli.words import existing
+    from patagium.identification import load_settings
+
+    found, said = load_settings(existing(settings)), said_by_hand(context)
+    learner = asked.learner if "learner" in said else LearnerKind(found.learner.kind)
+    linear, activation = learner is LearnerKind.LINEAR, Activation(found.network.activation)
+    return Asked(
+        learner,
+        settled(found.learner.values, learner) | asked.options,
+        asked.network if linear else asked.network or NetworkKind(found.network.kind),
+        asked.hidden if linear else asked.hidden or WholeNumbers(found.network.hidden),
+        asked.activation if "activation" in said else activation,
+        asked.every if "every" in said else found.every,
+        asked.seed if "seed" in said else found.learner.seed,
+    )
 
 
 def settled(values: Mapping[str, Any], kind: LearnerKind) -> dict[str, Any]:

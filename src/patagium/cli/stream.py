@@ -17,6 +17,7 @@ import typer
 from patagium.cli.learner_options import (
     Activation,
     ActivationOption,
+    Asked,
     ChangeReferenceOption,
     ChangeWindowOption,
     CovarianceOption,
@@ -38,8 +39,10 @@ from patagium.cli.learner_options import (
     ProcessDeviationOption,
     ReplayOption,
     SeedOption,
+    SettingsOption,
     SpreadOption,
     StuckSamplesOption,
+    completed,
     given,
     make_learner,
     network_shape,
@@ -70,10 +73,12 @@ _NOW_AND_THEN = 5.0  # s
 
 
 def stream(
+    context: typer.Context,
     source: Annotated[
         str, typer.Argument(help="A CSV file, - for standard input, or udp://ADDRESS:PORT.")
     ],
     robot: Annotated[str, typer.Option(help="A preset's name or a robot file.")],
+    settings: SettingsOption = None,
     network: NetworkOption = None,
     hidden: HiddenOption = None,
     activation: ActivationOption = Activation.SOFTPLUS,
@@ -149,7 +154,7 @@ def stream(
         change_reference,
         false_alarm_rate,
     )
-    settings = watching | given(
+    options = watching | given(
         prior_deviation=prior_deviation,
         measurement_deviation=measurement_deviation,
         process_deviation=process_deviation,
@@ -162,10 +167,12 @@ def stream(
         replay=replay,
         features=features,
     )
+    asked = Asked(learner, options, network, hidden, activation, 1, seed)
+    learner, options, network, hidden, activation, _, seed = completed(context, asked, settings)
     machine = load_robot(robot)
     kind, layers = network_shape(network, hidden, learner)
     net = _network(machine, kind, layers, activation.value, scale_by)
-    student = resumed(make_learner(learner, net, settings, seed), state)
+    student = resumed(make_learner(learner, net, options, seed), state)
     pipeline = Pipeline(student, machine)
     status, intake = Status(Tally(net.outputs, memory)), Intake()
     columns = [column.name for column in packet_columns(machine)]

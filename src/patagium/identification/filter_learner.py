@@ -154,7 +154,10 @@ class FilterLearner:
         sample, measured = shaped_sample(self._network, x, y)
         screen = self._filter.screen
         screen.numbers[0] = np.nan if time is None else time
-        outcome, prediction = self._filter.update(sample, measured)
+        try:
+            outcome, prediction = self._filter.update(sample, measured)
+        except MatrixLost as lost:  # between two samples
+            raise diverged(lost.outcome, self.count, sample, measured) from None
         if outcome is not Outcome.COMPLETED:
             self._refuse(outcome, sample, measured)
             return np.full(len(measured), np.nan)
