@@ -1,0 +1,159 @@
+"""The bench of an update with the covariance of all weights, and of low rank for many.
+
+One update beside Algorithm 1 and beside the arithmetic it cannot avoid: all of them take
+turns, some calls each, so that a busy machine slows all; medians. Neglected: how much is
+learned; cold caches, since a learner at flight rate does nothing else.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Mapping
+from itertools import cycle, pairwise
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.identification.cubature import CubatureLearner
+from patagium.identification.dense import DenseNetwork
+from patagium.native import load_kernel
+from patagium.robot.model import Robot
+from patagium.studies.benchmark_dynamics import random_states
+from patagium.studies.benchmark_result import Result, compared
+from patagium.studies.rivals.algorithm_1 import Algorithm1
+
+Array = NDArray[np.float64]
+Call = Callable[[], object]
+
+PRIOR, NOISE = 0.3, 0.003
+_ROUNDS, _LINKS = 9, 40_000
+_FLOOR_NOTE = (
+    "floor: multiplications with additions of S Z and of the change of S, S triangular, and of "
+    "the network at the points, each done once at the peak rate of this core in this precision, "
+    "measured in the same run; recursion, moments, activations and memory for nothing"
+)
+
+
+def full_covariance_results(robot: Robot) -> Iterator[Result]:
+    """The paper's network on the whole state: both precisions beside Algorithm 1 and the floor.
+
+    Args:
+        robot: A floating machine with wings.
+
+    Yields:
+        Ratios to Algorithm 1 line by line in NumPy, to Algorithm 1 without what may be left
+        out of it, and to the arithmetic floor, on one BLAS thread.
+    """
+    n = robot.dof
+    network = DenseNetwork(2 * n, (20,), robot.dof_names)
+    plain = Algorithm1(network, PRIOR / np.sqrt(network.fan_in), np.full(n, NOISE**2))
+    learners = {
+        "float64": CubatureLearner(network, prior_deviation=PRIOR, measurement_deviation=NOISE),
+        "float32": CubatureLearner(
+            network, prior_deviation=PRIOR, measurement_deviation=NOISE, dtype="float32"
+        ),
+        "cholesky": CubatureLearner(
+            network, prior_deviation=PRIOR, measurement_deviation=NOISE, square_root="cholesky"
+        ),
+    }
+    updates = {"plain": plain.update} | {name: one.update for name, one in learners.items()}
+    calls = {name: (on_samples(robot, update), 3) for name, update in updates.items()}
+    calls["float64"], calls["float32"] = ((calls[name][0], 25) for name in ("float64", "float32"))
+    peaks = {name: (lambda name=name: peak_time(name), 3) for name in ("float64", "float32")}
+    for _ in range(3):
+        for call, _ in calls.values():
+            call()
+    difference = np.abs(learners["float64"].weights - plain.mean).max()
+    times, unit_times = in_turns(calls, peaks)
+    for dtype in ("float64", "float32"):
+        name = f"update of full covariance, {network.size} weights, {dtype}"
+        note = f"numbers agree to {difference:.0e}; Python calls, everything included"
+        yield compared(
+            name, times[dtype], "ns", "Algorithm 1, line by line in NumPy", times["plain"], note
+        )
+        yield compared(
+            name, times[dtype], "ns", "Algorithm 1 (cholesky of ours)", times["cholesky"], note
+        )
+        floor = multiply_adds(network) * unit_times[dtype]
+        yield compared(name, times[dtype], "ns", "arithmetic floor", floor, _FLOOR_NOTE)
+
+
+def multiply_adds(network: DenseNetwork) -> int:
+    """Multiplications with additions that an update of a triangular S cannot avoid.
+
+    With n weights and n_y outputs, S Z and the change of S take n (n + 1) n_y; at the two
+    points of a column its own layer takes one for each of the column's entries there, every
+    later layer two a weight and point, to move it and to apply it.
+
+    Args:
+        network: Whose weights are estimated.
+    """
+    sizes = [(below + 1) * above for below, above in pairwise(network.perceptron.widths)]
+    points = sum(
+        size * (size + 1) // 2 + size * 4 * sum(sizes[layer + 1 :])
+        for layer, size in enumerate(sizes)
+    )
+    return network.size * (network.size + 1) * network.outputs + points
+
+
+def peak_time(dtype: str, links: int = _LINKS) -> float:
+    """Time of one multiplication with addition at the peak rate of a core [ns].
+
+    Without a compiler that of a product of matrices in NumPy's BLAS.
+
+    Args:
+        dtype: "float64" or "float32".
+        links: Length of the chains timed.
+    """
+    single = dtype == "float32"
+    kernel = load_kernel("peak", {"REAL": "float" if single else "double", "SINGLE": int(single)})
+    if kernel is None:
+        matrix = np.ones((400, 400), dtype)
+        started = perf_counter_ns()
+        np.matmul(matrix, matrix)
+        return (perf_counter_ns() - started) / 400**3
+    kernel.peak_time.restype = ctypes.c_double
+    total = ctypes.c_double()
+    return float(kernel.peak_time(links, ctypes.c_double(0.999), ctypes.byref(total)))
+
+
+def on_samples(robot: Robot, update: Callable[[Array, Array], object], count: int = 64) -> Call:
+    """A call of an update that takes the next of some random samples each time.
+
+    Args:
+        robot: A machine, whose states are the inputs.
+        update: A learner's.
+        count: How many samples.
+    """
+    states = random_states(robot, count)
+    y = 0.01 * np.random.default_rng(1).normal(size=(count, robot.dof))
+    turn = cycle(zip(np.hstack([states.q, states.v]), y, strict=True))
+    return lambda: update(*next(turn))
+
+
+def in_turns(
+    calls: Mapping[str, tuple[Call, int]], figures: Mapping[str, tuple[Callable[[], float], int]]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Median time of each call [ns] and median of each figure, all taking turns.
+
+    Args:
+        calls: Name to a call and how often it is called a turn; the first call of a turn
+            finds the caches as its predecessor left them and does not count.
+        figures: Name to what measures a figure itself, and how often a turn.
+    """
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    found: dict[str, list[float]] = {name: [] for name in figures}
+    for _ in range(_ROUNDS):
+        for name, (call, count) in calls.items():
+            call()
+            for _ in range(count - 1):
+                started = perf_counter_ns()
+                call()
+                times[name].append(perf_counter_ns() - started)
+        for name, (figure, count) in figures.items():
+            found[name] += [figure() for _ in range(count)]
+    return (
+        {name: float(np.median(values)) for name, values in times.items()},
+        {name: float(np.median(values)) for name, values in found.items()},
+    )
