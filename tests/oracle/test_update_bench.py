@@ -32,7 +32,8 @@ def test_the_floor_counts_what_a_column_reaches():
     for column in range(17):
         layer_end = 9 if column < 9 else 17
         count += layer_end - column + (2 * 2 * 8 if column < 9 else 0)
-    assert multiply_adds(network) == count
+    assert multiply_adds(network, "triangular") == count
+    assert multiply_adds(network, "square") == count + 17 * 16 * 2  # entries above the diagonal
 
 
 def test_the_peak_of_single_precision_is_higher():

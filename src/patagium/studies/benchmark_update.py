@@ -29,10 +29,11 @@ Call = Callable[[], object]
 PRIOR, NOISE = 0.3, 0.003
 _ROUNDS, _LINKS = 9, 40_000
 _FLOOR_NOTE = (
-    "floor: multiplications with additions of S Z and of the change of S, S triangular, and of "
-    "the network at the points, each done once at the peak rate of this core in this precision, "
-    "measured in the same run; recursion, moments, activations and memory for nothing"
+    "floor: multiplications with additions of S Z and of the change of S, {0}, and of the network "
+    "at the points, each done once at the peak rate of this core in this precision, measured in "
+    "the same run; recursion, moments, activations and memory for nothing"
 )
+_SHAPES = {"square": "n^2 n_y each", "triangular": "n (n + 1) / 2 n_y each"}
 
 
 def full_covariance_results(robot: Robot) -> Iterator[Result]:
@@ -43,7 +44,7 @@ def full_covariance_results(robot: Robot) -> Iterator[Result]:
 
     Yields:
         Ratios to Algorithm 1 line by line in NumPy, to Algorithm 1 without what may be left
-        out of it, and to the arithmetic floor, on one BLAS thread.
+        out of it, and to the arithmetic floors, on one BLAS thread.
     """
     n = robot.dof
     network = DenseNetwork(2 * n, (20,), robot.dof_names)
@@ -75,26 +76,31 @@ def full_covariance_results(robot: Robot) -> Iterator[Result]:
         yield compared(
             name, times[dtype], "ns", "Algorithm 1 (cholesky of ours)", times["cholesky"], note
         )
-        floor = multiply_adds(network) * unit_times[dtype]
-        yield compared(name, times[dtype], "ns", "arithmetic floor", floor, _FLOOR_NOTE)
+        for shape, count in _SHAPES.items():
+            floor = multiply_adds(network, shape) * unit_times[dtype]
+            against, note = f"arithmetic floor, S {shape}", _FLOOR_NOTE.format(count)
+            yield compared(name, times[dtype], "ns", against, floor, note)
 
 
-def multiply_adds(network: DenseNetwork) -> int:
-    """Multiplications with additions that an update of a triangular S cannot avoid.
+def multiply_adds(network: DenseNetwork, shape: str) -> int:
+    """Multiplications with additions that an update of the square root S cannot avoid.
 
-    With n weights and n_y outputs, S Z and the change of S take n (n + 1) n_y; at the two
-    points of a column its own layer takes one for each of the column's entries there, every
-    later layer two a weight and point, to move it and to apply it.
+    With n weights and n_y outputs, S Z and the change of S take 2 n^2 n_y, half of it where S
+    is triangular. At the two points of a column of a triangular S its own layer takes one for
+    each of the column's entries there, every later layer two a weight and point, to move it
+    and to apply it; for a square S no more is counted.
 
     Args:
         network: Whose weights are estimated.
+        shape: Of S, "square" or "triangular".
     """
     sizes = [(below + 1) * above for below, above in pairwise(network.perceptron.widths)]
     points = sum(
         size * (size + 1) // 2 + size * 4 * sum(sizes[layer + 1 :])
         for layer, size in enumerate(sizes)
     )
-    return network.size * (network.size + 1) * network.outputs + points
+    rows = 2 * network.size if shape == "square" else network.size + 1
+    return network.size * rows * network.outputs + points
 
 
 def peak_time(dtype: str, links: int = _LINKS) -> float:
