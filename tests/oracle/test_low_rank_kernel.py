@@ -148,3 +148,21 @@ def test_without_a_compiler_the_twin_takes_over(monkeypatch, rng):
     assert type(restore_low_rank(setting, network.initial(0), start)) is LowRankFilter
     linear = restore_low_rank(setting, network.initial(0), start, linear=True)
     assert type(linear) is ExtendedLowRankFilter
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_the_columns_know_alone_keeps_its_digits(compiled, monkeypatch, rng):
+    # Forgetting takes U below all numbers where the columns say everything, and 1 / U with it.
+    if not compiled:
+        monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+    learner = pt.CubatureLearner(
+        pt.DenseNetwork(1, (), 1),
+        covariance=pt.LowRank(6),
+        forgetting_factor=0.9,
+        prior_deviation=0.5,
+        measurement_deviation=0.05,
+    )
+    for x in rng.normal(size=(1000, 1)):
+        learner.update(x, 2 * x + 1)
+        if learner.count > 200:  # the prior is forgotten
+            np.testing.assert_allclose(learner.weights, [2, 1], atol=1e-9)

@@ -37,6 +37,7 @@ from patagium.identification.spread import Moments, moments_of
 from patagium.identification.structure import LowRank
 
 Array = NDArray[np.float64]
+_LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 _UNSEEN = 1e-13  # share of the largest variance of y below which a direction is rounding
 
 
@@ -83,7 +84,7 @@ class Precision(NamedTuple):
         return Precision(self.diagonal / damping, columns)
 
     def compressed(self, rank: int) -> Precision:
-        """The strongest columns, and of the others the diagonal.
+        """The strongest columns, and of the others the diagonal; U is kept from vanishing.
 
         Args:
             rank: How many columns to keep.
@@ -91,8 +92,9 @@ class Precision(NamedTuple):
         scaled = self.columns / np.sqrt(self.diagonal)[:, None]
         _, turn = eigh(scaled.T @ scaled, check_finite=False)
         turned = self.columns @ turn[:, ::-1]
-        dropped = turned[:, rank:]
-        return Precision(self.diagonal + np.einsum("ij,ij->i", dropped, dropped), turned[:, :rank])
+        squares = turned**2
+        diagonal = self.diagonal + squares[:, rank:].sum(axis=1)
+        return Precision(np.maximum(diagonal, _LEAST * squares.sum(axis=1)), turned[:, :rank])
 
 
 def seen_directions(covariance: Array) -> tuple[Array, Array]:

@@ -267,4 +267,3 @@ class LowRankKernel(LowRankFilter):
 
 def _prediction(seen: _Seen) -> Prediction:
     return Prediction(seen.moments.mean, seen.moments.covariance)
-

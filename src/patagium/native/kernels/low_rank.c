@@ -12,6 +12,8 @@
 
 enum { SOFTPLUS = 0, TANH = 1, CHUNK = 16 };
 
+#define LEAST 1e-10 /* U beside the squares of a row of F, so that differences keep digits */
+
 /* A walk over the weights of a layer: its weights row by row, then its biases. */
 typedef struct {
   int layer, below, above, at; /* weights of the layer passed */
@@ -185,7 +187,7 @@ int low_rank_change(low_rank *f) {
           all += square;
         }
         for (int k = 0; k < f->rank; k++) columns[k] = (STORE)turned[r * depth + k];
-        const STORE after = (STORE)(f->growth * diagonal + sum_of(dropped));
+        const STORE after = (STORE)fmax(f->growth * diagonal + sum_of(dropped), LEAST * sum_of(all));
         const double mean = f->mean[first + r] + sum_of(step) / diagonal;
         f->next_diagonal[first + r] = after;
         f->next_mean[first + r] = mean;
