@@ -80,6 +80,22 @@ def test_kernel_is_its_twin(activation, inputs, hidden, outputs, options, rng):
         assert (np.triu(fast.root(), 1) == 0).all()
 
 
+@pytest.mark.parametrize(
+    ("inputs", "hidden", "outputs"), [(3, (5,), 2), (8, (20,), 14), (6, (11,), 17), (4, (3,), 33)]
+)
+def test_single_precision_is_its_twin_to_single_rounding(inputs, hidden, outputs, rng):
+    network = pt.DenseNetwork(inputs, hidden, outputs)
+    fast, _ = filter_pair(network, rng, dtype="float32", spread=3**0.5)
+    plain = ArrayFilter(setting_of(network, spread=3**0.5), fast.mean, fast.root())
+    for _ in range(3):
+        x, y = rng.normal(size=inputs), rng.normal(size=outputs)
+        fast.update(x, y)
+        plain.update(x, y)
+    # 6e-8 a number, times gains of ten and sums of some hundred of them
+    np.testing.assert_allclose(fast.mean, plain.mean, atol=1e-4)
+    np.testing.assert_allclose(fast.root(), plain.root(), atol=1e-4)
+
+
 def test_kernel_calls_the_compiled_encoder_of_a_strip_network(rng):
     robot = pt.load_robot("aerobat")
     network = pt.StripNetwork(robot)

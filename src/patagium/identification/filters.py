@@ -11,7 +11,8 @@ from patagium.identification.array_filter import FilterSetting, WeightFilter
 from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
 from patagium.identification.extended_filter import ExtendedBlockFilter, ExtendedFilter
 from patagium.identification.kernel_filter import restore
-from patagium.identification.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
+from patagium.identification.low_rank import Precision
+from patagium.identification.low_rank_kernel import restore_low_rank
 from patagium.identification.node_filter import NodeFilter, load_node
 from patagium.identification.structure import LowRank
 
@@ -27,7 +28,7 @@ def cubature_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
         deviation: Their standard deviations, (n,).
     """
     if isinstance(setting.structure, LowRank):
-        return LowRankFilter(setting, mean, independent(setting, deviation))
+        return restore_low_rank(setting, mean, independent(setting, deviation))
     if setting.structure == "node":
         roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
         return restore_nodes(setting, mean, roots)
@@ -43,7 +44,7 @@ def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
         deviation: Their standard deviations, (n,).
     """
     if isinstance(setting.structure, LowRank):
-        return ExtendedLowRankFilter(setting, mean, independent(setting, deviation))
+        return restore_low_rank(setting, mean, independent(setting, deviation), linear=True)
     kind = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
     return kind(setting, mean, np.diag(deviation))
 

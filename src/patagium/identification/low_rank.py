@@ -37,6 +37,7 @@ from patagium.identification.spread import Moments, moments_of
 from patagium.identification.structure import LowRank
 
 Array = NDArray[np.float64]
+_LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 _UNSEEN = 1e-13  # share of the largest variance of y below which a direction is rounding
 
 
@@ -83,7 +84,7 @@ class Precision(NamedTuple):
         return Precision(self.diagonal / damping, columns)
 
     def compressed(self, rank: int) -> Precision:
-        """The strongest columns, and of the others the diagonal.
+        """The strongest columns, and of the others the diagonal; U is kept from vanishing.
 
         Args:
             rank: How many columns to keep.
@@ -91,8 +92,20 @@ class Precision(NamedTuple):
         scaled = self.columns / np.sqrt(self.diagonal)[:, None]
         _, turn = eigh(scaled.T @ scaled, check_finite=False)
         turned = self.columns @ turn[:, ::-1]
-        dropped = turned[:, rank:]
-        return Precision(self.diagonal + np.einsum("ij,ij->i", dropped, dropped), turned[:, :rank])
+        squares = turned**2
+        diagonal = self.diagonal + squares[:, rank:].sum(axis=1)
+        return Precision(np.maximum(diagonal, _LEAST * squares.sum(axis=1)), turned[:, :rank])
+
+
+def seen_directions(covariance: Array) -> tuple[Array, Array]:
+    """What y sees of the weights to first order: variances, (q,), and their axes, (n_y, q).
+
+    Args:
+        covariance: H P H', (n_y, n_y).
+    """
+    variances, axes = eigh(covariance)
+    clear = variances > _UNSEEN * max(variances.max(), 0.0)
+    return variances[clear], axes[:, clear]
 
 
 class LowRankFilter:
@@ -207,15 +220,10 @@ class LowRankFilter:
         """Moments along the columns y sees, these columns, (n, q), and P^-1 times them."""
         y, slope = self.setting.network.linearized(encoding, self.mean)
         reached = precision.solve(slope.T)
-        variances, axes = eigh(slope @ reached)
-        clear = variances > _UNSEEN * max(variances.max(), 0.0)
-        turn = axes[:, clear] / np.sqrt(variances[clear])
+        variances, axes = seen_directions(slope @ reached)
+        turn = axes / np.sqrt(variances)
         columns = reached @ turn
-        return (
-            self._moments(encoding, y, columns, variances[clear], axes[:, clear]),
-            columns,
-            (slope.T @ turn),
-        )
+        return self._moments(encoding, y, columns, variances, axes), columns, slope.T @ turn
 
     def _moments(
         self, encoding: Encoding, y: Array, columns: Array, variances: Array, axes: Array
@@ -228,7 +236,12 @@ class LowRankFilter:
             for column in columns.T
         ]
         plus, minus = np.reshape(values, (2, columns.shape[1], len(y)))
-        rest = rule.bend_gain * rule.centered * (len(self.mean) - columns.shape[1])
+        return self._moments_at(encoding, y, plus, minus)
+
+    def _moments_at(self, encoding: Encoding, y: Array, plus: Array, minus: Array) -> Moments:
+        """The same from y at the mean and at the points on either side, (q, n_y)."""
+        rule = self.setting.rule
+        rest = rule.bend_gain * rule.centered * (len(self.mean) - len(plus))
         found = moments_of(y, plus, minus, self.screen.noise(encoding.readout), rule)
         shift = found.mean - y
         return found._replace(remainder=found.remainder + rest * np.outer(shift, shift))

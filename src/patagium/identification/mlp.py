@@ -125,6 +125,35 @@ class Perceptron:
                 seed = (seed @ layers[number][0]) * slope(sums[number - 1])[:, None, :]
         return sums[-1], np.concatenate(parts, axis=-1)
 
+    def sensitivities(
+        self, features: Array, weights: Array, readout: Array
+    ) -> tuple[Array, list[Array], list[Array]]:
+        """Outputs, and by layers what makes up the derivative of y = readout . outputs.
+
+        The derivative of y for the weight from input j to neuron o of a layer is the sum over
+        the m inputs of (dy / dz_o) x_j: see `linearized`, where it is multiplied out.
+
+        Args:
+            features: Inputs, (m, n_in).
+            weights: (size,).
+            readout: (n_y, m n_out).
+
+        Returns:
+            (m, n_out); x of each layer, (m, in); dy / dz of each layer, (m, out, n_y).
+        """
+        function, slope = ACTIVATIONS[self.activation]
+        layers = list(self._layers(weights))
+        inputs, sums = [features], []
+        for matrix, bias in layers:
+            sums.append(inputs[-1] @ matrix.T + bias)
+            inputs.append(function(sums[-1]))
+        shape = (len(readout), len(features), self.widths[-1])
+        seeds = [np.ascontiguousarray(np.moveaxis(readout.reshape(shape), 0, -1))]
+        for number in reversed(range(1, len(layers))):
+            steps = slope(sums[number - 1])[:, :, None]
+            seeds.insert(0, steps * (layers[number][0].T @ seeds[0]))
+        return sums[-1], inputs[:-1], seeds
+
     def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
         start, leading = 0, weights.shape[:-1]
         for below, above in pairwise(self.widths):

@@ -40,6 +40,7 @@ from patagium.studies.benchmark_timing import (
     time_call,
     time_python,
 )
+from patagium.studies.benchmark_update import full_covariance_results, low_rank_results
 
 Array = NDArray[np.float64]
 _BATCH = 4096
@@ -145,6 +146,8 @@ def update_results(robot: Robot) -> Iterator[Result]:
             "Algorithm 1 (cholesky)",
             _update_time(plain, robot, 8),
         )
+    yield from full_covariance_results(robot)
+    yield from low_rank_results(robot)
 
 
 def _update_time(learner: Learner, robot: Robot, count: int = 100) -> float:

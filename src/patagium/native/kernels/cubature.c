@@ -25,45 +25,7 @@
 #include <math.h>
 
 #include "points.h"
-#include "small.h"
-
-/* Rows and vectors of a block of a product that stay in registers. */
-#define VECTORS 2
-#if VECTOR_BYTES == 64
-#define ROWS 8
-#else
-#define ROWS 4
-#endif
-#define FEW (ROWS < WIDTH ? ROWS : WIDTH) /* rows where they are the points of one vector */
-
-/* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
-static inline __attribute__((always_inline)) void block_product(
-    int keep, int rows, int vectors, int depth, const REAL *a, int a_row, int a_depth,
-    const REAL *b, int b_stride, REAL *target, int stride) {
-  reals sum[ROWS][VECTORS];
-  for (int r = 0; r < rows; r++)
-    for (int v = 0; v < vectors; v++)
-      sum[r][v] = keep ? reals_load(target + r * stride + v * WIDTH) : (reals){0};
-  for (int k = 0; k < depth; k++)
-    for (int v = 0; v < vectors; v++) {
-      reals column = reals_load(b + k * b_stride + v * WIDTH);
-      for (int r = 0; r < rows; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
-    }
-  for (int r = 0; r < rows; r++)
-    for (int v = 0; v < vectors; v++) reals_store(target + r * stride + v * WIDTH, sum[r][v]);
-}
-
-/* The same over all columns of the target. */
-static inline __attribute__((always_inline)) void band_product(
-    int keep, int rows, int columns, int depth, const REAL *a, int a_row, int a_depth,
-    const REAL *b, int b_stride, REAL *target, int stride) {
-  int v = 0;
-  for (; v + VECTORS * WIDTH <= columns; v += VECTORS * WIDTH)
-    block_product(keep, rows, VECTORS, depth, a, a_row, a_depth, b + v, b_stride, target + v,
-                  stride);
-  for (; v < columns; v += WIDTH)
-    block_product(keep, rows, 1, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
-}
+#include "transform.h"
 
 /* Slopes and bends of y over WIDTH columns, from the mlp's outputs at their points. */
 static void read_out(const cubature *f, int first, REAL *outputs) {
@@ -106,18 +68,16 @@ static void visit(cubature *f) {
 
 /* sum over the weights of a block of x x', (stride, stride), from rows of x. */
 static void gram(const cubature *f, int block, const REAL *x, double *sum) {
-  const int stride = f->stride, end = f->starts[block] + f->counts[block];
-  for (int k = 0; k < stride; k += 4)
-    for (int l = k / WIDE * WIDE; l < stride; l += WIDE) {
-      wide part[4] = {{0}, {0}, {0}, {0}};
-      for (int i = f->starts[block]; i < end; i++) {
-        const REAL *row = x + i * stride;
-        wide column;
-        for (int c = 0; c < WIDE; c++) column[c] = (double)row[l + c];
-        for (int r = 0; r < 4; r++) part[r] += (double)row[k + r] * column;
-      }
-      for (int r = 0; r < 4; r++) wide_store(sum + (k + r) * stride + l, part[r]);
-    }
+  const int stride = f->stride, size = stride * stride, count = f->counts[block];
+  double *doubles = f->small + 4 * size; /* stride rows at a time */
+  memset(sum, 0, sizeof(double) * size);
+  x += (ptrdiff_t)f->starts[block] * stride;
+  for (int i = 0; i < count; i += stride) {
+    const int rows = count - i < stride ? count - i : stride;
+    for (int k = 0; k < rows * stride; k += WIDE) wide_store(doubles + k, wide_from(x + k));
+    add_products(stride, rows, doubles, sum);
+    x += size;
+  }
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
 }
@@ -133,13 +93,12 @@ static void moments(cubature *f, double *remainder, double *work) {
   memset(shift, 0, sizeof shift);
   memset(remainder, 0, sizeof(double) * size);
   for (int b = 0; b < f->blocks; b++)
-    for (int i = f->starts[b]; i < f->starts[b] + f->counts[b]; i++)
-      for (int k = 0; k < stride; k++) shift[k] += (double)f->bends[i * stride + k];
+    add_rows(stride, f->counts[b], f->bends + (ptrdiff_t)f->starts[b] * stride, shift);
   for (int k = 0; k < stride; k++) shift[k] /= f->spread * f->spread;
   for (int b = 0; b < f->blocks; b++) {
     if (f->centered != 0)
-      for (int i = f->starts[b]; i < f->starts[b] + f->counts[b]; i++)
-        for (int k = 0; k < stride; k++) f->bends[i * stride + k] -= R(f->centered * shift[k]);
+      move_rows(stride, f->counts[b], f->centered, shift,
+                f->bends + (ptrdiff_t)f->starts[b] * stride);
     gram(f, b, f->bends, work);
     gram(f, b, f->slopes, gram_of(f, b));
     for (int k = 0; k < size; k++) remainder[k] += work[k];
@@ -154,57 +113,6 @@ static void moments(cubature *f, double *remainder, double *work) {
       for (int b = 0; b < f->blocks; b++)
         f->covariance[k * m + l] += gram_of(f, b)[k * stride + l];
     }
-  }
-}
-
-/* The recursion over the columns of a block: steps, shrinks; g becomes the root of P_yy^-1.
- * turned is g transposed, kept beside it. */
-static void recur(cubature *f, int block, double *g, double *turned) {
-  const int m = f->outputs, stride = f->stride;
-  double z[stride], inner[stride], e[stride], scaled[stride];
-  for (int i = f->starts[block] + f->counts[block] - 1; i >= f->starts[block]; i--) {
-    for (int k = 0; k < stride; k++) z[k] = (double)f->slopes[i * stride + k];
-    combine(m, stride, z, g, inner);
-    combine(m, stride, inner, turned, e);
-    double part[4] = {1, 0, 0, 0};
-    for (int k = 0; k < stride; k += 4)
-      for (int c = 0; c < 4; c++) part[c] += inner[k + c] * inner[k + c];
-    const double alpha = (part[0] + part[1]) + (part[2] + part[3]), root = sqrt(alpha);
-    const double shrink = 1 / root, gain = 1 / (alpha + root);
-    f->shrinks[i] = R(shrink);
-    REAL *step = f->steps + (size_t)(i / PANEL) * m * PANEL + i % PANEL;
-    for (int k = 0; k < m; k++) step[k * PANEL] = R(-shrink * e[k]);
-    for (int k = 0; k < stride; k++) scaled[k] = gain * e[k];
-    for (int k = 0; k < m; k++)
-      for (int l = 0; l < stride; l += WIDE) {
-        double *here = g + k * stride + l, *there = turned + k * stride + l;
-        wide_store(here, wide_load(here) - scaled[k] * wide_load(inner + l));
-        wide_store(there, wide_load(there) - inner[k] * wide_load(scaled + l));
-      }
-  }
-}
-
-/* A panel of S of a block after the sample, and its part of C. */
-static void change_panel(cubature *f, int block, int panel) {
-  const int start = f->starts[block] + panel * PANEL, m = f->outputs, stride = f->stride;
-  const REAL *steps = f->steps + (ptrdiff_t)start * m, growth = R(f->growth);
-  REAL *s = panel_of(f, block, panel), mix[PANEL * PANEL], grown[PANEL * stride], fresh[ROWS * PANEL];
-  for (int i = 0; i < PANEL; i += ROWS)
-    band_product(0, ROWS, PANEL, m, f->slopes + (start + i) * stride, stride, 1, steps, PANEL,
-                 mix + i * PANEL, PANEL);
-  for (int i = 0; i < PANEL; i++)
-    for (int j = 0; j < PANEL; j++)
-      mix[i * PANEL + j] *= j < i ? growth : R(0);
-  for (int i = 0; i < PANEL; i++) mix[i * PANEL + i] = growth * f->shrinks[start + i];
-  for (int k = 0; k < PANEL * stride; k++) grown[k] = growth * f->slopes[start * stride + k];
-  for (int j = start; j < f->starts[block + 1]; j += ROWS) {
-    REAL *old = s + (ptrdiff_t)j * PANEL, *cross = f->cross + (ptrdiff_t)j * stride;
-    band_product(0, ROWS, PANEL, m, cross, stride, 1, steps, PANEL, fresh, PANEL);
-    band_product(1, ROWS, PANEL, WIDTH, old + WIDTH, PANEL, 1, mix + WIDTH * PANEL, PANEL, fresh,
-                 PANEL);
-    block_product(1, ROWS, 1, WIDTH, old, PANEL, 1, mix, PANEL, fresh, PANEL);
-    band_product(1, ROWS, stride, PANEL, old, PANEL, 1, grown, stride, cross, stride);
-    memcpy(old, fresh, sizeof fresh);
   }
 }
 

@@ -22,6 +22,63 @@ static inline wide wide_load(const double *p) {
 
 static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
 
+/* As many numbers as doubles fit a vector, as doubles. */
+static inline wide wide_from(const REAL *p) {
+#if SINGLE
+  float narrow __attribute__((vector_size(VECTOR_BYTES / 2)));
+  memcpy(&narrow, p, sizeof narrow);
+  return __builtin_convertvector(narrow, wide);
+#else
+  return wide_load(p);
+#endif
+}
+
+/* sum <- sum + x_k x_l over `count` rows of x, for `rows` numbers from k on and WIDE from l. */
+static inline __attribute__((always_inline)) void add_tile(int rows, int stride, int count,
+                                                           const double *x_k, const double *x_l,
+                                                           double *sum) {
+  wide part[8];
+  for (int r = 0; r < rows; r++) part[r] = wide_load(sum + r * stride);
+  for (int i = 0; i < count; i++) {
+    const wide column = wide_load(x_l + i * stride);
+    for (int r = 0; r < rows; r++) part[r] += x_k[i * stride + r] * column;
+  }
+  for (int r = 0; r < rows; r++) wide_store(sum + r * stride, part[r]);
+}
+
+/* sum <- sum + x' x, (stride, stride), on the diagonal and right of it; x: `count` rows. */
+static void add_products(int stride, int count, const double *x, double *sum) {
+  for (int k = 0; k < stride; k += stride - k < 8 ? 4 : 8)
+    for (int l = k / WIDE * WIDE; l < stride; l += WIDE)
+      if (stride - k < 8)
+        add_tile(4, stride, count, x + k, x + l, sum + k * stride + l);
+      else
+        add_tile(8, stride, count, x + k, x + l, sum + k * stride + l);
+}
+
+/* sum <- sum + the sum of `count` rows of `stride`. */
+static inline void add_rows(int stride, int count, const REAL *x, double *sum) {
+  for (int k = 0; k < stride; k += WIDE) {
+    wide even = wide_load(sum + k), odd = {0};
+    int i = 0;
+    for (; i + 2 <= count; i += 2) {
+      even += wide_from(x + i * stride + k);
+      odd += wide_from(x + (i + 1) * stride + k);
+    }
+    if (i < count) even += wide_from(x + i * stride + k);
+    wide_store(sum + k, even + odd);
+  }
+}
+
+/* x <- x - gain shift in `count` rows of `stride`. */
+static inline void move_rows(int stride, int count, double gain, const double *shift, REAL *x) {
+  REAL move[stride];
+  for (int k = 0; k < stride; k++) move[k] = R(gain * shift[k]);
+  for (int i = 0; i < count; i++)
+    for (int k = 0; k < stride; k += WIDTH)
+      reals_store(x + i * stride + k, reals_load(x + i * stride + k) - reals_load(move + k));
+}
+
 /* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
 static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
   for (int k = 0; k < m; k++)
@@ -46,19 +103,21 @@ static int invert_root(int m, int stride, const double *matrix, double *lower, d
   return 1;
 }
 
+/* WIDE numbers of the sum over k of scale[k] rows of g, `count` rows of `stride`. */
+static inline wide combined(int count, int stride, const double *scale, const double *g) {
+  wide part[4] = {{0}, {0}, {0}, {0}};
+  int k = 0;
+  for (; k + 4 <= count; k += 4)
+    for (int c = 0; c < 4; c++) part[c] += scale[k + c] * wide_load(g + (k + c) * stride);
+  for (; k < count; k++) part[0] += scale[k] * wide_load(g + k * stride);
+  return (part[0] + part[1]) + (part[2] + part[3]);
+}
+
 /* target <- sum over k of scale[k] rows of g, `count` rows of `stride`. */
 static inline void combine(int count, int stride, const double *scale, const double *g,
                            double *target) {
-  for (int l = 0; l < stride; l += WIDE) {
-    wide even = {0}, odd = {0};
-    int k = 0;
-    for (; k + 2 <= count; k += 2) {
-      even += scale[k] * wide_load(g + k * stride + l);
-      odd += scale[k + 1] * wide_load(g + (k + 1) * stride + l);
-    }
-    if (k < count) even += scale[k] * wide_load(g + k * stride + l);
-    wide_store(target + l, even + odd);
-  }
+  for (int l = 0; l < stride; l += WIDE)
+    wide_store(target + l, combined(count, stride, scale, g + l));
 }
 
 #endif
