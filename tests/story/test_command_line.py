@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -70,13 +69,14 @@ def test_every_verb_explains_itself_with_examples(verb: str, speak: Speak) -> No
 
 
 def test_help_is_quick() -> None:
-    command = [sys.executable, "-c", "from patagium.cli.main import run; run(['--help'])"]
-    times = []
-    for _ in range(3):
-        start = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True)
-        times.append(time.perf_counter() - start)
-    assert min(times) < 1.5  # 0.35 s on an idle core; a busy machine may take thrice that
+    """Nothing heavy is imported for it: what takes its time, on any machine."""
+    heavy = ("numpy", "scipy", "casadi", "xarray", "matplotlib", "pandas", "joblib", "pydantic")
+    code = (
+        "import sys\nfrom patagium.cli.main import run\ntry:\n    run(['--help'])\n"
+        f"except SystemExit:\n    print('loaded', sorted(set({heavy!r}) & set(sys.modules)))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert answer.stdout.decode().rstrip().endswith("loaded []")
 
 
 def test_version(speak: Speak) -> None:
