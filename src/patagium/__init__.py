@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import Published as Published
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
     from patagium.aerodynamics import Section as Section
+    from patagium.aerodynamics import StallDelay as StallDelay
+    from patagium.aerodynamics import TablePolar as TablePolar
+    from patagium.aerodynamics import measured_section as measured_section
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import CompilerError as CompilerError
     from patagium.errors import FilterDiverged as FilterDiverged
@@ -83,6 +86,9 @@ _HOMES = {
         "Published",
         "QuasiSteady",
         "Section",
+        "StallDelay",
+        "TablePolar",
+        "measured_section",
     ),
     "simulation": (
         "gaits",

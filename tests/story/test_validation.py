@@ -37,6 +37,17 @@ def test_errors_against_theory_are_the_ones_promised(errors):
     assert errors["Sudden plunge, wing without end", "lifting line"] < 1e-3
 
 
+def test_the_pitching_section_is_nearer_than_its_static_polar(errors):
+    # mean absolute C_l error of the static polar: .122 and .214; without delay .112 and .191
+    for loop, static in (("C10l100AM20", 0.122), ("C10m100AM20", 0.214)):
+        case = f"A pitching section, {loop}"
+        delayed, at_once = (
+            errors[case, name] for name in ("lifting line with stall delay", "without delay")
+        )
+        assert delayed < 0.8 * static
+        assert delayed < at_once < static
+
+
 def test_the_command_writes_the_page(tmp_path, capsys):
     page = tmp_path / "page.html"
     with pytest.raises(SystemExit) as left:
