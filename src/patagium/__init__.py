@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from patagium.aerodynamics import AddedMass as AddedMass
     from patagium.aerodynamics import Air as Air
+    from patagium.aerodynamics import DeLaurier as DeLaurier
     from patagium.aerodynamics import DrydenGust as DrydenGust
     from patagium.aerodynamics import Indicial as Indicial
     from patagium.aerodynamics import LiftingLine as LiftingLine
@@ -79,6 +80,7 @@ _HOMES = {
     "aerodynamics": (
         "AddedMass",
         "Air",
+        "DeLaurier",
         "DrydenGust",
         "Indicial",
         "LiftingLine",

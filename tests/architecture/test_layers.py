@@ -21,6 +21,7 @@ PUBLIC = {
     "ChangeDetection",
     "CompilerError",
     "CubatureLearner",
+    "DeLaurier",
     "DenseNetwork",
     "DrydenGust",
     "Dynamics",

@@ -56,6 +56,8 @@ def test_the_command_writes_the_page(tmp_path, capsys):
     rows = {(r["case"], r["model"]): r for r in json.loads(capsys.readouterr().out)}
     measured = rows["A measured flapping wing", "the same with added mass"]
     assert measured["error"] <= 0.027  # newton; a vortex lattice has .0291
+    strips = rows["A measured flapping wing", "DeLaurier's strips and added mass"]
+    assert strips["error"] == pytest.approx(0.0225, abs=5e-4)
     assert any(not row["ours"] for row in rows.values())
     text = page.read_text("utf-8")
     assert "Wagner step" in text and text.count("<img") == 2

@@ -2,6 +2,7 @@
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
 from patagium.aerodynamics.indicial import (
@@ -33,6 +34,7 @@ __all__ = [
     "AeroExpressions",
     "Aerodynamics",
     "Air",
+    "DeLaurier",
     "DickinsonPolar",
     "DrydenGust",
     "Indicial",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
+from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
 from patagium.aerodynamics.indicial import indicial_from_description
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.measured_section import measured_section_from_description
@@ -21,6 +22,7 @@ from patagium.robot.model import Robot
 _KEYS = {
     QuasiSteady.name: {"air", "polar", "rotational"},
     Published.name: {"air", "errors"},
+    DeLaurier.name: {"air", *NUMBERS},
     LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
 
@@ -42,6 +44,8 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     air = air_from_description(values["air"])
     if name == Published.name:
         return Published(robot, air, errors=values["errors"])
+    if name == DeLaurier.name:
+        return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
     if name == LiftingLine.name:
         delay = values["stall_delay"]
         return LiftingLine(

@@ -22,6 +22,7 @@ from patagium.aerodynamics.polars import (
     SectionFlow,
     polar_from_description,
 )
+from patagium.aerodynamics.smooth import smooth_step
 from patagium.errors import ParameterError
 
 CENTER_OF_PRESSURE_SHIFT = 0.175
@@ -149,9 +150,7 @@ class Section:
         numbers, _ = self.named(parameters)
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
-        x = ca.fmax(0.0, ca.fmin(1.0, (sine_square - begins) / (complete - begins)))
-        square = x * x
-        return square * square * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
+        return smooth_step((sine_square - begins) / (complete - begins))
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""

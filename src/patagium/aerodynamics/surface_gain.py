@@ -1,4 +1,4 @@
-"""Lift of a lifting surface over that of a lifting line: what low aspect ratio takes off.
+"""Aspect ratio of wings, and what low aspect ratio takes off the lift of a lifting line.
 
 Neglected: any difference between the strips of a wing.
 """
@@ -19,26 +19,38 @@ SURFACE_CONSTANT = 13.5
 def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
     """Lift of a lifting surface over that of a lifting line, for every strip.
 
-    The aspect ratio is that of a wing and its mirror image together.
-
     Args:
         numbers: The robot in numbers: which wings are mirror images.
         robot: The same in numbers or symbols.
         constant: K.
     """
+    gains = []
+    for ratio in aspect_ratios(numbers, robot):
+        line = 1 / (2 * pi) + 1 / (pi * ratio)
+        gains.append(line / (line + constant * pi / (180 * ratio * ratio)))
+    return gains
+
+
+def aspect_ratios(numbers: Robot, robot: Robot) -> list[Any]:
+    """Aspect ratio of the wing that each strip is of, span^2 over area.
+
+    That of a wing and its mirror image together.
+
+    Args:
+        numbers: The robot in numbers: which wings are mirror images.
+        robot: The same in numbers or symbols.
+    """
     twins = {
         strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
     }
-    gains = {}
+    ratios = {}
     for wing in {strip.wing: None for strip in robot.strips}:
         strips = [strip for strip in robot.strips if strip.wing == wing]
         span, area = ca.SX(0), ca.SX(0)
         for strip in strips:
             span, area = span + strip.width, area + strip.width * strip.chord
-        aspect_ratio = (2 if wing in twins else 1) * span * span / area
-        line = 1 / (2 * pi) + 1 / (pi * aspect_ratio)
-        gains[wing] = line / (line + constant * pi / (180 * aspect_ratio * aspect_ratio))
-    return [gains[strip.wing] for strip in robot.strips]
+        ratios[wing] = (2 if wing in twins else 1) * span * span / area
+    return [ratios[strip.wing] for strip in robot.strips]
 
 
 def _has_mirror(robot: Robot, strip: Strip) -> bool:
