@@ -175,6 +175,19 @@ def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeyp
     assert len(list(tmp_path.glob("index-*"))) == 2
 
 
+@needs_compiler
+def test_functions_of_many_states_only_are_compiled_at_once_and_serve_one_too(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    turn = load_functions("only", trigonometry, label="test", many_only=["turn"])["turn"]
+    np.testing.assert_allclose(turn.batch(np.zeros(3))[:, 1], 1.0, rtol=0)
+    assert len(list(tmp_path.glob("index-*"))) == 1
+    assert turn.address is None
+    for angle in (0.3, 0.4):
+        np.testing.assert_allclose(turn(angle)[0], np.sin(angle), rtol=ROUNDING)
+
+
 def test_results_of_batches_stay_what_they_were():
     turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
     x = np.linspace(-1, 1, 40)
