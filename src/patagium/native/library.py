@@ -27,6 +27,8 @@ from patagium.native.compiler import (
 from patagium.native.emit import emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
 
+LONG = 700_000
+"""Text beyond this length is optimized less: -O2 takes a time that grows with its square [B]."""
 _SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
 
 
@@ -105,7 +107,9 @@ def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str
     index = cache_folder() / f"index-{name}"
     folder = cache_folder() / index.read_text() if index.exists() else None
     if folder is None or not (folder / "library.so").exists():
-        folder = build(path, texts(), STRAIGHT_LINE, label)
+        units = texts()
+        long = max(map(len, units.values())) > LONG
+        folder = build(path, units, (*STRAIGHT_LINE, *(["-O1"] if long else [])), label)
         scratch = index.with_suffix(f".{os.getpid()}")
         scratch.write_text(folder.name)
         scratch.replace(index)
