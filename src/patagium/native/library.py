@@ -18,6 +18,7 @@ import casadi as ca
 
 from patagium.native.compiler import (
     STRAIGHT_LINE,
+    accepts,
     build,
     cache_folder,
     compiler_path,
@@ -27,8 +28,11 @@ from patagium.native.compiler import (
 from patagium.native.emit import emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
 
-LONG = 700_000
-"""Text beyond this length is optimized less: -O2 takes a time that grows with its square [B]."""
+LONG = 200_000
+"""Length of a text from which on it is spared what gains nothing and takes long [B]."""
+SPARED = ("-fno-tree-pre",)
+"""Partial redundancies: there are none in straight lines, and GCC's search for them takes a
+time that grows with the square of the text."""
 _SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
 
 
@@ -109,7 +113,8 @@ def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str
     if folder is None or not (folder / "library.so").exists():
         units = texts()
         long = max(map(len, units.values())) > LONG
-        folder = build(path, units, (*STRAIGHT_LINE, *(["-O1"] if long else [])), label)
+        spared = [flag for flag in SPARED if long and accepts(path, flag)]
+        folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
         scratch = index.with_suffix(f".{os.getpid()}")
         scratch.write_text(folder.name)
         scratch.replace(index)
