@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from patagium.aerodynamics import AddedMass as AddedMass
     from patagium.aerodynamics import Air as Air
+    from patagium.aerodynamics import DeLaurier as DeLaurier
     from patagium.aerodynamics import DrydenGust as DrydenGust
     from patagium.aerodynamics import Indicial as Indicial
     from patagium.aerodynamics import LiftingLine as LiftingLine
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import Published as Published
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
     from patagium.aerodynamics import Section as Section
+    from patagium.aerodynamics import StallDelay as StallDelay
+    from patagium.aerodynamics import TablePolar as TablePolar
+    from patagium.aerodynamics import measured_section as measured_section
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import CompilerError as CompilerError
     from patagium.errors import FilterDiverged as FilterDiverged
@@ -76,6 +80,7 @@ _HOMES = {
     "aerodynamics": (
         "AddedMass",
         "Air",
+        "DeLaurier",
         "DrydenGust",
         "Indicial",
         "LiftingLine",
@@ -83,6 +88,9 @@ _HOMES = {
         "Published",
         "QuasiSteady",
         "Section",
+        "StallDelay",
+        "TablePolar",
+        "measured_section",
     ),
     "simulation": (
         "gaits",

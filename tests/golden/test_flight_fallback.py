@@ -52,6 +52,21 @@ def test_flight_is_the_same(both, mount):
     )
 
 
+@pytest.mark.parametrize("kind", ["strips", "stall delay"])
+def test_flight_in_air_with_memory_is_the_same(both, kind):
+    robot = pt.load_robot("aerobat")
+    angle, lift = (-1.5, -0.15, 0.0, 0.3, 1.5), (0.0, -0.9, 0.1, 1.1, 0.0)
+    section = pt.measured_section(angle, lift, (1.2, 0.02, 0.01, 0.05, 1.3))
+    air = pt.Air(wind=(-4.0, 0.3, 0.1))
+    aero = pt.DeLaurier(robot, air)
+    if kind == "stall delay":
+        aero = pt.LiftingLine(robot, air, section=section, stall_delay=pt.StallDelay())
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, left_feather=0.1)
+    compared(
+        *both(lambda: pt.simulate(robot, aero, gait, duration=20 * TIME_STEP, time_step=TIME_STEP))
+    )
+
+
 def test_published_flight_is_the_same(both):
     robot = pt.load_robot("aerobat-published")
     aero = pt.Published(robot)

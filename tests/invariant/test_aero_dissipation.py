@@ -14,12 +14,19 @@ from patagium.aerodynamics import (
     Published,
     QuasiSteady,
     SmoothPolar,
+    TablePolar,
 )
 from patagium.native import compiler_name
 from patagium.robot import Body, Robot, Strip, load_robot
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+TABLE = TablePolar(
+    (-1.5, -0.3, 0.0, 0.25, 0.5, 1.5),
+    (0.0, -0.9, 0.1, 1.2, 0.7, 0.1),
+    (1.3, 0.02, 0.01, 0.0, 0.4, 1.3),
+)
 QUASI_STEADY = [
+    pytest.param({"polar": TABLE}, id="table"),
     pytest.param({"polar": DickinsonPolar()}, id="dickinson"),
     pytest.param({"polar": SmoothPolar()}, id="smooth"),
     pytest.param({"polar": DickinsonPolar(), "rotational": True}, id="rotational"),

@@ -68,7 +68,8 @@ def test_elliptic_wing_converges_with_order_three_halves(aspect_ratio: float) ->
     order = np.log2(error[:-1] / error[1:])
     assert (order[-1] > 1.3).all()
     limit = values[-1] + (values[-1] - values[-2]) / (2**1.5 - 1)
-    assert np.abs(limit / exact - 1).max() < 2e-4  # of 80 strips at order 3/2
+    # of 80 strips at order 3/2; at aspect ratio 20 they are not yet many
+    assert np.abs(limit / exact - 1).max() < (3e-5 if aspect_ratio < 20 else 2e-4)
 
 
 # lift and induced drag at an angle of .1 of a rectangular wing (Glauert's series)

@@ -20,6 +20,7 @@ from patagium.aerodynamics import (
 )
 from patagium.aerodynamics.horseshoes import horseshoe_function, strip_chains
 from patagium.aerodynamics.model import aero_functions, compile_aero
+from patagium.aerodynamics.polars import section_flow
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import load_functions
 from patagium.robot import Robot, load_robot
@@ -128,7 +129,8 @@ def test_state_space_is_the_linear_part_of_the_equations(
 def test_stall_begins_and_completes_at_its_angles(aerobat: Robot) -> None:
     section = Section(stall_begins=0.2, stall_complete=0.5, stalled=SmoothPolar())
     angles = np.array([0.0, 0.1, 0.199, 0.35, 0.501, 1.5])
-    share = [float(section.separated_share(np.sin(a) ** 2, section.parameters)) for a in angles]
+    flows = [section_flow(ca.DM(9 * np.cos(a)), ca.DM(-9 * np.sin(a))) for a in angles]
+    share = [float(section.separated_share(flow, section.parameters)) for flow in flows]
     assert share[:3] == [0.0, 0.0, 0.0]
     assert 0.1 < share[3] < 0.9
     assert share[4:] == [1.0, 1.0]

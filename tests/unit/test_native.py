@@ -14,6 +14,7 @@ import pytest
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, load_functions, load_kernel
+from patagium.native.compiler import accepts, compiler_path
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
@@ -173,6 +174,25 @@ def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeyp
     assert len(list(tmp_path.glob("index-*"))) == 1
     turn.batch(np.zeros(3))
     assert len(list(tmp_path.glob("index-*"))) == 2
+
+
+@needs_compiler
+def test_a_compiler_is_asked_before_it_is_given_a_flag():
+    assert accepts(compiler_path(), "-O1")
+    assert not accepts(compiler_path(), "-fno-such-thing")
+
+
+@needs_compiler
+def test_functions_of_many_states_only_are_compiled_at_once_and_serve_one_too(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    turn = load_functions("only", trigonometry, label="test", many_only=["turn"])["turn"]
+    np.testing.assert_allclose(turn.batch(np.zeros(3))[:, 1], 1.0, rtol=0)
+    assert len(list(tmp_path.glob("index-*"))) == 1
+    assert turn.address is None
+    for angle in (0.3, 0.4):
+        np.testing.assert_allclose(turn(angle)[0], np.sin(angle), rtol=ROUNDING)
 
 
 def test_results_of_batches_stay_what_they_were():

@@ -2,6 +2,7 @@
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
 from patagium.aerodynamics.indicial import (
@@ -15,11 +16,13 @@ from patagium.aerodynamics.indicial import (
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.loads import AeroExpressions
 from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
+from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar
+from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar, TablePolar
 from patagium.aerodynamics.published import PUBLISHED_ERRORS, Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import Section
+from patagium.aerodynamics.sections import Section, StripSection
+from patagium.aerodynamics.stall_delay import StallDelay
 
 __all__ = [
     "FOUR_STATE",
@@ -31,20 +34,26 @@ __all__ = [
     "AeroExpressions",
     "Aerodynamics",
     "Air",
+    "DeLaurier",
     "DickinsonPolar",
     "DrydenGust",
     "Indicial",
     "LiftingLine",
     "LocalFlow",
+    "MeasuredSection",
     "OneMinusCosineGust",
     "Published",
     "QuasiSteady",
     "Section",
     "SmoothPolar",
+    "StallDelay",
     "StateSpace",
+    "StripSection",
+    "TablePolar",
     "added_mass_from_description",
     "aero_from_description",
     "fitted_indicial",
+    "measured_section",
     "strip_flow",
     "strip_points",
 ]

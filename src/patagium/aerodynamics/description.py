@@ -6,20 +6,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
+from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
 from patagium.aerodynamics.indicial import indicial_from_description
 from patagium.aerodynamics.lifting_line import LiftingLine
+from patagium.aerodynamics.measured_section import measured_section_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.published import Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import section_from_description
+from patagium.aerodynamics.sections import StripSection, section_from_description
+from patagium.aerodynamics.stall_delay import stall_delay_from_description
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
 _KEYS = {
     QuasiSteady.name: {"air", "polar", "rotational"},
     Published.name: {"air", "errors"},
-    LiftingLine.name: {"air", "lags", "section", "surface_constant"},
+    DeLaurier.name: {"air", *NUMBERS},
+    LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
 
 
@@ -33,18 +37,30 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     name = values.pop("model", None)
     if name not in _KEYS:
         raise ParameterError("aerodynamic model", f"one of {', '.join(_KEYS)}", name)
+    if name == LiftingLine.name:
+        values.setdefault("stall_delay", None)  # flights older than it have none
     if set(values) != _KEYS[name]:
         raise ParameterError(f"model {name}", f"the keys {sorted(_KEYS[name])}", sorted(values))
     air = air_from_description(values["air"])
     if name == Published.name:
         return Published(robot, air, errors=values["errors"])
+    if name == DeLaurier.name:
+        return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
     if name == LiftingLine.name:
+        delay = values["stall_delay"]
         return LiftingLine(
             robot,
             air,
             lags=indicial_from_description(values["lags"]),
-            section=section_from_description(values["section"]),
+            section=_section(values["section"]),
             surface_constant=values["surface_constant"],
+            stall_delay=None if delay is None else stall_delay_from_description(delay),
         )
     polar = polar_from_description(values["polar"])
     return QuasiSteady(robot, air, polar=polar, rotational=values["rotational"])
+
+
+def _section(description: Mapping[str, Any]) -> StripSection:
+    if "separated" in description:
+        return measured_section_from_description(description)
+    return section_from_description(description)

@@ -3,7 +3,7 @@
 Every strip is an unsteady thin airfoil in the wind that all strips' trailing vortices
 induce; its memory of the wake shed across the span is a few lagged normalwashes.
 Neglected: added mass (apart, `added_mass`), wake that bends, bound vortices' wind on
-other strips, lift of a body between wings, the time separation takes.
+other strips, lift of a body between wings.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite, pi
+from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -31,13 +31,12 @@ from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section
+from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
+from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
 from patagium.errors import ParameterError, ShapeError
-from patagium.robot.model import Robot, Strip
-
-SURFACE_CONSTANT = 13.5
-"""K of the line-to-surface gain (Izraelevitz, Zhu and Triantafyllou 2017)."""
+from patagium.robot.model import Robot
 
 
 @dataclass(frozen=True)
@@ -102,6 +101,7 @@ class LiftingLine(Aerodynamics):
         section: What a strip's section makes of its wind.
         surface_constant: K of the gain of a lifting surface over a lifting line,
             [1/2pi + 1/(pi AR)] / [1/2pi + 1/(pi AR) + K pi/(180 AR^2)]; 0: none.
+        stall_delay: Lags of separation, two more states a strip; None: it takes no time.
 
     Raises:
         ParameterError: If `surface_constant` is negative or not finite.
@@ -114,8 +114,9 @@ class LiftingLine(Aerodynamics):
     robot: Robot
     air: Air = field(default_factory=Air)
     lags: Indicial = TWO_STATE
-    section: Section = field(default_factory=Section)
+    section: StripSection = field(default_factory=Section)
     surface_constant: float = SURFACE_CONSTANT
+    stall_delay: StallDelay | None = None
 
     name = "lifting_line"
 
@@ -130,27 +131,34 @@ class LiftingLine(Aerodynamics):
 
     @property
     def state_size(self) -> int:
-        """Number of lagged normalwashes: strip by strip, the lags of each together."""
-        return len(self.robot.strips) * self.lags.size
+        """Number of states: lagged normalwashes, strip by strip, the lags of each together.
+
+        With a stall delay the lagged pressures of all strips follow, as normalwashes, then
+        their separated shares.
+        """
+        return len(self.robot.strips) * (self.lags.size + (2 if self.stall_delay else 0))
 
     @property
     def structure(self) -> str:
         """What shapes the equations, numbers aside: part of the key of compiled functions."""
-        return f"{self.name} lags={self.lags.size} {self.section.structure} {self.chains}"
+        delay = " stall_delay" if self.stall_delay else ""
+        return f"{self.name} lags={self.lags.size} {self.section.structure} {self.chains}{delay}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
         lags = [f"lags.{part}[{k}]" for part in _LAGS for k in range(self.lags.size)]
         section = [f"section.{name}" for name in self.section.parameter_names]
-        return ("density", "surface_constant", *lags, *section)
+        delays = [f"stall_delay.{name}" for name in DELAYS if self.stall_delay]
+        return ("density", "surface_constant", *lags, *section, *delays)
 
     @property
     def parameters(self) -> NDArray[np.float64]:
         """Values of the model's parameters, (n_c,)."""
         lags = [getattr(self.lags, part) for part in _LAGS]
         first = [self.air.density, self.surface_constant]
-        return np.concatenate([first, *lags, self.section.parameters])
+        delays = [getattr(self.stall_delay, name) for name in DELAYS if self.stall_delay]
+        return np.concatenate([first, *lags, self.section.parameters, delays])
 
     def describe(self) -> dict[str, Any]:
         """Everything but the robot needed to make the model again, as JSON-able values."""
@@ -160,6 +168,7 @@ class LiftingLine(Aerodynamics):
             "lags": self.lags.describe(),
             "section": self.section.describe(),
             "surface_constant": self.surface_constant,
+            "stall_delay": self.stall_delay.describe() if self.stall_delay else None,
         }
 
     def expressions(
@@ -174,11 +183,13 @@ class LiftingLine(Aerodynamics):
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
         wash = self._wash(net, motions, geometric, state, p)
         gains = surface_gains(self.robot, robot, p.surface_constant)
+        separated, delayed = self._separated(motions, wash, state, p)
         loads = [
-            _load(motion, net, wash, gains[i], p, i, self.section)
+            _load(motion, net, wash, gains[i], p, i, self.section, separated[i])
             for i, motion in enumerate(motions)
         ]
-        return assemble(robot, q, loads, _state_derivative(motions, wash, state, p))
+        rates = ca.vertcat(_state_derivative(motions, wash, state, p), *delayed)
+        return assemble(robot, q, loads, rates)
 
     def state_space(self, q: ArrayLike, v: ArrayLike, wind: ArrayLike | None = None) -> StateSpace:
         """The attached flow's matrices at a state of the robot.
@@ -205,7 +216,8 @@ class LiftingLine(Aerodynamics):
     def _state_space(self) -> ca.Function:
         robot, p = self.robot, _Numbers(self, ca.SX(ca.DM(self.parameters)))
         q, v, wind = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof), ca.SX.sym("wind", 3)
-        state, normalwash = ca.SX.sym("z", self.state_size), ca.SX.sym("w", len(robot.strips))
+        count = len(robot.strips)
+        state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
         motions = strip_motions(robot, q, v, wind)
         net = lattice(robot, self.chains, q, v, wind)
         wash = self._wash(net, motions, normalwash, state, p)
@@ -221,6 +233,27 @@ class LiftingLine(Aerodynamics):
             for x in (state, normalwash)
         ]
         return ca.Function("state_space", [q, v, wind, state, normalwash], results)
+
+    def _separated(
+        self, motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
+    ) -> tuple[list[Any], list[Any]]:
+        """Separated share of every strip, and the rates of the stall delay's states."""
+        count = len(motions)
+        seen = [wash.lagged[i] for i in range(count)]
+        if self.stall_delay is not None:
+            first = count * self.lags.size
+            seen = [state[first + i] for i in range(count)]
+        shares = [
+            self.section.separated_share(section_flow(motion.forward, -seen[i]), p.of_section)
+            for i, motion in enumerate(motions)
+        ]
+        if self.stall_delay is None:
+            return shares, []
+        present = [state[first + count + i] for i in range(count)]
+        rates = [2 * _airspeed(motion) / motion.strip.chord for motion in motions]
+        pressure = [rates[i] / p.delays[0] * (wash.lagged[i] - seen[i]) for i in range(count)]
+        separation = [rates[i] / p.delays[1] * (shares[i] - present[i]) for i in range(count)]
+        return present, [*pressure, *separation]
 
     def _wash(
         self,
@@ -267,45 +300,14 @@ class _Numbers:
         self.rate, self.lift, self.circulation = parts
         self.first_lift = 1.0 - sum(self.lift, ca.SX(0))
         self.first_circulation = 1.0 - sum(self.circulation, ca.SX(0))
-        self.of_section = parameters[2 + 3 * count :]
+        last = 2 + 3 * count + len(model.section.parameter_names)
+        self.of_section, self.delays = parameters[2 + 3 * count : last], parameters[last:]
         self.section, self.stalled = model.section.named(self.of_section)
 
     def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
         """Sum over a strip's lags of amplitude times lagged normalwash."""
         terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
         return sum(terms, ca.SX(0))
-
-
-def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
-    """Lift of a lifting surface over that of a lifting line, for every strip.
-
-    The aspect ratio is that of a wing and its mirror image together.
-
-    Args:
-        numbers: The robot in numbers: which wings are mirror images.
-        robot: The same in numbers or symbols.
-        constant: K.
-    """
-    twins = {
-        strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
-    }
-    gains = {}
-    for wing in {strip.wing: None for strip in robot.strips}:
-        strips = [strip for strip in robot.strips if strip.wing == wing]
-        span, area = ca.SX(0), ca.SX(0)
-        for strip in strips:
-            span, area = span + strip.width, area + strip.width * strip.chord
-        aspect_ratio = (2 if wing in twins else 1) * span * span / area
-        line = 1 / (2 * pi) + 1 / (pi * aspect_ratio)
-        gains[wing] = line / (line + constant * pi / (180 * aspect_ratio * aspect_ratio))
-    return [gains[strip.wing] for strip in robot.strips]
-
-
-def _has_mirror(robot: Robot, strip: Strip) -> bool:
-    return any(
-        other.mirrored and (other.chord, other.width) == (strip.chord, strip.width)
-        for other in robot.strips
-    )
 
 
 def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
@@ -344,13 +346,19 @@ def _state_derivative(
 
 
 def _load(
-    motion: StripMotion, net: Lattice, wash: Wash, gain: Any, p: _Numbers, i: int, section: Section
+    motion: StripMotion,
+    net: Lattice,
+    wash: Wash,
+    gain: Any,
+    p: _Numbers,
+    i: int,
+    section: StripSection,
+    separated: Any,
 ) -> StripLoad:
     strip, forward = motion.strip, motion.forward
     sign, lagged = smooth_sign(forward), wash.lagged[i]
-    speed = smooth_norm(lagged * lagged + forward * forward)
-    sine_square = lagged * lagged / (speed * speed)
-    separated = section.separated_share(sine_square, p.of_section)
+    effective = section_flow(forward, -lagged)
+    sine_square = lagged * lagged / (effective.speed * effective.speed)
     attached = 1.0 - separated
     shift = sign * CENTER_OF_PRESSURE_SHIFT * sine_square * separated
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
@@ -380,7 +388,7 @@ def _load(
         + pressure * (across * forward - along * normal)
         - friction * normal,
         ahead=ahead,
-        angle_of_attack=2 * ca.atan(lagged / (speed + forward * sign)),
+        angle_of_attack=effective.angle_of_attack,
         spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], induced),

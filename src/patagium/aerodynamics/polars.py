@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import isfinite, radians
+from math import isfinite, pi, radians
 from typing import Any, ClassVar, Protocol
 
 import casadi as ca
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.tables import table_values
 from patagium.errors import ParameterError
 
 
@@ -58,6 +59,11 @@ class Polar(Protocol):
     """
 
     name: ClassVar[str]
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside."""
+        return self.name
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -181,15 +187,79 @@ class SmoothPolar(Polar):
         return lift, parameters[1] + parameters[2] * sine * sine
 
 
+@dataclass(frozen=True)
+class TablePolar(Polar):
+    """A polar given point by point, as a wind tunnel or a panel code gives it.
+
+    Between its points as `tables` has it: smooth, and drag that is nowhere negative.
+    A section that moves backward is its mirror image.
+
+    Args:
+        angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
+        lift: C_L at each, (n,).
+        drag: C_D at each, (n,).
+
+    Raises:
+        ParameterError: If they differ in length, are fewer than two, out of order or
+            range, not finite, or a drag is negative.
+    """
+
+    angle: tuple[float, ...]
+    lift: tuple[float, ...]
+    drag: tuple[float, ...]
+
+    name = "table"
+
+    def __post_init__(self) -> None:
+        for column in _COLUMNS:
+            values = np.asarray(getattr(self, column), float)
+            object.__setattr__(self, column, tuple(values.ravel().tolist()))
+        angle = np.array(self.angle)
+        expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
+        self.require(
+            len(self.angle) == len(self.lift) == len(self.drag) >= 2
+            and bool((np.diff(angle) > 0).all() and np.abs(angle).max() <= pi / 2 + 1e-9)
+            and min(self.drag) >= 0,
+            expected,
+        )
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside."""
+        return f"{self.name} {len(self.angle)}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        return tuple(f"{column}[{k}]" for column in _COLUMNS for k in range(len(self.angle)))
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the parameters, (3 n,)."""
+        return np.array([*self.angle, *self.lift, *self.drag])
+
+    def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
+        """Coefficient of lift along (-normal, forward) velocity, and of drag."""
+        table = ca.reshape(parameters, len(self.angle), len(_COLUMNS))
+        lift, drag = ca.vertsplit(table_values(flow.angle_of_attack, table[:, 0], table[:, 1:]))
+        return flow.forward_sign * lift, drag
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        return {"name": self.name, **{column: [*getattr(self, column)] for column in _COLUMNS}}
+
+
+_COLUMNS = ("angle", "lift", "drag")
+
+
 def polar_from_description(description: Mapping[str, Any]) -> Polar:
     """The polar of `describe()`.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: dict[str, type[DickinsonPolar] | type[SmoothPolar]] = {
-        "dickinson": DickinsonPolar,
-        "smooth": SmoothPolar,
+    kinds: dict[str, type[DickinsonPolar | SmoothPolar | TablePolar]] = {
+        kind.name: kind for kind in (DickinsonPolar, SmoothPolar, TablePolar)
     }
     values = dict(description)
     name = values.pop("name", None)

@@ -70,7 +70,7 @@ class QuasiSteady(Aerodynamics):
     @property
     def structure(self) -> str:
         """What shapes the equations, numbers aside: part of the key of compiled functions."""
-        return f"{self.name} {self.polar.name} rotational={self.rotational}"
+        return f"{self.name} {self.polar.structure} rotational={self.rotational}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """A section of a lifting line: lift slope, profile drag, and what happens beyond stall.
 
 Attached up to an effective incidence, fully separated from another on, a smooth
-share of both between. Neglected: the time separation takes (dynamic stall),
-Reynolds number.
+share of both between. Neglected: Reynolds number; the time separation takes is
+apart (`stall_delay`).
 """
 
 from __future__ import annotations
@@ -10,13 +10,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, pi, radians
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.polars import DickinsonPolar, Polar, polar_from_description
+from patagium.aerodynamics.polars import (
+    DickinsonPolar,
+    Polar,
+    SectionFlow,
+    polar_from_description,
+)
+from patagium.aerodynamics.smooth import smooth_step
 from patagium.errors import ParameterError
 
 CENTER_OF_PRESSURE_SHIFT = 0.175
@@ -24,6 +30,50 @@ CENTER_OF_PRESSURE_SHIFT = 0.175
 (Lindenburg 2003, ECN-C--03-025)."""
 
 _NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag", "stall_begins", "stall_complete")
+
+
+class StripSection(Protocol):
+    """What a lifting line asks of a section; its numbers are run-time inputs."""
+
+    @property
+    def stalled(self) -> Polar:
+        """Coefficients of separated flow."""
+        ...
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside."""
+        ...
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        ...
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the parameters, (n,)."""
+        ...
+
+    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
+        """The numbers by name, and those of the polar, from values or symbols of `parameters`.
+
+        Among the names: lift_slope [1/rad], zero_lift_angle [rad], profile_drag.
+        """
+        ...
+
+    def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
+        """Share of separated flow s in steady flow, 0 to 1.
+
+        Args:
+            flow: Effective, seen from the incidence of no lift.
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -73,7 +123,7 @@ class Section:
     @property
     def structure(self) -> str:
         """What shapes the equations, numbers aside."""
-        return f"section stalled={self.stalled.name}"
+        return f"section stalled={self.stalled.structure}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -90,18 +140,17 @@ class Section:
         count = len(_NUMBERS)
         return {name: parameters[k] for k, name in enumerate(_NUMBERS)}, parameters[count:]
 
-    def separated_share(self, sine_square: Any, parameters: Any) -> Any:
-        """Share of separated flow s, 0 to 1.
+    def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
+        """Share of separated flow s in steady flow, 0 to 1.
 
         Args:
-            sine_square: Squared sine of the effective incidence.
+            flow: Effective, seen from the incidence of no lift.
             parameters: Values or symbols in the order of `parameter_names`.
         """
         numbers, _ = self.named(parameters)
+        sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
-        x = ca.fmax(0.0, ca.fmin(1.0, (sine_square - begins) / (complete - begins)))
-        square = x * x
-        return square * square * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
+        return smooth_step((sine_square - begins) / (complete - begins))
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""

@@ -49,6 +49,17 @@ def smooth_norm(square: Any, width: float = SWITCH_SPEED) -> Any:
     return ca.sqrt(ca.fmax(square, width**2)) + width * e * (0.5 + e * (0.0625 * e - 0.125))
 
 
+def smooth_step(x: Any) -> Any:
+    """Step from 0 at x <= 0 to 1 at x >= 1, x^4 (35 - 84 x + 70 x^2 - 20 x^3) between.
+
+    Args:
+        x: Expression, scalar.
+    """
+    t = ca.fmax(0.0, ca.fmin(1.0, x))
+    square = t * t
+    return square * square * (35.0 + t * (-84.0 + t * (70.0 - 20.0 * t)))
+
+
 def hard_sign(x: Any) -> Any:
     """Sign of x with 1 at zero: a jump, as the published experiment has it."""
     return ca.if_else(x >= 0, 1.0, -1.0)

@@ -23,6 +23,7 @@ class AirModel(StrEnum):
 
     QUASI_STEADY = "quasi-steady"
     LIFTING_LINE = "lifting-line"
+    DELAURIER = "delaurier"
     PUBLISHED = "published"
 
 
@@ -170,11 +171,12 @@ _TOLD = (
 
 
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
-    from patagium.aerodynamics import LiftingLine, Published, QuasiSteady
+    from patagium.aerodynamics import DeLaurier, LiftingLine, Published, QuasiSteady
 
     models: dict[AirModel, Callable[[Robot, Air], Aerodynamics]] = {
         AirModel.QUASI_STEADY: QuasiSteady,
         AirModel.LIFTING_LINE: LiftingLine,
+        AirModel.DELAURIER: DeLaurier,
         AirModel.PUBLISHED: Published,
     }
     return models[aero](machine, air)

@@ -62,6 +62,18 @@ def _works(path: str) -> bool:
     return done.returncode == 0
 
 
+@functools.cache
+def accepts(path: str, flag: str) -> bool:
+    """Whether a compiler knows a flag.
+
+    Args:
+        path: The compiler.
+        flag: One of its options.
+    """
+    command = [path, flag, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
+    return subprocess.run(command, capture_output=True).returncode == 0
+
+
 def compiler_path() -> str | None:
     """The C compiler in use, or None; the first None of a process is announced."""
     choice = os.environ.get("PATAGIUM_COMPILER", "")

@@ -20,7 +20,7 @@ from patagium.errors import ParameterError
 
 SHARED_SUFFIX = "parameters"
 
-KERNELS = ("horseshoes",)
+KERNELS = ("horseshoes", "table")
 """Headers of `kernels/` that hold an inner call: functions named `<kernel>_<size>_<size>...`."""
 
 _BINARY = {

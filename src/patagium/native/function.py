@@ -61,7 +61,8 @@ class Compiled:
     """Machine code of a function.
 
     Attributes:
-        function: `<name>` of one state, callable with pointers to arguments and results.
+        function: `<name>` of one state, callable with pointers to arguments and results;
+            None where only that of many is compiled.
         batch: Gives the library that holds `<name>_batch`, built at the first call.
     """
 
@@ -95,14 +96,21 @@ class NativeFunction:
         self._single = len(self._outputs) == 1
         self._scalar = [size == (1, 1) for size in self.size_out]
         self._run: Callable[[], Any]
-        if compiled is not None:
+        self.address: int | None = None
+        if compiled is not None and compiled.function is None:
+            self._run = self._start_virtual_machine
+        elif compiled is not None:
             function = compiled.function
-            self.address: int | None = ctypes.cast(function, ctypes.c_void_p).value
+            self.address = ctypes.cast(function, ctypes.c_void_p).value
             arguments, results = _pointers(self._inputs), _pointers(self._outputs)
             self._run = lambda: function(arguments, results)
         else:
-            self.address = None
-            self._run = _virtual_machine(expression(), self._inputs, self._outputs)
+            self._start_virtual_machine(call=False)
+
+    def _start_virtual_machine(self, call: bool = True) -> None:
+        self._run = _virtual_machine(self._expression(), self._inputs, self._outputs)
+        if call:
+            self._run()
 
     @property
     def expression(self) -> ca.Function:

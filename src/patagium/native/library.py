@@ -11,13 +11,14 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import casadi as ca
 
 from patagium.native.compiler import (
     STRAIGHT_LINE,
+    accepts,
     build,
     cache_folder,
     compiler_path,
@@ -27,11 +28,20 @@ from patagium.native.compiler import (
 from patagium.native.emit import emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
 
+LONG = 200_000
+"""Length of a text from which on it is spared what gains nothing and takes long [B]."""
+SPARED = ("-fno-tree-pre",)
+"""Partial redundancies: there are none in straight lines, and GCC's search for them takes a
+time that grows with the square of the text."""
 _SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
 
 
 def load_functions(
-    key: str, build_functions: Callable[[], Sequence[ca.Function]], *, label: str
+    key: str,
+    build_functions: Callable[[], Sequence[ca.Function]],
+    *,
+    label: str,
+    many_only: Collection[str] = (),
 ) -> dict[str, NativeFunction]:
     """Functions by name, compiled where there is a compiler.
 
@@ -41,6 +51,9 @@ def load_functions(
         build_functions: Makes the SX functions; called on a cache miss, and when
             somebody asks for the expression behind a compiled function.
         label: What is being compiled, for the progress line.
+        many_only: Functions that are called with many states: their code for many is
+            compiled at once beside the others, and that for one state not at all (such a
+            call runs on the virtual machine).
 
     Returns:
         Name of each function to the function to call with arrays.
@@ -59,7 +72,12 @@ def load_functions(
     def texts() -> dict[str, str]:
         functions = expressions.by_name()
         signatures = [_signature(function).as_list() for function in functions.values()]
-        units = {f"{name}.c": emit(function) for name, function in functions.items()}
+        units = {
+            f"{name}_batch.c" if name in many_only else f"{name}.c": (
+                emit_batch(function) if name in many_only else emit(function)
+            )
+            for name, function in functions.items()
+        }
         return units | {"signatures.json": json.dumps(signatures)}
 
     def batch_library(name: str) -> ctypes.CDLL:
@@ -72,14 +90,17 @@ def load_functions(
         )
         return ctypes.CDLL(str(folder / "library.so"))
 
-    folder = _folder(path, key, texts, label)
+    many = " ".join(["many only", *sorted(many_only)]) if many_only else ""
+    folder = _folder(path, key + many, texts, label)
     library = ctypes.CDLL(str(folder / "library.so"))
     functions = {}
     for entry in json.loads((folder / "signatures.json").read_text()):
         signature = Signature.from_list(entry)
         name = signature.name
-        batch = functools.partial(batch_library, name)
-        compiled = Compiled(getattr(library, name), batch)
+        compiled = Compiled(None, lambda: library)
+        if name not in many_only:
+            batch = functools.partial(batch_library, name)
+            compiled = Compiled(getattr(library, name), batch)
         functions[name] = NativeFunction(signature, expressions.getter(name), compiled)
     return functions
 
@@ -90,7 +111,10 @@ def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str
     index = cache_folder() / f"index-{name}"
     folder = cache_folder() / index.read_text() if index.exists() else None
     if folder is None or not (folder / "library.so").exists():
-        folder = build(path, texts(), STRAIGHT_LINE, label)
+        units = texts()
+        long = max(map(len, units.values())) > LONG
+        spared = [flag for flag in SPARED if long and accepts(path, flag)]
+        folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
         scratch = index.with_suffix(f".{os.getpid()}")
         scratch.write_text(folder.name)
         scratch.replace(index)

@@ -150,6 +150,7 @@ def _equations(robot: Robot, aero: Aerodynamics, state: Array) -> Equations:
         f"published flight {aero.structure} {symbolic!r}",
         lambda: published_functions(robot, aero),
         label=f"published flight of {robot.name}",
+        many_only=["record"],
     )
     lower, upper = limits(robot, tuple(range(robot.dof)), state.size, state)
     return Equations(

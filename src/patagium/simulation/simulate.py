@@ -123,6 +123,7 @@ def _equations(
         f"flight {kind} {aero.structure} {symbolic!r}",
         lambda: flight_functions(robot, aero, mount, added_mass),
         label=f"flight of {robot.name}",
+        many_only=["record"],
     )
     lower, upper = limits(layout.machine, layout.passive, layout.size, state)
     return Equations(

@@ -17,6 +17,7 @@ from typing import Any
 from patagium.errors import ParameterError
 from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 from patagium.robot import load_robot
+from patagium.studies import benchmark_air
 from patagium.studies import benchmark_learning as learning
 from patagium.studies.benchmark_dynamics import DynamicsBench
 from patagium.studies.benchmark_result import Progress, Result
@@ -163,6 +164,16 @@ def _air(bench: DynamicsBench) -> Iterator[Result]:
     yield from learning.on_one_thread("air")
 
 
+def _models(bench: DynamicsBench) -> Iterator[Result]:
+    with one_core():
+        yield from benchmark_air.model_results(bench.robot)
+
+
+def _strips(bench: DynamicsBench) -> Iterator[Result]:
+    with one_core():
+        yield from benchmark_air.strip_results(bench.robot)
+
+
 def _update(bench: DynamicsBench) -> Iterator[Result]:
     yield from learning.on_one_thread("update")
 
@@ -188,6 +199,8 @@ GROUPS: dict[str, Group] = {
     "mujoco": _mujoco,
     "python": _python,
     "aerodynamics": _air,
+    "air-models": _models,
+    "strips": _strips,
     "update": _update,
     "simulation": _simulation,
     "compile": _compile,
@@ -195,6 +208,8 @@ GROUPS: dict[str, Group] = {
 """Parts of the bench by name."""
 
 QUICK = tuple(
-    g for g in GROUPS if g not in ("published", "sympy-without-cse", "pinocchio", "compile")
+    g
+    for g in GROUPS
+    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "compile")
 )
 """Groups whose rivals compile in seconds."""

@@ -3,5 +3,13 @@
 A new case is a new module here, named in `CASES`.
 """
 
-CASES = ("wagner", "theodorsen", "gust", "steady_wings", "plunge", "measured_wing")
+CASES = (
+    "wagner",
+    "theodorsen",
+    "gust",
+    "steady_wings",
+    "plunge",
+    "measured_wing",
+    "pitching_section",
+)
 """Modules of the cases, in reading order."""

@@ -8,8 +8,9 @@ from patagium.aerodynamics import (
     FOUR_STATE,
     TWO_STATE,
     AddedMass,
+    Aerodynamics,
     Air,
-    Indicial,
+    DeLaurier,
     LiftingLine,
     QuasiSteady,
 )
@@ -25,11 +26,14 @@ CYCLES = 2
 
 def compute() -> list[CaseResult]:
     """Lift of both wings over the last of the cycles."""
-    case = load_yeo_case()
-    two, two_carried = _lift(case, TWO_STATE)
-    four, four_carried = _lift(case, FOUR_STATE)
+    case, robot = load_yeo_case(), load_robot("yeo-wing")
+    air = Air(density=case.density, wind=(-case.airspeed, 0.0, 0.0))
+    two, two_carried = _lift(case, LiftingLine(robot, air, lags=TWO_STATE))
+    four, four_carried = _lift(case, LiftingLine(robot, air, lags=FOUR_STATE))
+    strips, strips_carried = _lift(case, DeLaurier(robot, air))
     models = {
-        "quasi-steady": _lift(case, None)[0],
+        "quasi-steady": _lift(case, QuasiSteady(robot, air))[0],
+        "DeLaurier's strips and added mass": strips + strips_carried,
         "lifting line, two states": two,
         "the same with added mass": two + two_carried,
         "four states and added mass": four + four_carried,
@@ -51,23 +55,20 @@ def compute() -> list[CaseResult]:
     ]
 
 
-def _lift(case: YeoCase, lags: Indicial | None) -> tuple[Array, Array]:
+def _lift(case: YeoCase, aero: Aerodynamics) -> tuple[Array, Array]:
     """Lift of the strips over the last cycle, and that of the air carried along, (100,) [N].
 
     The wings follow the measured flap angle: what the air does cannot change the motion.
     """
-    robot = load_robot("yeo-wing")
-    air = Air(density=case.density, wind=(-case.airspeed, 0.0, 0.0))
-    aero = QuasiSteady(robot, air) if lags is None else LiftingLine(robot, air, lags=lags)
     angle = case.flap_angle
     flap = (angle.mean, list(zip(angle.cosine, angle.sine, strict=True)))
     flight = simulate(
-        robot,
+        aero.robot,
         aero,
-        gaits.fourier(robot, frequency=case.frequency, plunge=flap),
+        gaits.fourier(aero.robot, frequency=case.frequency, plunge=flap),
         duration=CYCLES / case.frequency,
         time_step=1 / (STEPS * case.frequency),
-        added_mass=AddedMass(robot, air),
+        added_mass=AddedMass(aero.robot, aero.air),
     )
     momentum = flight["fluid_momentum"].to_numpy()[:, 2]
     carried = -np.gradient(momentum, flight["time"].to_numpy())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import TWO_STATE
-from patagium.aerodynamics.lifting_line import SURFACE_CONSTANT
+from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT
 from patagium.studies.validation_cases.case import CaseResult, largest_difference
 from patagium.studies.validation_cases.wings import (
     INFINITE,

@@ -1,0 +1,190 @@
+"""DeLaurier's strip model: the unsteady strip theory of the ornithopter literature.
+
+Every strip answers for itself; the finite span is a factor and a memory from the wing's
+aspect ratio, leading-edge suction pulls, and beyond a stall angle only a normal force of
+crossflow is left. The published model is written for harmonic motion; its memory is that
+of one lag a strip, and so it is written here, for any motion. Neglected: what strips do to
+each other, the pitching moment of camber; added mass is apart (`AddedMass`), where stall
+does not halve it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite, pi, radians
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.smooth import smooth_norm, smooth_sign, smooth_step
+from patagium.aerodynamics.surface_gain import aspect_ratios
+from patagium.errors import ParameterError
+from patagium.robot.model import Robot
+
+NUMBERS = (
+    *("lift_slope", "zero_lift_angle", "suction_efficiency", "friction_drag"),
+    *("stall_angle", "stall_width", "crossflow_drag"),
+)
+"""Parameters beside the density, in their order."""
+
+
+@dataclass(frozen=True)
+class DeLaurier(Aerodynamics):
+    """Strips with the memory of a finite wing, leading-edge suction, and stall.
+
+    With w the normalwash at three quarters of the chord c (camber included), A the wing's
+    aspect ratio, U and V the airspeeds at three quarters and, downwash included, at a
+    quarter of the chord, r the pitch rate, u the speed to the leading edge:
+
+        W = A/(2+A) [(1 - C1) w + C1 z],   dz/dt = (2U/c) C2 (w - z),
+        C1 = A/2 / (2.32+A),               C2 = .181 + .772/A,
+        normal force      N = 1/2 rho a0 c ds V W,
+        suction           T = eta 1/2 rho a0 c ds V/U (W - c r/2) W,
+        friction          F = 1/2 rho C_f c ds |u| u,
+
+    N and T at the quarter chord; W without camber in T, where camber adds its own pull. The
+    published suction's (c r/4)^2 is the carried air's and comes with `AddedMass`. Where the
+    incidence of the leading edge passes the stall angle, only a normal force is left,
+    1/2 rho C_c c ds |v| v_n at mid-chord, v not slowed by downwash; within `stall_width` of
+    that angle both have a share. A wing that moves backward is its mirror image; signs and
+    norms are smoothed within `smooth.SWITCH_SPEED` of zero. Each strip's memory loses
+    energy in any plunging motion: 0 < |C|^2 <= Re C for C = 1 - C1 i k/(i k + C2).
+
+    Args:
+        robot: The machine.
+        air: Density, wind and gusts.
+        lift_slope: a0 [1/rad].
+        zero_lift_angle: Incidence of no lift, negative for usual camber [rad].
+        suction_efficiency: eta, 0 to 1.
+        friction_drag: C_f; that of a turbulent plate, .89/(log10 Re)^2.58, at Re = 3e4.
+        stall_angle: [rad].
+        stall_width: Half of the band of incidence in which both flows share [rad].
+        crossflow_drag: C_c.
+
+    Raises:
+        ParameterError: If a number is not finite or not possible.
+
+    References:
+        DeLaurier (1993), An aerodynamic model for flapping-wing flight, Aeronautical
+        Journal 97, 125-130.
+        Scherer (1968), Hydronautics Report 350 (memory of finite wings).
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    lift_slope: float = 2 * pi
+    zero_lift_angle: float = 0.0
+    suction_efficiency: float = 0.98
+    friction_drag: float = 0.0186
+    stall_angle: float = radians(13.0)
+    stall_width: float = radians(2.0)
+    crossflow_drag: float = 1.98
+
+    name = "delaurier"
+
+    def __post_init__(self) -> None:
+        for name in NUMBERS:
+            value = getattr(self, name)
+            if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
+                raise ParameterError(name, "a number >= 0, or a finite zero_lift_angle", value)
+        if self.suction_efficiency > 1:
+            raise ParameterError("suction_efficiency", "0 to 1", self.suction_efficiency)
+        if not 0 < self.stall_width < min(self.stall_angle, pi / 2 - self.stall_angle):
+            stall = (self.stall_angle, self.stall_width)
+            raise ParameterError("stall", "0 < stall_angle -+ stall_width < pi/2", stall)
+
+    @property
+    def state_size(self) -> int:
+        """One lagged normalwash a strip [m/s]."""
+        return len(self.robot.strips)
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        return self.name
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        return ("density", *NUMBERS)
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the model's parameters, (n_c,)."""
+        return np.array([self.air.density, *(getattr(self, name) for name in NUMBERS)])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make the model again, as JSON-able values."""
+        numbers = {name: getattr(self, name) for name in NUMBERS}
+        return {"model": self.name, "air": self.air.describe(), **numbers}
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
+        loads, rates = [], [ca.SX(0, 1)]
+        ratios = aspect_ratios(self.robot, robot)
+        motions = strip_motions(robot, q, v, wind)
+        for i, (motion, ratio) in enumerate(zip(motions, ratios, strict=True)):
+            load, rate = _strip(motion, ratio, state[i], p)
+            loads.append(load)
+            rates.append(rate)
+        return assemble(robot, q, loads, ca.vertcat(*rates))
+
+
+def _strip(
+    motion: StripMotion, aspect_ratio: Any, lag: Any, p: dict[str, Any]
+) -> tuple[StripLoad, Any]:
+    """Load of a strip, and the rate of its lagged normalwash."""
+    forward, chord = motion.forward, motion.strip.chord
+    sign = smooth_sign(forward)
+    camber = p["zero_lift_angle"] * forward * sign
+    across = motion.normal_ahead(-(1.0 + sign) * (chord / 4))
+    airspeed = smooth_norm(forward * forward + across * across)
+    wash = -across - camber
+    held_back = aspect_ratio / 2 / (2.32 + aspect_ratio)
+    rate = (0.181 + 0.772 / aspect_ratio) * 2 * airspeed / chord * (wash - lag)
+    share_of_span = aspect_ratio / (2 + aspect_ratio)
+    lagged = share_of_span * ((1 - held_back) * wash + held_back * lag)
+
+    swing = sign * chord * motion.pitch_rate
+    uncambered = lagged + camber
+    at_edge = section_flow(forward, 0.75 * swing - uncambered)
+    separated = _separated(at_edge.normal / at_edge.speed, p)
+    attached = 1.0 - separated
+    ahead = (sign - 1.0 - sign * separated) * (chord / 4)
+
+    density_area = p["density"] * chord * motion.strip.width / 2
+    at_quarter = uncambered - swing / 2
+    speed = smooth_norm(forward * forward + at_quarter * at_quarter)
+    circulatory = attached * density_area * p["lift_slope"] * speed
+    suction = p["suction_efficiency"] * uncambered * at_quarter
+    pull = sign * circulatory * (suction / airspeed - p["zero_lift_angle"] * uncambered)
+    friction = attached * density_area * p["friction_drag"] * forward * forward * sign
+    crossflow = motion.normal_ahead(ahead)
+    crossing = smooth_norm(forward * forward + crossflow * crossflow)
+    normal = separated * density_area * p["crossflow_drag"] * crossing * crossflow
+    load = StripLoad(
+        motion=motion,
+        forward=pull - friction,
+        normal=circulatory * lagged - normal,
+        ahead=ahead,
+        angle_of_attack=at_edge.angle_of_attack,
+        circulation=attached * chord * p["lift_slope"] / 2 * lagged,
+        downwash=wash - lagged,
+    )
+    return load, rate
+
+
+def _separated(sine: Any, p: dict[str, Any]) -> Any:
+    """Share of separated flow at the sine of the leading edge's incidence."""
+    begins, complete = (ca.sin(p["stall_angle"] + side * p["stall_width"]) ** 2 for side in (-1, 1))
+    return smooth_step((sine * sine - begins) / (complete - begins))
