@@ -7,7 +7,6 @@ A filter differs from another in how it finds mean, slopes and remainder of y; s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -19,7 +18,7 @@ from patagium.identification.array_filter import WeightFilter
 from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.kernel_memory import Compiled
-from patagium.identification.learner import Stopwatch, as_input, diverged, shaped_sample
+from patagium.identification.learner import Saved, Stopwatch, as_input, diverged, shaped_sample
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
 from patagium.identification.screening import REFUSALS
@@ -28,7 +27,7 @@ from patagium.identification.weight_covariance import WeightCovariance, covarian
 Array = NDArray[np.float64]
 
 
-class FilterLearner:
+class FilterLearner(Saved):
     """An estimate of weights with a covariance, moved by one sample at a time.
 
     Args:
@@ -265,16 +264,3 @@ class FilterLearner:
         self._filter.screen.restore(seen)
         self._innovation_covariance, self._changes = covariance, changes
         self._stopwatch = stopwatch
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
-
-        Args:
-            path: The file, replaced whole or not at all; folders are made.
-
-        Returns:
-            The path.
-        """
-        from patagium.identification.learner_file import save_learner
-
-        return save_learner(path, self)

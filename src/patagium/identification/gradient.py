@@ -8,7 +8,6 @@ Neglected: mini-batches other than the sample and those replayed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome, ParameterError
 from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.learner import (
+    Saved,
     Stopwatch,
     as_input,
     diverged,
@@ -34,7 +34,7 @@ _SCATTER_DECAY = 0.99
 _MEMORY = 4096  # samples kept for replay
 
 
-class GradientLearner:
+class GradientLearner(Saved):
     """Adam over the weights of a network, one step a sample, with or without replay.
 
     g = sum over the sample and those replayed of (y(W) - y)' A^-2 dy/dW, A the running
@@ -219,19 +219,6 @@ class GradientLearner:
         self._power, self._scatter = power, scatter
         self._memory = [(x, network.encode_one(x), y) for x, y in zip(seen, measured, strict=True)]
         self._stopwatch = stopwatch
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
-
-        Args:
-            path: The file, replaced whole or not at all; folders are made.
-
-        Returns:
-            The path.
-        """
-        from patagium.identification.learner_file import save_learner
-
-        return save_learner(path, self)
 
     def _slope(self, encoding: Encoding, y: Array, scale: Array) -> tuple[Array, Array]:
         """Innovation, (n_y,), and derivative of half its scaled square for W, (n,)."""

@@ -21,7 +21,7 @@ from patagium.identification.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
     aligned,
-    function_address,
+    compiled_filter,
     install_encoder,
     kernel_function,
     rounded_up,
@@ -119,19 +119,8 @@ class KernelFilter:
         """The filter as C code meets it; None where a sample takes Python as well."""
         if self._x is None or self.setting.has_process_noise:
             return None
-        return Compiled(
-            function_address(self._update),
-            function_address(self._predict),
-            self._address,
-            self._x,
-            self._arrays["measured"],
-            self.screen.numbers[:1],
-            self._arrays["predicted"],
-            self._arrays["covariance"],
-            self.screen.whole[3:4],
-            self.screen.marks["left_out"],
-            self._address + type(self._struct).nis.offset,
-        )
+        calls = self._update, self._predict
+        return compiled_filter(calls, self._struct, self._x, self._arrays, self.screen)
 
     def predict(self, x: Array) -> Prediction:
         """y at x, before it is measured."""

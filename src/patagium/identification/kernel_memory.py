@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.identification.network import Network
+from patagium.identification.screening import Screen
 
 Array = NDArray[np.float64]
 
@@ -57,9 +58,33 @@ class Compiled(NamedTuple):
     nis: int
 
 
-def function_address(function: Any) -> int:
-    """Where a function of a kernel is."""
-    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+def compiled_filter(
+    calls: tuple[Any, Any], struct: Any, x: Array, arrays: Mapping[str, Array], screen: Screen
+) -> Compiled:
+    """A filter as C code meets it.
+
+    Args:
+        calls: The kernel's functions that update and that predict.
+        struct: The kernel's memory.
+        x: What its encoder reads, (n_x,).
+        arrays: The filter's.
+        screen: What its samples go through.
+    """
+    update, predict = (int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls)
+    address = ctypes.addressof(struct)
+    return Compiled(
+        update,
+        predict,
+        address,
+        x,
+        arrays["measured"],
+        screen.numbers[:1],
+        arrays["predicted"],
+        arrays["covariance"],
+        screen.whole[3:4],
+        screen.marks["left_out"],
+        address + type(struct).nis.offset,
+    )
 
 
 def install_encoder(

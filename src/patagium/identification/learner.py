@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from array import array
 from math import isfinite
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +72,23 @@ class Learner(Protocol):
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
         ...
+
+
+class Saved:
+    """A learner that keeps itself in a file."""
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: The file, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+        """
+        from patagium.identification.learner_file import save_learner
+
+        return save_learner(path, cast("Any", self))
 
 
 class Stopwatch:

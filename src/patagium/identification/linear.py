@@ -9,7 +9,6 @@ channel that is left out for measured.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -27,6 +26,7 @@ from patagium.identification.filter_state import (
     vector,
 )
 from patagium.identification.learner import (
+    Saved,
     Stopwatch,
     as_input,
     diverged,
@@ -119,7 +119,7 @@ class LinearNetwork(DenseNetwork):
         return cls(DenseNetwork(**values), features, seed)
 
 
-class LinearLearner:
+class LinearLearner(Saved):
     """Recursive least squares with forgetting.
 
     With f the features, all outputs in their scales and r their deviation:
@@ -305,19 +305,6 @@ class LinearLearner:
         self._stopwatch = Stopwatch(int(state["count"]))
         self._slopes, self._spread = slopes, symmetric(lower)
         self._screen.restore(events)
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
-
-        Args:
-            path: The file, replaced whole or not at all; folders are made.
-
-        Returns:
-            The path.
-        """
-        from patagium.identification.learner_file import save_learner
-
-        return save_learner(path, self)
 
     def _features(self, x: Array) -> Array:
         return np.append(self._network.encode_one(x).features[0], 1.0)
