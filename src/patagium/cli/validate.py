@@ -22,7 +22,8 @@ def validate(
 ) -> None:
     """Compare the models of the air with theory and measurement, on one page.
 
-    Closed forms, classical functions and a measured flapping wing; nothing is tuned.
+    Closed forms, classical functions, a measured flapping wing and a measured section that
+    pitches through stall; nothing is tuned.
     """
     from patagium.cli.words import json_text, progress_bar, show_table
     from patagium.studies import validation
