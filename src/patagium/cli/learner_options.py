@@ -78,9 +78,7 @@ NetworkOption: TypeAlias = Annotated[
 ]
 HiddenOption: TypeAlias = Annotated[
     WholeNumbers | None,
-    typer.Option(
-        parser=whole_numbers, help="Neurons of each hidden layer; 8,8, of flow 28, by default."
-    ),
+    typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 (flow: 28)."),
 ]
 ActivationOption: TypeAlias = Annotated[Activation, typer.Option(help="Of the hidden layers.")]
 LearnerOption: TypeAlias = Annotated[LearnerKind, typer.Option(help="How the weights are learned.")]
