@@ -33,7 +33,7 @@ def flow_learner(covariance):
     return pt.CubatureLearner(
         network,
         prior_deviation=1.0,
-        measurement_deviation=0.003 * network.force_scale(5.0),
+        measurement_deviation=0.01 * network.force_scale(5.0),
         spread=3**0.5,
         covariance=covariance,
         **MEMORY,
@@ -43,9 +43,9 @@ def flow_learner(covariance):
 def test_blocks_of_neurons_foresee_10_ms_and_no_worse_than_the_full_covariance(flight):
     mean, worst, held_mean, held_worst = ahead(flight, flow_learner("node"))
     full_mean, full_worst, *_ = ahead(flight, flow_learner("full"))
-    assert mean < 1.5 * full_mean  # issue: at most so much worse; here many times better
+    assert mean < 1.5 * full_mean  # issue: at most so much worse; a tenth measured
     assert worst < 1.5 * full_worst
-    assert mean < held_mean / 50  # 1/200 measured
+    assert mean < held_mean / 50  # 1/180 measured
     assert worst < held_worst / 25
 
 
@@ -55,5 +55,5 @@ def test_flow_is_better_seen_than_coordinates(flight):
     told = {"prior_deviation": 1.0, "measurement_deviation": 0.001 * known.output_scale, **MEMORY}
     squares = pt.LinearLearner(known, features=28, **told)  # as many neurons, held at random
     squares_mean, squares_worst, *_ = ahead(flight, squares)
-    assert mean < squares_mean / 1.5  # a third measured
+    assert mean < squares_mean / 1.5  # .44 measured
     assert worst < squares_worst / 1.5
