@@ -74,7 +74,7 @@ SettingsOption: TypeAlias = Annotated[
     typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
 ]
 NetworkOption: TypeAlias = Annotated[
-    NetworkKind | None, typer.Option(help="strip or flow for flights, dense for anything.")
+    NetworkKind | None, typer.Option(help="By default strip for flights, dense for tables.")
 ]
 HiddenOption: TypeAlias = Annotated[
     WholeNumbers | None,
