@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from patagium.identification import CubatureLearner as CubatureLearner
     from patagium.identification import DenseNetwork as DenseNetwork
     from patagium.identification import ExtendedLearner as ExtendedLearner
+    from patagium.identification import FlowNetwork as FlowNetwork
     from patagium.identification import GradientLearner as GradientLearner
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
@@ -105,6 +106,7 @@ _HOMES = {
         "CubatureLearner",
         "DenseNetwork",
         "ExtendedLearner",
+        "FlowNetwork",
         "GradientLearner",
         "LinearLearner",
         "LowRank",

@@ -28,6 +28,7 @@ PUBLIC = {
     "ExtendedLearner",
     "FilterDiverged",
     "FlightError",
+    "FlowNetwork",
     "GradientLearner",
     "Indicial",
     "LiftingLine",

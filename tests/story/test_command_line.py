@@ -208,6 +208,7 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
         ("--network", "dense", "--hidden", "6", "--learner", "extended", *LEARN[:4]),
         ("--network", "dense", "--learner", "gradient", "--learning-rate", "0.01"),
         ("--learner", "linear", *LEARN[:4]),
+        ("--network", "flow", "--hidden", "6", *LEARN[:4]),
     ],
 )
 def test_identify_with_every_learner(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import (
+    WINGED,
     Activation,
     ActivationOption,
     Asked,
@@ -42,6 +43,7 @@ from patagium.cli.learner_options import (
     network_shape,
     scaled_network,
     watched,
+    winged_network,
 )
 
 if TYPE_CHECKING:
@@ -210,12 +212,12 @@ def flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
-    from patagium.identification import StripNetwork, training_data
+    from patagium.identification import training_data
     from patagium.simulation import aero_of, robot_of
 
     robot = robot_of(flight)
     if kind is not NetworkKind.DENSE:
-        return StripNetwork(robot, hidden, aero_of(flight).air, activation)
+        return winged_network(kind, robot, hidden, aero_of(flight).air, activation)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
     return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])
@@ -237,8 +239,8 @@ def table_network(
     from patagium.errors import ParameterError
     from patagium.identification.logs import network_for
 
-    if kind is NetworkKind.STRIP:
-        raise ParameterError("--network", "dense for a table: a strip needs q and v", kind.value)
+    if kind in WINGED:
+        raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
     return network_for(table, hidden, activation)
 
 

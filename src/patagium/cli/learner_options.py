@@ -18,12 +18,21 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from patagium.aerodynamics import Air
+    from patagium.identification import FlowNetwork, StripNetwork
+    from patagium.robot import Robot
+
 
 class NetworkKind(StrEnum):
-    """Networks: one that knows the wing, one that knows nothing."""
+    """Networks: of each strip, of the flow at all wings, of anything."""
 
     STRIP = "strip"
+    FLOW = "flow"
     DENSE = "dense"
+
+
+WINGED = (NetworkKind.STRIP, NetworkKind.FLOW)
+"""Networks of a robot with wings; they see q and v."""
 
 
 class LearnerKind(StrEnum):
@@ -65,11 +74,11 @@ SettingsOption: TypeAlias = Annotated[
     typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
 ]
 NetworkOption: TypeAlias = Annotated[
-    NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
+    NetworkKind | None, typer.Option(help="By default strip for flights, dense for tables.")
 ]
 HiddenOption: TypeAlias = Annotated[
     WholeNumbers | None,
-    typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 by default."),
+    typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 (flow: 28)."),
 ]
 ActivationOption: TypeAlias = Annotated[Activation, typer.Option(help="Of the hidden layers.")]
 LearnerOption: TypeAlias = Annotated[LearnerKind, typer.Option(help="How the weights are learned.")]
@@ -308,18 +317,28 @@ def network_shape(
     """The network asked for; the linear learner takes inputs and outputs only.
 
     Raises:
-        ParameterError: If the linear learner is to have hidden layers or strips.
+        ParameterError: If the linear learner is to have hidden layers or wings.
     """
     from patagium.errors import ParameterError
 
     if learner is not LearnerKind.LINEAR:
-        return network, hidden or (8, 8)
-    if hidden is not None or network is NetworkKind.STRIP:
+        return network, hidden or ((28,) if network is NetworkKind.FLOW else (8, 8))
+    if hidden is not None or network in WINGED:
         option = "--network" if hidden is None else "--hidden"
         raise ParameterError(
             option, "nothing: the linear learner has --features", hidden or network
         )
     return NetworkKind.DENSE, ()
+
+
+def winged_network(
+    kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
+) -> FlowNetwork | StripNetwork:
+    """The network that knows the wings; the one of strips unless asked."""
+    from patagium.identification import FlowNetwork, StripNetwork
+
+    make = FlowNetwork if kind is NetworkKind.FLOW else StripNetwork
+    return make(robot, hidden, air, activation)
 
 
 def scaled_network(

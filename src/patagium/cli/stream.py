@@ -48,6 +48,7 @@ from patagium.cli.learner_options import (
     network_shape,
     scaled_network,
     watched,
+    winged_network,
 )
 
 if TYPE_CHECKING:
@@ -253,14 +254,15 @@ def _network(
     activation: str,
     scale_by: Path | None,
 ) -> Any:
+    from patagium.aerodynamics import Air
     from patagium.errors import ParameterError
-    from patagium.identification import StripNetwork, training_data
+    from patagium.identification import training_data
     from patagium.simulation import load_flight
 
     if kind is not NetworkKind.DENSE:
         if scale_by is not None:
-            raise ParameterError("--scale-by", "a dense network to go with it", "a strip network")
-        return StripNetwork(robot, hidden, activation=activation)
+            raise ParameterError("--scale-by", "a dense network to go with it", "one of wings")
+        return winged_network(kind, robot, hidden, Air(), activation)
     if scale_by is None:
         raise ParameterError("--scale-by", "a flight that scales the dense network", None)
     _, x, y = training_data(load_flight(scale_by), robot)

@@ -36,7 +36,7 @@ def tune(
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
     ] = None,
     network: Annotated[
-        NetworkKind | None, typer.Option(help="strip for flights, dense for tables by default.")
+        NetworkKind | None, typer.Option(help="By default strip for flights, dense for tables.")
     ] = None,
     hidden: Annotated[
         list[WholeNumbers] | None,

@@ -5,6 +5,7 @@ from patagium.identification.change import ChangeDetection
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
 from patagium.identification.extended import ExtendedLearner
+from patagium.identification.flow import FlowNetwork
 from patagium.identification.gradient import GradientLearner
 from patagium.identification.identify import evaluate, identify
 from patagium.identification.learner_description import learner_from_description
@@ -31,6 +32,7 @@ __all__ = [
     "CubatureLearner",
     "DenseNetwork",
     "ExtendedLearner",
+    "FlowNetwork",
     "GradientLearner",
     "Identification",
     "LinearLearner",

@@ -180,11 +180,12 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
         ParameterError: If its kind is unknown.
     """
     from patagium.identification.dense import DenseNetwork
+    from patagium.identification.flow import FlowNetwork
     from patagium.identification.linear import LinearNetwork
     from patagium.identification.strip import StripNetwork
 
-    kinds: dict[str, type[DenseNetwork] | type[LinearNetwork] | type[StripNetwork]] = {
-        kind.kind: kind for kind in (DenseNetwork, LinearNetwork, StripNetwork)
+    kinds: dict[str, type[DenseNetwork | FlowNetwork | LinearNetwork | StripNetwork]] = {
+        kind.kind: kind for kind in (DenseNetwork, FlowNetwork, LinearNetwork, StripNetwork)
     }
     kind = kinds.get(str(description.get("kind")))
     if kind is None:
