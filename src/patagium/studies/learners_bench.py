@@ -52,12 +52,12 @@ def run_learners(
         plan: How much.
         only: Keys of entries; all by default.
         progress: Told the stage and the part of all done.
-        workers: Number of processes.
+        workers: Number of processes; 0: all in this one.
 
     Returns:
         `environment`: what the figures depend on; `courses`: of each its key, title, note,
         horizons and rows, one row an entry: key, title, program, weights, setting,
-        microseconds, errors, coverage, samples, outcome.
+        microseconds, errors, factor, coverage, scaled, samples, outcome.
 
     Raises:
         ParameterError: If there is no entry of a key.
@@ -72,7 +72,7 @@ def run_learners(
         paths = {course.name: course.save(Path(folder)) for course in courses}
         found = _first(paths, chosen, plan, workers, tell)
         found |= _twins(paths, chosen, plan, workers, tell, found)
-        _time(paths, chosen, plan, tell, found)
+        _time(paths, chosen, plan, min(workers, 1), tell, found)
     tell("done", 1.0)
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     return {
@@ -110,7 +110,7 @@ def _twins(
     found: Keyed,
 ) -> Keyed:
     keys = [(n, e.key) for n, all_ in chosen.items() for e in all_ if e.installed and e.twin]
-    settings = {(n, k): found[n, entry(k).twin]["setting"] for n, k in keys}
+    settings = {(n, k): _chosen(found[n, entry(k).twin]) for n, k in keys}
     return _run(keys, raced, paths, plan, workers, tell, "twins", settings)
 
 
@@ -132,7 +132,13 @@ def _run(
         for n, k in keys
     ]
     along = partial(_between, tell, stage, begin, _PARTS[stage])
-    return dict(zip(keys, run_jobs(jobs, along, workers) if jobs else [], strict=True))
+    return dict(zip(keys, _done(jobs, along, workers), strict=True))
+
+
+def _done(jobs: list[Job], along: Any, workers: int) -> list[Any]:
+    if workers and jobs:
+        return run_jobs(jobs, along, workers)
+    return [job.function(*job.arguments) for job in jobs]
 
 
 def _between(tell: Progress, stage: str, begin: float, end: float, part: float) -> None:
@@ -150,22 +156,31 @@ def tuned(path: Path, key: str, plan: RacePlan, _: None = None) -> dict[str, Any
     return raced(path, key, plan, search(entry(key), load_course(path), plan))
 
 
-def raced(path: Path, key: str, plan: RacePlan, setting: dict[str, float]) -> dict[str, Any]:
+def _chosen(result: dict[str, Any]) -> tuple[dict[str, float], float]:
+    return result["setting"], result["factor"]
+
+
+def raced(
+    path: Path, key: str, plan: RacePlan, chosen: tuple[dict[str, float], float]
+) -> dict[str, Any]:
     """An entry's race with a setting.
 
     Args:
         path: Of the course.
         key: Of the entry.
         plan: How much.
-        setting: What was chosen.
+        chosen: The setting, and the factor on its deviations.
     """
-    return {"setting": setting, **race(entry(key), load_course(path), setting, plan)}
+    setting, factor = chosen
+    found = race(entry(key), load_course(path), setting, factor, plan)
+    return {"setting": setting, "factor": factor, **found}
 
 
 def _time(
     paths: dict[str, Path],
     chosen: dict[str, list[Entry]],
     plan: RacePlan,
+    workers: int,
     tell: Progress,
     found: Keyed,
 ) -> None:
@@ -175,7 +190,7 @@ def _time(
         own = [e.key for e in entries if e.installed and e.key != "persistence"]
         settings = {key: found[name, key]["setting"] for key in own}
         jobs.append(Job(timed, (paths[name], settings, plan.seed), 10.0))
-    for name, times in zip(chosen, run_jobs(jobs, None, workers=1), strict=True):
+    for name, times in zip(chosen, _done(jobs, None, workers), strict=True):
         for key, microseconds in times.items():
             found[name, key]["microseconds"] = microseconds
 
@@ -235,17 +250,18 @@ def _course(course: Course, entries: Sequence[Entry], found: Keyed) -> dict[str,
 
 
 def _row(course: Course, one: Entry, result: dict[str, Any] | None) -> dict[str, Any]:
-    weights = course.network(one.network).size if one.network else 0
     row: dict[str, Any] = {
         "key": one.key,
         "title": one.title,
         "program": one.program if one.package != "patagium" else "patagium",
-        "weights": weights,
+        "weights": one.weights(course),
         "twin": one.twin,
         "setting": {},
         "microseconds": None,
         "errors": {},
+        "factor": None,
         "coverage": None,
+        "scaled": None,
         "samples": 0,
         "outcome": "not installed",
     }

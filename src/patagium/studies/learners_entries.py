@@ -30,7 +30,7 @@ Setting = Mapping[str, float]
 
 RANK = 10
 FEATURES = 100
-REPLAY = 32
+REPLAY = 8
 SPANS = {
     "prior": (0.03, 3.0),
     "noise": (1e-4, 0.3),
@@ -132,10 +132,25 @@ class Entry:
     module: str = "patagium"
     twin: str = ""
 
+    def weights(self, course: Course) -> int:
+        """Number of weights it learns.
+
+        Args:
+            course: Where.
+        """
+        if self.key == "features":
+            return (FEATURES + 1) * len(course.scale)
+        return course.network(self.network).size if self.network else 0
+
     @property
     def installed(self) -> bool:
         """Whether its program is there."""
         return find_spec(self.module) is not None
+
+    @property
+    def same(self) -> bool:
+        """Whether it is the same filter as its twin to rounding, by another program."""
+        return bool(self.twin) and (self.package != "patagium" or self.key == "algorithm1")
 
     @property
     def program(self) -> str:
@@ -161,6 +176,14 @@ def _cubature(network: str = "dense", **fixed: Any) -> Build:
         return OurEntrant(CubatureLearner(course.network(network), **{**chosen, **fixed}))
 
     return build
+
+
+def _bounded(course: Course, setting: Setting, seed: int) -> Entrant:
+    """By neuron, its prior mixed in before each sample in place of forgetting."""
+    bounded = _cubature(
+        covariance="node", forgetting_factor=1.0, prior_share=1.0 / setting["memory"]
+    )
+    return bounded(course, setting, seed)
 
 
 def _extended(course: Course, setting: Setting, seed: int) -> Entrant:
@@ -250,6 +273,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("node", "cubature, by neuron", _cubature(covariance="node"), knobs=_POINTS),
     Entry("node32", "cubature, by neuron, single", _cubature(covariance="node", **_SINGLE),
           twin="node"),
+    Entry("bounded", "cubature, by neuron, bounded memory", _bounded, knobs=_POINTS),
     Entry("low_rank", f"cubature, rank {RANK}", _cubature(covariance=LowRank(RANK)),
           knobs=_POINTS),
     Entry("extended", "extended filter, NumPy", _extended, knobs=_FILTER),

@@ -69,8 +69,9 @@ def _rules(plan: Row) -> list[str]:
         "the samples until the next (hold), the next 10 ms, and one wingbeat (0.1 s for the "
         "quadrotor), its weights frozen and the true states given. Errors are mean square errors "
         "over the variance of the same samples, mean over the outputs that move from the start, "
-        "in the wingbeat that follows the time at the head of a column. The interval is that of "
-        f"95 % at the next used sample, checked after {later} s.",
+        "in the wingbeat that follows the time at the head of a column. The interval is that "
+        f"of 95 % at the next used sample, checked after {later} s: as it is, and scaled by the "
+        "one factor that would have fitted the first part of the course.",
         f"**Each at its best by the same search.** On the first {tuning} of each course, "
         f"{plan['draws']} settings spread evenly over the same spans ({spans}; logarithmic) are "
         "tried for every learner, ours and others', and the one with the least error 10 ms ahead "
@@ -99,14 +100,15 @@ def _course(course: Row, plan: Row) -> list[str]:
     rows = _numbered(course["rows"])
     first = [
         ["#", "learner", "program", "weights", "µs an update", *(f"{t} s" for t in after),
-         "in the 95 % interval", "samples"],
+         "inside 95 %", "scaled", "samples"],
         *([number, row["title"], row["program"], row["weights"] or None, row["microseconds"],
-           *(_error(row, t, "short") for t in after), _share(row), _samples(row)]
+           *(_error(row, t, "short") for t in after), _share(row["coverage"]),
+           _share(row["scaled"]), _samples(row)]
           for number, row in rows),
     ]  # fmt: skip
     second = [
-        ["#", "learner", *(f"hold, {t} s" for t in after),
-         *(f"{course['beat_name']}, {t} s" for t in after)],
+        ["#", "learner", *(f"hold after {t} s" for t in after),
+         *(f"{course['beat_name']} after {t} s" for t in after)],
         *([number, row["title"], *(_error(row, t, "hold") for t in after),
            *(_error(row, t, "long") for t in after)] for number, row in rows),
     ]  # fmt: skip
@@ -120,6 +122,8 @@ def _course(course: Row, plan: Row) -> list[str]:
         f"({course['beat']:.3g} s), weights frozen:",
         _markdown(second),
         _front(course, plan),
+        _behind(course, plan),
+        _faster(course),
     ]
 
 
@@ -142,6 +146,31 @@ def _front(course: Row, plan: Row) -> str:
         f"Nobody is both faster and better after {last} s than, from the fastest to the best: "
         f"{'; '.join(best)}."
     )
+
+
+def _behind(course: Row, plan: Row) -> str:
+    """Who would have done better to hold the last sample."""
+    last = f"{plan['after'][-1]:g}"
+    errors = {
+        f"{row['title']} ({number})": row["errors"][last]["short"]
+        for number, row in _numbered(course["rows"])
+        if last in row["errors"]
+    }
+    held = next((e for name, e in errors.items() if name.endswith("(0)")), np.inf)
+    worse = [name for name, error in errors.items() if not error <= held]
+    return f"Worse there than the last used sample held: {'; '.join(worse) or 'nobody'}."
+
+
+def _faster(course: Row) -> str:
+    """How much faster ours are than the same filter elsewhere."""
+    times = {row["key"]: row["microseconds"] for row in course["rows"] if row["microseconds"]}
+    pairs = [
+        f"{row['program'] if row['program'] != 'patagium' else row['title']} takes "
+        f"{cell_text(times[row['key']] / times[row['twin']])} times as long"
+        for row in course["rows"]
+        if row["key"] in times and row["twin"] in times and not row["key"].endswith("32")
+    ]
+    return f"The same filter elsewhere, beside ours: {'; '.join(pairs) or 'none timed'}."
 
 
 def _settings(courses: Sequence[Row]) -> str:
@@ -167,8 +196,7 @@ def _error(row: Row, after: str, kind: str) -> float | None:
     return None if value is None else float(value)
 
 
-def _share(row: Row) -> str | None:
-    share = row["coverage"]
+def _share(share: float | None) -> str | None:
     return f"{100 * share:.0f} %" if share is not None and np.isfinite(share) else None
 
 
