@@ -74,9 +74,10 @@ def _rules(plan: Row) -> list[str]:
         "one factor that would have fitted the first part of the course.",
         f"**Each at its best by the same search.** On the first {tuning} of each course, "
         f"{plan['draws']} settings spread evenly over the same spans ({spans}; logarithmic) are "
-        "tried for every learner, ours and others', and the one with the least error 10 ms ahead "
-        f"in the second half of that part is taken. Columns up to {tuning} are thus of samples "
-        "the search has seen, later ones are not. A filter that is another's twin, equal to "
+        "tried for every learner, ours and others': all on its first quarter, the best quarter of "
+        "them on the whole of it, by the error 10 ms ahead in the second half of what is flown. "
+        f"Columns up to {tuning} are thus of samples the search has seen, later ones are "
+        "not. A filter that is another's twin, equal to "
         "rounding or the same in single precision, takes its twin's setting: filterpy, Stone "
         "Soup and Algorithm 1 that of our cubature filter with points at √n (tests hold them to "
         "1e-8), dynamax that of our extended filter (to 1e-6: it adds 1e-9 to a diagonal).",
