@@ -198,6 +198,6 @@ def log_course(path: str | Path) -> Course:
         gaps=tuple(table.gaps.tolist()),
         every=1,
         beat=LOG_BEAT,
-        beat_name="0.1 s",
+        beat_name="a tenth of a second",
         networks={key: network_for(table, hidden).describe() for key, hidden in kinds.items()},
     )

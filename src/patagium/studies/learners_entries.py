@@ -22,6 +22,7 @@ from patagium.identification.extended import ExtendedLearner
 from patagium.identification.gradient import GradientLearner
 from patagium.identification.learner import Learner
 from patagium.identification.linear import LinearLearner
+from patagium.identification.screening import NoiseEstimation
 from patagium.identification.structure import LowRank
 from patagium.studies.learners_course import Course
 
@@ -178,12 +179,15 @@ def _cubature(network: str = "dense", **fixed: Any) -> Build:
     return build
 
 
-def _bounded(course: Course, setting: Setting, seed: int) -> Entrant:
+def _bounded(**fixed: Any) -> Build:
     """By neuron, its prior mixed in before each sample in place of forgetting."""
-    bounded = _cubature(
-        covariance="node", forgetting_factor=1.0, prior_share=1.0 / setting["memory"]
-    )
-    return bounded(course, setting, seed)
+
+    def build(course: Course, setting: Setting, seed: int) -> Entrant:
+        share = 1.0 / setting["memory"]
+        node = _cubature(covariance="node", forgetting_factor=1.0, prior_share=share, **fixed)
+        return node(course, setting, seed)
+
+    return build
 
 
 def _extended(course: Course, setting: Setting, seed: int) -> Entrant:
@@ -255,6 +259,7 @@ def _pytagi(course: Course, setting: Setting, seed: int) -> Entrant:
 _FILTER = ("prior", "noise", "memory")
 _POINTS = (*_FILTER, "spread")
 _SINGLE = {"dtype": "float32"}
+_NOISE = {"noise_estimation": NoiseEstimation(memory=200)}
 _CUBATURE = "cubature filter, points at √n"
 ENTRIES: tuple[Entry, ...] = (
     Entry("persistence", "last used sample held", _persistence, network=""),
@@ -273,13 +278,17 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("node", "cubature, by neuron", _cubature(covariance="node"), knobs=_POINTS),
     Entry("node32", "cubature, by neuron, single", _cubature(covariance="node", **_SINGLE),
           twin="node"),
-    Entry("bounded", "cubature, by neuron, bounded memory", _bounded, knobs=_POINTS),
+    Entry("bounded", "cubature, by neuron, bounded memory", _bounded(), knobs=_POINTS),
+    Entry("estimated", "cubature, by neuron, bounded, noise estimated", _bounded(**_NOISE),
+          knobs=_POINTS),
     Entry("low_rank", f"cubature, rank {RANK}", _cubature(covariance=LowRank(RANK)),
           knobs=_POINTS),
     Entry("extended", "extended filter, NumPy", _extended, knobs=_FILTER),
     Entry("strip", "strip network, cubature, full", _cubature("strip"), "strip", knobs=_POINTS),
     Entry("strip32", "strip network, cubature, full, single", _cubature("strip", **_SINGLE),
           "strip", twin="strip"),
+    Entry("strip_estimated", "strip network, cubature, full, noise estimated",
+          _cubature("strip", **_NOISE), "strip", knobs=_POINTS),
     Entry("gradient", "gradient (Adam), one step a sample", _gradient(0), knobs=("rate",)),
     Entry("replay", f"gradient (Adam), {REPLAY} samples replayed", _gradient(REPLAY),
           knobs=("rate",)),

@@ -80,7 +80,9 @@ def _rules(plan: Row) -> list[str]:
         "not. A filter that is another's twin, equal to "
         "rounding or the same in single precision, takes its twin's setting: filterpy, Stone "
         "Soup and Algorithm 1 that of our cubature filter with points at √n (tests hold them to "
-        "1e-8), dynamax that of our extended filter (to 1e-6: it adds 1e-9 to a diagonal).",
+        "1e-8), dynamax that of our extended filter (to 1e-6: it adds 1e-9 to a diagonal). "
+        "Roundings grow over thousands of samples where the measurement is taken to be nearly "
+        "exact.",
         "**Dense learners share one network**, the paper's size on the flights (28-20-14, "
         "softplus, 874 weights) and 7-8-8-1 on the log, the same scales and the same first "
         "weights. pytagi has no softplus: its layers are ReLU, its first weights its own draw. "
@@ -232,7 +234,7 @@ def accuracy_against_time(courses: Sequence[Row]) -> Figure:
                 shade = color(1 if row["program"] == "patagium" else 0)
                 whole = row["outcome"] == "completed"
                 place = (row["microseconds"], errors[-1])
-                panel.plot(*place, "o", markersize=12, markeredgecolor=shade,
+                panel.plot(*place, "o", markersize=10, markeredgecolor=shade,
                            color=shade if whole else "white")  # fmt: skip
                 panel.annotate(str(number), place, ha="center", va="center", fontsize=7.0,
                                color="white" if whole else shade)  # fmt: skip
