@@ -91,6 +91,10 @@ def _rules(plan: Row) -> list[str]:
         "process noise of its own. filterpy is spared its time update, which would send all "
         "points through the identity. JAX computes in double precision, compiled, one sample a "
         "call.",
+        "**Where they come from.** filterpy, Stone Soup and pytagi (before 0.2, which wants MPI) "
+        "come with the extra `bench`. dynamax and rebayes-mini bring JAX, 350 MB of it, and a "
+        "nightly build of TensorFlow Probability that a lock cannot hold: they take part where "
+        "somebody installed them.",
         "**Time.** Median of an update as a Python caller sees it, all in turns on one core. "
         f"An entry may take {plan['limit']:g} s of processor time a course "
         f"({plan['twin_limit']:g} s if it is another program's twin): what slow ones did not "
