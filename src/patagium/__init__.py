@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from patagium.identification import ExtendedLearner as ExtendedLearner
     from patagium.identification import FlowNetwork as FlowNetwork
     from patagium.identification import GradientLearner as GradientLearner
+    from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
     from patagium.identification import NoiseEstimation as NoiseEstimation
@@ -108,6 +109,7 @@ _HOMES = {
         "ExtendedLearner",
         "FlowNetwork",
         "GradientLearner",
+        "HiddenStripNetwork",
         "LinearLearner",
         "LowRank",
         "NoiseEstimation",

@@ -30,6 +30,7 @@ PUBLIC = {
     "FlightError",
     "FlowNetwork",
     "GradientLearner",
+    "HiddenStripNetwork",
     "Indicial",
     "LiftingLine",
     "LinearLearner",

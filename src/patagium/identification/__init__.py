@@ -7,6 +7,7 @@ from patagium.identification.dense import DenseNetwork
 from patagium.identification.extended import ExtendedLearner
 from patagium.identification.flow import FlowNetwork
 from patagium.identification.gradient import GradientLearner
+from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.identify import evaluate, identify
 from patagium.identification.learner_description import learner_from_description
 from patagium.identification.learner_file import load_learner, save_learner
@@ -34,6 +35,7 @@ __all__ = [
     "ExtendedLearner",
     "FlowNetwork",
     "GradientLearner",
+    "HiddenStripNetwork",
     "Identification",
     "LinearLearner",
     "LowRank",

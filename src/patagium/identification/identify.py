@@ -137,13 +137,14 @@ def compare(
     Args:
         model: A learner (it is not taught), or network and weights.
         time: (N,) [s].
-        x: What the network sees, (N, n_x).
+        x: What the network sees, (N, n_x), or what it needs to remember the rest.
         y: What was measured, (N, n_y).
         every: The rival holds one measured sample in so many.
         units: Units of the outputs; None for "1".
         gaps: First sample after each gap in time.
     """
     names = model.network.output_names
+    x = model.network.remember(time, x, gaps)
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []

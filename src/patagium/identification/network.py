@@ -4,8 +4,8 @@
 
 Physics sits in the encoder and in the readout, which depend on x alone; only the
 perceptron holds weights. It is evaluated for m items (the strips of a wing, or one),
-so that what holds for one item holds for all. Neglected: memory; y depends on the
-present x only.
+so that what holds for one item holds for all. y depends on the present x only; a network
+with memory has it in x, see `remember`.
 """
 
 from __future__ import annotations
@@ -83,6 +83,18 @@ class Network(Protocol):
         res: features (m, n_in), transposed readout (m n_out, n_y), both row by row.
         """
         return None
+
+    def remember(self, time: ArrayLike, x: Array, gaps: ArrayLike = ()) -> Array:
+        """Inputs of a log with what the network remembers at each sample, (N, n_x).
+
+        Sample k depends on samples up to k alone, and on no weights. Without memory: x.
+
+        Args:
+            time: Increasing, (N,) [s].
+            x: What is measured of the inputs, (N, ...).
+            gaps: First sample after each gap, where memory begins anew.
+        """
+        return x
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
@@ -181,12 +193,12 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
     """
     from patagium.identification.dense import DenseNetwork
     from patagium.identification.flow import FlowNetwork
+    from patagium.identification.hidden import HiddenStripNetwork
     from patagium.identification.linear import LinearNetwork
     from patagium.identification.strip import StripNetwork
 
-    kinds: dict[str, type[DenseNetwork | FlowNetwork | LinearNetwork | StripNetwork]] = {
-        kind.kind: kind for kind in (DenseNetwork, FlowNetwork, LinearNetwork, StripNetwork)
-    }
+    known = (DenseNetwork, FlowNetwork, HiddenStripNetwork, LinearNetwork, StripNetwork)
+    kinds = {kind.kind: kind for kind in known}
     kind = kinds.get(str(description.get("kind")))
     if kind is None:
         raise ParameterError("network", f"of kind {', '.join(kinds)}", description.get("kind"))

@@ -62,7 +62,7 @@ def stream(
     Args:
         learner: What learns; it goes on from where it stands, and is changed.
         time: Increasing, (N,) [s].
-        x: What the network sees, (N, n_x).
+        x: What the network sees, (N, n_x), or what it needs to remember the rest.
         y: What it predicts, (N, n_y); NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
         horizons: Label and length [s] of the spans to predict with frozen weights.
@@ -79,7 +79,7 @@ def stream(
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
     """
-    run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
+    run = _Stream(learner, *_checked(learner, time, x, y, gaps), every, horizons or {}, gaps)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
     measures = tuple(units) if units is not None else ("1",) * len(labels)
     for word, given in (("names", labels), ("units", measures)):
@@ -248,14 +248,12 @@ def _largest_variance(learner: Learner) -> float:
 
 
 def _checked(
-    learner: Learner, time: ArrayLike, x: ArrayLike, y: ArrayLike
+    learner: Learner, time: ArrayLike, x: ArrayLike, y: ArrayLike, gaps: ArrayLike
 ) -> tuple[Array, Array, Array]:
     stamps, inputs, outputs = (np.ascontiguousarray(a, float) for a in (time, x, y))
     network = learner.network
     if stamps.ndim != 1 or len(stamps) < 2:
         raise ShapeError("time", "(N,) with N >= 2", stamps.shape)
-    if inputs.shape != (len(stamps), network.inputs):
-        raise ShapeError("x", (len(stamps), network.inputs), inputs.shape)
     if outputs.shape != (len(stamps), network.outputs):
         raise ShapeError("y", (len(stamps), network.outputs), outputs.shape)
     for name, array in (("time", stamps), ("x", inputs)):
@@ -271,4 +269,8 @@ def _checked(
             f"time: expected to advance, found {stamps[row]:.9g} s after "
             f"{stamps[row - 1]:.9g} s at sample {row}"
         )
+    if inputs.ndim == 2 and len(inputs) == len(stamps):
+        inputs = network.remember(stamps, inputs, gaps)
+    if inputs.shape != (len(stamps), network.inputs):
+        raise ShapeError("x", (len(stamps), network.inputs), inputs.shape)
     return stamps, inputs, outputs
