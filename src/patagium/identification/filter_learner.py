@@ -104,6 +104,12 @@ class FilterLearner(Saved):
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         return self._stopwatch.median
 
+    @property
+    def compiled(self) -> Compiled | None:
+        """Its filter as C code meets it; None where a sample takes Python as well."""
+        found: Compiled | None = getattr(self._filter, "compiled", None)
+        return found
+
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, as `update` would see it.
 
