@@ -107,11 +107,18 @@ def test_damage_takes_a_third_of_one_wing_and_no_step_in_motion(broken) -> None:
     assert jump.argmax() == 5 * BEAT - 1  # and the force has one
 
 
-def test_damage_is_found_and_unlearned_within_three_beats(broken) -> None:
+@pytest.fixture(scope="module")
+def rows_of_damage(broken):
     detection = ChangeDetection(1e-9, window=50, reference=BEAT, reopening=0.3)
-    found, blind = (
-        recovery("", broken, filter_learner(LONG, each)).row() for each in (detection, None)
-    )
+    detections = {"found": detection, "blind": None}
+    return [
+        recovery(name, broken, filter_learner(LONG, each)).row()
+        for name, each in detections.items()
+    ]
+
+
+def test_damage_is_found_and_unlearned_within_three_beats(rows_of_damage) -> None:
+    found, blind = rows_of_damage
     assert found["detected"] is not None and blind["detected"] is None
     assert found["hold_beats"] <= 3 and found["ahead_beats"] <= 3
     worse = np.array(blind["hold_ratios"]) * blind["hold_former"]
@@ -132,26 +139,33 @@ def test_a_steady_glide_stays_below_the_prior() -> None:
     assert found["samples"] == 4000
 
 
-def test_single_precision_is_as_good_as_double() -> None:
-    found = single_precision(100_000)
-    assert found["refused"] == {"float64": 0, "float32": 0} and found["definite"]
-    assert found["ratio"] == pytest.approx(1.0, abs=0.1)
-    assert found["error"]["float64"] < 0.1  # it learned
+@pytest.fixture(scope="module")
+def precision():
+    return single_precision(50_000)
+
+
+def test_single_precision_is_as_good_as_double(precision) -> None:
+    assert precision["refused"] == {"float64": 0, "float32": 0} and precision["definite"]
+    assert precision["ratio"] == pytest.approx(1.0, abs=0.1)
+    assert precision["error"]["float64"] < 0.1  # it learned
 
 
 @pytest.fixture(scope="module")
-def small(broken):
-    detection = ChangeDetection(1e-9, window=50, reference=BEAT, reopening=0.3)
+def small(rows_of_damage, precision):
+    draw = np.random.default_rng(1)
+    faulted = {"run": 1, "fault": "no input"} | run_fault(PILOTS[1], FAULTS["no input"], draw)
+    killed = {"run": 10, "fault": "kill -9 while saving"} | run_kill(PILOTS[1], draw)
     return study.StressStudy(
         seed=2,
-        runs=[one_run(2, k) for k in (1, 10, 12)],
-        damage=[recovery("found", broken, filter_learner(LONG, detection, (4,))).row()],
-        calibration=[flight_calibration(0.1, 0.1)],
+        runs=[faulted, killed],
+        damage=rows_of_damage,
+        calibration=[flight_calibration(0.1, 0.05)],
         glide=steady_glide(400, share=1e-2),
-        precision=single_precision(50_000),
+        precision=precision,
     )
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_the_command_writes_page_and_figures(small, monkeypatch, tmp_path, capsys) -> None:
     asked = {}
 
@@ -178,3 +192,22 @@ def test_no_runs_and_no_workers_are_refused() -> None:
         study.stress(0)
     with pytest.raises(ParameterError, match="jobs"):
         study.stress(1, workers=0)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(3)])
+def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None:
+    learner = pt.CubatureLearner(
+        pt.DenseNetwork(3, (6,), 2),
+        prior_deviation=0.5,
+        measurement_deviation=1e-3,
+        spread=3**0.5,
+        covariance=structure,
+        dtype=dtype,
+        screening=pt.Screening(),
+    )
+    for size in np.logspace(0, 300, 61):  # in between, P_yy is indefinite by rounding
+        learner.update([size, -size, 1.0], np.ones(2))
+        learner.update([0.1, 0.2, 0.3], np.ones(2))
+    assert np.isfinite(learner.weights).all()
+    assert learner.events["refused"] > 0 and learner.count > 61

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError
-from patagium.identification.array_filter import WeightFilter
+from patagium.identification.array_filter import CholeskyFilter, WeightFilter
 from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.kernel_memory import Compiled
@@ -211,7 +211,9 @@ class FilterLearner(Saved):
         screen = self._filter.screen
         if outcome in REFUSALS:
             return
-        if screen.believes or outcome is Outcome.COVARIANCE_LOST:
+        # a root is definite: what was not is P_yy, at an input beyond all reason
+        lost = outcome is Outcome.COVARIANCE_LOST and isinstance(self._filter, CholeskyFilter)
+        if screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
         screen.note("refused")
 

@@ -17,8 +17,8 @@ Indices = NDArray[np.int64]
 
 LONGEST = 200
 """Samples of the longest fault."""
-STUCK_SAMPLES = 50
-"""Samples of one value after which a learner should leave a channel out."""
+STUCK_SAMPLES = 10
+"""Samples of one value after which a channel is left out: noise does not repeat itself."""
 _POSITION = 3
 """Inputs that say where the robot is."""
 CLEAR = 300.0
