@@ -104,12 +104,6 @@ class FilterLearner(Saved):
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         return self._stopwatch.median
 
-    @property
-    def compiled(self) -> Compiled | None:
-        """Its filter as C code meets it; None where a sample takes Python as well."""
-        found: Compiled | None = getattr(self._filter, "compiled", None)
-        return found
-
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, as `update` would see it.
 
@@ -193,8 +187,8 @@ class FilterLearner(Saved):
         learned = ends == Outcome.COMPLETED
         for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
             self._stopwatch.add(duration)
-        for outcome in ends[~learned & (ends < Outcome.BAD_INPUT)]:
-            if not (screen.believes or outcome == Outcome.COVARIANCE_LOST):
+        for _ in ends[~learned & (ends < Outcome.BAD_INPUT)]:
+            if not screen.believes:
                 screen.note("refused")
         if compiled is not None and learned[-1:].any():
             self._innovation_covariance = compiled.covariance.copy()
