@@ -18,7 +18,7 @@ from patagium.errors import RobotFileError
 
 VERBS = (
     *("reproduce", "simulate", "identify", "tune", "evaluate", "stream", "send", "bench"),
-    *("latency", "validate", "robots", "check"),
+    *("latency", "validate", "stress", "robots", "check"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")

@@ -25,6 +25,7 @@ from patagium.cli import (
     send,
     simulate,
     stream,
+    stress,
     tune,
     validate,
 )
@@ -42,8 +43,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 for _verb in (
-    reproduce, simulate, identify, tune, evaluate, stream, send, bench, latency, validate, robots,
-    check,
+    reproduce, simulate, identify, tune, evaluate, stream, send, bench, latency, validate, stress,
+    robots, check,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
     app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))

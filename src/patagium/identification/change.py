@@ -107,7 +107,7 @@ class ChangeMonitor:
             if self.whole[_FILLED] < size:
                 return False
         recent, before = self.numbers[_RECENT] / self.window, self.numbers[_BEFORE] / self.reference
-        if recent <= self.ratio * before:
+        if recent <= self.ratio * max(before, 1.0):
             return False
         self.numbers[[_RECENT, _BEFORE]], self.whole[[_FILLED, _PLACE]] = 0.0, 0
         self.whole[_ALARM] = 1

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError
-from patagium.identification.array_filter import WeightFilter
+from patagium.identification.array_filter import CholeskyFilter, WeightFilter
 from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.kernel_memory import Compiled
@@ -187,8 +187,8 @@ class FilterLearner(Saved):
         learned = ends == Outcome.COMPLETED
         for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
             self._stopwatch.add(duration)
-        for outcome in ends[~learned & (ends < Outcome.BAD_INPUT)]:
-            if not (screen.believes or outcome == Outcome.COVARIANCE_LOST):
+        for _ in ends[~learned & (ends < Outcome.BAD_INPUT)]:
+            if not screen.believes:
                 screen.note("refused")
         if compiled is not None and learned[-1:].any():
             self._innovation_covariance = compiled.covariance.copy()
@@ -205,7 +205,9 @@ class FilterLearner(Saved):
         screen = self._filter.screen
         if outcome in REFUSALS:
             return
-        if screen.believes or outcome is Outcome.COVARIANCE_LOST:
+        # a root is definite: what was not is P_yy, at an input beyond all reason
+        lost = outcome is Outcome.COVARIANCE_LOST and isinstance(self._filter, CholeskyFilter)
+        if screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
         screen.note("refused")
 

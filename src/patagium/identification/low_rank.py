@@ -39,6 +39,8 @@ from patagium.identification.structure import LowRank
 Array = NDArray[np.float64]
 _LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 _UNSEEN = 1e-13  # share of the largest variance of y below which a direction is rounding
+_STEEPEST = 1e100  # of dy/dW: its square is a number
+_FARTHEST = 1e18  # of a column of P^-1: its square is a number in single precision too
 
 
 class Precision(NamedTuple):
@@ -159,7 +161,10 @@ class LowRankFilter:
         if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
             self.screen.note("bad_inputs")
             return Outcome.BAD_INPUT, nothing_known(len(y))
-        found, columns, sensed = self._seen(encoding, before)
+        try:
+            found, columns, sensed = self._seen(encoding, before)
+        except MatrixLost as lost:
+            return lost.outcome, nothing_known(len(y))
         prediction = Prediction(found.mean, found.covariance)
         sample = screened(self.screen, encoding, found, y)
         if isinstance(sample, Outcome):
@@ -172,8 +177,9 @@ class LowRankFilter:
         whitened = solve_triangular(total, innovation, lower=True, check_finite=False)
         gain = solve_triangular(total, whitened, lower=True, trans="T", check_finite=False)
         nis, mean = float(whitened @ whitened), self.mean + columns @ (moments.slopes @ gain)
-        added = solve_triangular(noise, (sensed @ moments.slopes).T, lower=True).T
-        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.isfinite(added).all()):
+        seen = (sensed @ moments.slopes).T
+        added = solve_triangular(noise, seen, lower=True, check_finite=False).T
+        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.abs(added).max() < _FARTHEST):
             return Outcome.NOT_FINITE, prediction
         after = Precision(before.diagonal, np.hstack([before.columns, added]))
         self._precision = self._rounded(after.compressed(self._rank))
@@ -219,6 +225,8 @@ class LowRankFilter:
     def _seen(self, encoding: Encoding, precision: Precision) -> tuple[Moments, Array, Array]:
         """Moments along the columns y sees, these columns, (n, q), and P^-1 times them."""
         y, slope = self.setting.network.linearized(encoding, self.mean)
+        if not np.abs(slope).max() < _STEEPEST:
+            raise MatrixLost(Outcome.NOT_FINITE)
         reached = precision.solve(slope.T)
         variances, axes = seen_directions(slope @ reached)
         turn = axes / np.sqrt(variances)

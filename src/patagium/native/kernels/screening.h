@@ -175,7 +175,8 @@ static void watch(screening *s, double nis, int kept) {
   s->whole[PLACE] = (place + 1) % size;
   if (s->whole[FILLED] >= size) s->numbers[BEFORE] -= oldest;
   else if (++s->whole[FILLED] < size) return;
-  if (s->numbers[RECENT] / s->window <= s->ratio * s->numbers[BEFORE] / s->reference) return;
+  const double before = fmax(s->numbers[BEFORE] / (double)s->reference, 1);
+  if (s->numbers[RECENT] / s->window <= s->ratio * before) return;
   s->numbers[RECENT] = s->numbers[BEFORE] = 0;
   s->whole[FILLED] = s->whole[PLACE] = 0;
   s->whole[ALARM] = 1;
