@@ -244,14 +244,14 @@ def test_low_rank_update_is_linear_in_the_number_of_weights(rng):
         learner = pt.ExtendedLearner(network, covariance=pt.LowRank(5), **TOLD)
         x = rng.normal(size=inputs) / np.sqrt(inputs)
         taken = []
-        for _ in range(4):
-            started = time.perf_counter()
+        for _ in range(6):
+            started = time.process_time()
             learner.update(x, np.ones(2))
-            taken.append(time.perf_counter() - started)
+            taken.append(time.process_time() - started)
         sizes.append(network.size)
         times.append(min(taken))
     slope = np.log(times[-1] / times[0]) / np.log(sizes[-1] / sizes[0])
-    assert slope < 1.8  # 2 would be a matrix of all weights; the machine is not quiet
+    assert slope < 1.5  # 2 would be a matrix of all weights
 
 
 def test_structures_are_refused_and_described():

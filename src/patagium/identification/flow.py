@@ -23,7 +23,7 @@ from patagium.errors import ParameterError
 from patagium.identification.dense import described
 from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.wing_network import WingNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
 
@@ -33,7 +33,7 @@ _GAIN = 1.5  # of the inputs: neurons then bend within the flows and angles a wi
 _LEAST_LEVER = 1e-3  # of the longest: forces on coordinates that move no wing as drawn
 
 
-class FlowNetwork(Network):
+class FlowNetwork(WingNetwork):
     """Dense network in dimensionless quantities.
 
         y = 1/2 rho V^2 B(q) (lever * c),  c = coefficient_scale * mlp(z; W).
@@ -78,7 +78,7 @@ class FlowNetwork(Network):
         self.robot, self.air = robot, Air() if air is None else air
         seen = 2 * len(_ends(robot)) + len(_joints(robot))
         self._perceptron = Perceptron((seen, *hidden, robot.dof), activation)
-        self._offset = np.zeros(robot.dof)
+        self._names, self._offset = robot.dof_names, np.zeros(robot.dof)
         symbolic, _ = robot.symbolic()
         key, label = f"flow network {symbolic!r}", f"flow network of {robot.name}"
         functions = load_functions(key, lambda: _functions(robot), label=label)
@@ -95,52 +95,10 @@ class FlowNetwork(Network):
         arguments = (self.robot, hidden, self.air, activation)
         return _again, (arguments, self.coefficient_scale)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> FlowNetwork:
-        return self  # nothing in it changes
-
-    @property
-    def inputs(self) -> int:
-        """Length of the state [q, v], 2 n."""
-        return 2 * self.robot.dof
-
     @property
     def items(self) -> int:
         """The perceptron is evaluated once."""
         return 1
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Coordinates of the robot."""
-        return self.robot.dof_names
-
-    @property
-    def offset(self) -> Array:
-        """No air, no force: zero, (n,)."""
-        return self._offset
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """From flow and joints to coefficients."""
-        return self._perceptron
-
-    def encode(self, x: Array) -> Encoding:
-        """Flow and joints, (N, 1, n_in), and force of unit coefficients, (N, n, n)."""
-        features, readout = self._encode.batch(x, self._parameters)
-        return Encoding(
-            features.reshape(len(x), 1, -1),
-            readout.reshape(len(x), self.robot.dof, -1),
-            self._offset,
-        )
-
-    def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample."""
-        features, readout = self._encode(x, self._parameters)
-        return Encoding(features.reshape(1, -1), readout.reshape(self.robot.dof, -1), self._offset)
-
-    def compiled_encoder(self) -> tuple[int, Array] | None:
-        """Address of the compiled encoder and its constants; None without a compiler."""
-        address = self._encode.address
-        return None if address is None else (address, self._parameters)
 
     def force_scale(self, speed: float) -> Array:
         """Generalized force of unit coefficients at a speed, (n,) [N, N m].

@@ -22,7 +22,7 @@ from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification.dense import described
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.wing_network import WingNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
 
@@ -34,7 +34,7 @@ _GAIN = 3.0  # of the direction: neurons then bend within the incidences a wing 
 _PARTING, _PARTING_WIDTH = 0.4, 0.1  # how far, and how steeply, above and below are parted
 
 
-class StripNetwork(Network):
+class StripNetwork(WingNetwork):
     """Section coefficients learned, the rest known: y = sum_i B_i(q) 1/2 rho A_i |v_i|^2 c_i.
 
     v_i = (forward, normal) is the velocity of the strip's force point relative to the air,
@@ -110,61 +110,15 @@ class StripNetwork(Network):
         arguments = (self.robot, hidden, self.air, activation, measured)
         return _again, (arguments, self._options())
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> StripNetwork:
-        return self  # nothing in it changes
-
-    @property
-    def inputs(self) -> int:
-        """Length of the state [q, v], 2 n."""
-        return 2 * self.robot.dof
-
     @property
     def items(self) -> int:
         """Number of strips."""
         return len(self.robot.strips)
 
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
-
-    @property
-    def offset(self) -> Array:
-        """No air, no force: zero, (n_y,)."""
-        return self._offset
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """From the direction of the flow to the section coefficients."""
-        return self._perceptron
-
-    def encode(self, x: Array) -> Encoding:
-        """Flow of strips, (N, n_strips, n_in), and force of unit coefficients, (N, n_y, 2 n_s)."""
-        features, readout = self._encode.batch(x, self._parameters)
-        return Encoding(
-            features.reshape(len(x), self._perceptron.widths[0], -1).transpose(0, 2, 1),
-            readout.reshape(len(x), len(self._names), -1),
-            self._offset,
-        )
-
-    def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample."""
-        features, readout = self._encode(x, self._parameters)
-        return Encoding(
-            features.reshape(self._perceptron.widths[0], -1).T,
-            readout.reshape(len(self._names), -1),
-            self._offset,
-        )
-
     def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Flow of strips, (n_in, n_strips), and readout, (n_y, 2 n_strips), of x (n_x,)."""
         features, readout = self._encode.expression(x, self._parameters)
         return features, readout
-
-    def compiled_encoder(self) -> tuple[int, Array] | None:
-        """Address of the compiled encoder and its constants; None without a compiler."""
-        address = self._encode.address
-        return None if address is None else (address, self._parameters)
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): small coefficients, and neurons that look all around.

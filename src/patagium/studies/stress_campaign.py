@@ -31,7 +31,7 @@ from patagium.robot import load_robot
 from patagium.studies.reproduction_flights import corrected_flight
 from patagium.studies.reproduction_subjects import SPREAD, SUBJECTS, lever_arms
 from patagium.studies.stress_faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Feed
-from patagium.studies.stress_network import dense_network
+from patagium.studies.stress_network import dense_network, is_definite
 
 Array = NDArray[np.float64]
 
@@ -218,7 +218,7 @@ def run_kill(pilot: Pilot, draw: np.random.Generator) -> dict[str, Any]:
     return {
         "crash": "",
         "finite": bool(np.isfinite(learner.weights).all()),
-        "definite": _definite(learner),
+        "definite": is_definite(learner),
         "counted": not any(learner.events[name] for name in ("missing", "late", "refused")),
         "ratio": 1.0,
         "recovered": not lost,
@@ -305,7 +305,7 @@ def fly(learner: CubatureLearner, feed: Feed, course: Course) -> Flown:
     known = np.isfinite(error)
     total, parts = np.where(known, error, 0.0) ** 2, known.sum(axis=1)
     each = total.sum(axis=1) / np.where(parts > 0, parts, np.nan)
-    return Flown(each, learner.events, finite, finite and _definite(learner), crash)
+    return Flown(each, learner.events, finite, finite and is_definite(learner), crash)
 
 
 def _ratio(error: Array, twin: Array, begin: int) -> float:
@@ -320,16 +320,6 @@ def _ratio(error: Array, twin: Array, begin: int) -> float:
 def _counted(faulted: Faulted, added: dict[str, int]) -> bool:
     exact = all(added[name] == count for name, count in faulted.exact.items())
     return exact and all(added[name] >= count for name, count in faulted.least.items())
-
-
-def _definite(learner: CubatureLearner) -> bool:
-    covariance = learner.covariance
-    scale = np.sqrt(np.diagonal(covariance))
-    try:
-        np.linalg.cholesky(covariance / np.outer(scale, scale))
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def _killed_child(learner: CubatureLearner, feed: Feed, path: Path, delay: float) -> int:

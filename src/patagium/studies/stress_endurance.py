@@ -16,6 +16,7 @@ from patagium.identification.cubature import CubatureLearner, Precision
 from patagium.identification.dense import DenseNetwork
 from patagium.native import load_kernel
 from patagium.studies.reproduction_subjects import SPREAD
+from patagium.studies.stress_network import is_definite
 
 Array = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ def single_precision(
             refused, error = _run(learner, x, y, truth)
             found[name]["refused"] += refused
             found[name]["error"] += error / LOOKS
-        definite = definite and _definite(learners["float32"])
+        definite = definite and is_definite(learners["float32"])
         if progress is not None:
             progress((look + 1) / LOOKS)
     errors = {name: each["error"] / variance for name, each in found.items()}
@@ -142,13 +143,3 @@ def _run(learner: CubatureLearner, x: Array, y: Array, truth: Array) -> tuple[in
     start = ctypes.c_void_p(compiled.update), ctypes.c_void_p(compiled.memory)
     refused = int(kernel.drive(*start, *sizes, *addresses))
     return refused, float(np.mean((guess - truth) ** 2))
-
-
-def _definite(learner: CubatureLearner) -> bool:
-    covariance = learner.covariance
-    scale = np.sqrt(np.diagonal(covariance))
-    try:
-        np.linalg.cholesky(covariance / np.outer(scale, scale))
-    except np.linalg.LinAlgError:
-        return False
-    return True

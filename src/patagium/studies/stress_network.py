@@ -1,6 +1,6 @@
-"""The dense network that is put under stress, scaled by what is known before a flight.
+"""The dense network that is put under stress, and whether a learner's covariance survived.
 
-Neglected: what a flight would tell of the scales.
+It is scaled by what is known before a flight. Neglected: what a flight would tell of the scales.
 """
 
 from __future__ import annotations
@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
+import numpy as np
+
+from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
 from patagium.studies.reproduction_subjects import SUBJECTS, make_network
 
@@ -27,3 +30,18 @@ def dense_network(hidden: Sequence[int]) -> DenseNetwork:
         input_scale=scales.input_scale,
         output_scale=scales.output_scale,
     )
+
+
+def is_definite(learner: CubatureLearner) -> bool:
+    """Whether the covariance of the weights has a Cholesky factor, each weight in its own scale.
+
+    Args:
+        learner: Any structure, few weights.
+    """
+    covariance = learner.covariance
+    scale = np.sqrt(np.diagonal(covariance))
+    try:
+        np.linalg.cholesky(covariance / np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        return False
+    return True
