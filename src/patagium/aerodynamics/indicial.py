@@ -70,15 +70,8 @@ class Indicial:
         Args:
             semichords: Distance travelled since the step, (N,) [semichords].
         """
-        return self._response(semichords, self.lift)
-
-    def circulation_response(self, semichords: ArrayLike) -> Array:
-        """Gamma(s): circulation after a step, over its final value, (N,).
-
-        Args:
-            semichords: Distance travelled since the step, (N,) [semichords].
-        """
-        return self._response(semichords, self.circulation)
+        s = np.atleast_1d(np.asarray(semichords, float))
+        return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ np.asarray(self.lift, float))
 
     def lift_transfer(self, reduced_frequency: ArrayLike) -> ComplexArray:
         """Lift over its quasi-steady value in harmonic motion, in place of C(k), (N,).
@@ -103,10 +96,6 @@ class Indicial:
             "lift": list(self.lift),
             "circulation": list(self.circulation),
         }
-
-    def _response(self, semichords: ArrayLike, amplitude: tuple[float, ...]) -> Array:
-        s = np.atleast_1d(np.asarray(semichords, float))
-        return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ np.asarray(amplitude, float))
 
     def _transfer(self, reduced_frequency: ArrayLike, amplitude: tuple[float, ...]) -> ComplexArray:
         basis = _basis(reduced_frequency, self.rate)
