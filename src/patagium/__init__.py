@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
+    from patagium.simulation import cycle_statistics as cycle_statistics
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
     from patagium.simulation import mounts as mounts
@@ -95,6 +96,7 @@ _HOMES = {
         "measured_section",
     ),
     "simulation": (
+        "cycle_statistics",
         "gaits",
         "load_flight",
         "mounts",

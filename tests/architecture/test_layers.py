@@ -54,6 +54,7 @@ PUBLIC = {
     "StripNetwork",
     "TablePolar",
     "__version__",
+    "cycle_statistics",
     "evaluate",
     "gaits",
     "identify",

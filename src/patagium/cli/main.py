@@ -17,6 +17,7 @@ from patagium import __version__
 from patagium.cli import (
     bench,
     check,
+    cycles,
     evaluate,
     identify,
     latency,
@@ -43,8 +44,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 for _verb in (
-    reproduce, simulate, identify, tune, evaluate, stream, send, bench, latency, validate, stress,
-    robots, check,
+    reproduce, simulate, cycles, identify, tune, evaluate, stream, send, bench, latency, validate,
+    stress, robots, check,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
     app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))

@@ -6,7 +6,6 @@ sensors; a flight's state and accelerations are taken as they stand.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -25,7 +24,7 @@ from patagium.identification.scores import error_scores, persistence, silent_out
 from patagium.identification.stream import Progress, stream
 from patagium.identification.training_data import training_data
 from patagium.robot import Robot
-from patagium.simulation import robot_of
+from patagium.simulation import gait_period, robot_of
 
 Array = NDArray[np.float64]
 
@@ -241,13 +240,5 @@ def flight_horizons(flight: xr.Dataset) -> dict[str, float]:
     Args:
         flight: Record whose attribute `gait` describes the gait.
     """
-    period = _period(json.loads(flight.attrs.get("gait", "{}")))
+    period = gait_period(flight)
     return {"10ms": SHORT_HORIZON} | ({} if period is None else {"beat": period})
-
-
-def _period(gait: Mapping[str, Any]) -> float | None:
-    if gait.get("frequency"):
-        return 1.0 / float(gait["frequency"])
-    if "time" in gait:
-        return float(gait["time"][-1] - gait["time"][0])
-    return max((p for p in map(_period, gait.get("parts", ())) if p), default=None)

@@ -1,4 +1,4 @@
-"""Figures of whole things: a machine from above and behind, a flight at a glance.
+"""Figures of whole things: a machine from above and behind, a flight at a glance, a wingbeat.
 
 A machine is drawn from points, a flight from its Dataset (dimensions time, dof,
 strip, axis). Neglected: perspective and hidden surfaces.
@@ -16,7 +16,16 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FlightError, ShapeError
-from patagium.report.style import TRUTH, WIDTH, color, dash, envelope, legend_above, styled
+from patagium.report.style import (
+    TRUTH,
+    WIDTH,
+    color,
+    dash,
+    envelope,
+    legend_above,
+    panels,
+    styled,
+)
 
 _ATTITUDE = ("roll", "pitch", "yaw")
 _ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the page
@@ -100,6 +109,36 @@ def flight_overview(flight: Any) -> Figure:
         panel.margins(x=0.0)
         panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize=7.5)
     axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+@styled
+def wingbeat(statistics: Any) -> Figure:
+    """Forces and power over one wingbeat, with their spread from beat to beat.
+
+    Args:
+        statistics: Dataset with lift, thrust and power over phase, each with its
+            `_spread`; mount_lift and mount_thrust where there are any.
+    """
+    groups = {
+        "Lift": ("N", ("lift", "mount_lift")),
+        "Thrust": ("N", ("thrust", "mount_thrust")),
+        "Power of the joints": ("W", ("power",)),
+    }
+    phase = np.asarray(statistics["phase"], float)
+    figure, axes = panels(len(groups))
+    for panel, (title, (unit, names)) in zip(axes[:, 0], groups.items(), strict=True):
+        for i, name in enumerate(name for name in names if name in statistics):
+            mean = np.asarray(statistics[name], float)
+            spread = np.nan_to_num(np.asarray(statistics[f"{name}_spread"], float))
+            panel.fill_between(phase, mean - spread, mean + spread, color=color(i), alpha=0.25)
+            label = "at the mount, inertia included" if i else "of the air"
+            panel.plot(phase, mean, color=color(i), linestyle=dash(i), label=label)
+        panel.set_title(title)
+        panel.set_ylabel(f"[{unit}]")
+        panel.margins(x=0.0)
+    axes[-1, 0].set_xlabel("share of a wingbeat [1]; bands: one deviation between beats")
+    legend_above(figure, axes[0, 0])
     return figure
 
 

@@ -1,7 +1,15 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
 from patagium.simulation import gaits, mounts
-from patagium.simulation.flight import QUANTITIES, added_mass_of, aero_of, audits, robot_of
+from patagium.simulation.cycles import cycle_statistics
+from patagium.simulation.flight import (
+    QUANTITIES,
+    added_mass_of,
+    aero_of,
+    audits,
+    gait_period,
+    robot_of,
+)
 from patagium.simulation.flight_files import check_flight, load_flight, save_flight
 from patagium.simulation.published import simulate_published
 from patagium.simulation.simulate import simulate
@@ -12,6 +20,8 @@ __all__ = [
     "aero_of",
     "audits",
     "check_flight",
+    "cycle_statistics",
+    "gait_period",
     "gaits",
     "load_flight",
     "mounts",

@@ -243,6 +243,23 @@ def added_mass_of(flight: xr.Dataset) -> AddedMass | None:
         raise FlightError(f"the flight's added mass cannot be made again: {error}") from None
 
 
+def gait_period(flight: xr.Dataset) -> float | None:
+    """Time of one wingbeat [s]; None if the flight's gait has none.
+
+    Args:
+        flight: Record whose attribute `gait` describes the gait; of its parts the slowest counts.
+    """
+    return _period(json.loads(flight.attrs.get("gait", "{}")))
+
+
+def _period(gait: Mapping[str, Any]) -> float | None:
+    if gait.get("frequency"):
+        return 1.0 / float(gait["frequency"])
+    if "time" in gait:
+        return float(gait["time"][-1] - gait["time"][0])
+    return max((p for p in map(_period, gait.get("parts", ())) if p), default=None)
+
+
 def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
     missing = [name for name in names if name not in flight.attrs]
     if missing:

@@ -1,0 +1,54 @@
+"""`patagium cycles`: a flight as a load-cell lab reports it, averaged over wingbeats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from patagium.cli.words import quantity
+
+EXAMPLES = (
+    "patagium cycles flight.nc --figure wingbeat.svg",
+    'patagium cycles flight.nc --period "0.2 s" --skip 3 --json',
+)
+
+
+def cycles(
+    flight: Annotated[Path, typer.Argument(help="What patagium simulate wrote (.nc).")],
+    period: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("s", "a time"),
+            help="Of a wingbeat, in s; that of the gait if left out.",
+        ),
+    ] = None,
+    skip: Annotated[int, typer.Option(min=0, help="Wingbeats left out at the beginning.")] = 1,
+    phases: Annotated[int, typer.Option(min=2, help="Points of a wingbeat.")] = 100,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw a wingbeat with its spread, as .png or .svg.")
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option(help="Write the wingbeat, phase by phase (.csv).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Lift, thrust and power over a wingbeat: means, spread, cost of transport."""
+    from patagium.cli.words import answer, existing
+    from patagium.simulation import cycle_statistics, load_flight
+
+    statistics = cycle_statistics(
+        load_flight(existing(flight)), period=period, skip=skip, phases=phases
+    )
+    if figure is not None:
+        from patagium.report.figures import save_figure
+        from patagium.report.views import wingbeat
+
+        save_figure(wingbeat(statistics), figure)
+    if table is not None:
+        from patagium.identification.whole_file import write_whole
+
+        rows = statistics.drop_dims("cycle").to_dataframe().reset_index()
+        write_whole(table, rows.to_csv(index=False).encode())
+    answer(dict(statistics.attrs), as_json=as_json, title="Over a wingbeat, SI units")

@@ -1,0 +1,163 @@
+"""What a load-cell lab reports of a flapping robot: cycles, averaged phase by phase.
+
+Whole wingbeats of a flight are laid on top of each other. Neglected: sensors (the values
+of a flight are the true ones) and drift within a wingbeat: each is taken as it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.errors import FlightError, ParameterError
+from patagium.robot import Robot
+from patagium.simulation.flight import gait_period, robot_of
+
+Array = NDArray[np.float64]
+
+GRAM_FORCE = 9.80665e-3
+"""Weight of a gram in standard gravity [N]."""
+
+_HOVERING = 0.1  # slower through the air, thrust is along the nose [m/s]
+_MEANINGS = {
+    "lift": ("N", "force of the air upward"),
+    "thrust": ("N", "force of the air along the way through it, level"),
+    "mount_lift": ("N", "what a load cell under the robot reads upward, weight tared"),
+    "mount_thrust": ("N", "what it reads along the way through the air"),
+    "power": ("W", "power of the actuated joints"),
+}
+
+
+def cycle_statistics(
+    flight: xr.Dataset, *, period: float | None = None, skip: int = 1, phases: int = 100
+) -> xr.Dataset:
+    """Forces and power of a flight over one wingbeat, with their spread from beat to beat.
+
+    Lift is the force of the air upward, thrust that along the mean way through the air,
+    level, added mass included; at less than 0.1 m/s along the nose at the start. A load cell
+    under a fixed robot reads in addition what it takes to move the wings' mass, which has
+    no mean over a cycle: mount_lift, mount_thrust, the robot's weight tared.
+
+    Args:
+        flight: Record of a flight.
+        period: Of a wingbeat [s]; None: of the flight's gait.
+        skip: Whole wingbeats left out at the beginning.
+        phases: Points of a wingbeat.
+
+    Returns:
+        For lift, thrust, power and, of a fixed robot, mount_lift and mount_thrust:
+        `<name>` (phase,), mean over cycles [N, W]; `<name>_spread` (phase,), standard
+        deviation between cycles; `<name>_by_cycle` (cycle,), mean of each cycle. Attributes:
+        cycles; mean_lift, mean_thrust [N] and [gf], mean_power [W], mean_positive_power [W]
+        (nothing is regained when joints are driven), airspeed [m/s], cost_of_transport
+        mean_positive_power / (m g airspeed), NaN at rest.
+
+    Raises:
+        ParameterError: If the gait has no period and none is given, or a number is not possible.
+        FlightError: If no whole wingbeat is left.
+    """
+    beat = gait_period(flight) if period is None else float(period)
+    if beat is None or not (np.isfinite(beat) and beat > 0):
+        raise ParameterError("period", "the time of a wingbeat [s]: the gait has none", period)
+    if skip < 0 or phases < 2:
+        raise ParameterError("skip, phases", "at least 0 wingbeats, 2 points", (skip, phases))
+    time = np.asarray(flight["time"].values, float)
+    begin = time[0] + skip * beat
+    count = int(np.floor((time[-1] - begin) / beat + 1e-6))
+    if count < 1:
+        raise FlightError(
+            f"flight: expected {skip + 1} wingbeats of {beat:.6g} s at least, "
+            f"found {time[-1] - time[0]:.6g} s"
+        )
+    robot = robot_of(flight)
+    signals = _signals(flight, robot, time)
+    phase = np.arange(phases) / phases
+    stamps = begin + beat * (np.arange(count)[:, None] + phase)
+    found = {name: np.interp(stamps, time, signal) for name, signal in signals.items()}
+    statistics = xr.Dataset(
+        {key: value for name, cycles in found.items() for key, value in _variables(name, cycles)},
+        coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
+    )
+    speed = float(np.linalg.norm(_way(flight, robot)))
+    weight = float(robot.gravity) * _mass(robot)
+    driven = float(np.maximum(found["power"], 0.0).mean())
+    moving = speed >= _HOVERING
+    statistics.attrs = {
+        "cycles": count,
+        "period": beat,
+        "mean_lift": float(found["lift"].mean()),
+        "mean_lift_gram_force": float(found["lift"].mean()) / GRAM_FORCE,
+        "mean_thrust": float(found["thrust"].mean()),
+        "mean_thrust_gram_force": float(found["thrust"].mean()) / GRAM_FORCE,
+        "mean_power": float(found["power"].mean()),
+        "mean_positive_power": driven,
+        "airspeed": speed,
+        "cost_of_transport": driven / (weight * speed) if moving and weight else float("nan"),
+    }
+    return statistics
+
+
+def _variables(name: str, cycles: Array) -> list[tuple[str, tuple[str, Array, dict[str, str]]]]:
+    unit, meaning = _MEANINGS[name]
+    spread = cycles.std(axis=0, ddof=1) if len(cycles) > 1 else np.full(cycles.shape[1], np.nan)
+    kinds = {
+        name: ("phase", cycles.mean(axis=0), meaning),
+        f"{name}_spread": ("phase", spread, f"{meaning}: deviation between cycles"),
+        f"{name}_by_cycle": ("cycle", cycles.mean(axis=1), f"{meaning}: mean of each cycle"),
+    }
+    return [
+        (key, (dim, value, {"units": unit, "long_name": words}))
+        for key, (dim, value, words) in kinds.items()
+    ]
+
+
+def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
+    """What is averaged, (N,) each."""
+    forward = _forward(flight, robot)
+    air = _air_force(flight, robot, time)
+    signals = {"lift": air[:, 2], "thrust": air @ forward}
+    if flight.attrs.get("mount") == "fixed":
+        cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
+        cell = cell + float(robot.gravity) * _mass(robot) * np.array([0.0, 0.0, 1.0])
+        signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
+    joints = (flight["u1"] * flight["v"]).sum("dof")
+    return signals | {"power": np.asarray(joints.values, float)}
+
+
+def _air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
+    """Force of the air on the robot, added mass included, world axes, (N, 3) [N]."""
+    force = flight["strip_force"].transpose("time", "strip", "axis").values.sum(axis=1)
+    added = flight["added_mass_force"].transpose("time", "dof").values
+    if robot.floating:
+        bases = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
+        return np.asarray(force + sum(added[:, list(base[:3])] for base in bases), float)
+    if not added.any():
+        return np.asarray(force, float)
+    # a robot that cannot float has no coordinate for it: what moves it, less all else
+    momentum = flight["momentum"].transpose("time", "axis").values
+    mount = flight["mount_wrench"].transpose("time", "component").values[:, :3]
+    weight = np.array([0.0, 0.0, -float(robot.gravity) * _mass(robot)])
+    return np.asarray(np.gradient(momentum, time, axis=0) - mount - weight, float)
+
+
+def _mass(robot: Robot) -> float:
+    return sum(float(body.mass) for body in robot.bodies)
+
+
+def _way(flight: xr.Dataset, robot: Robot) -> Array:
+    """Mean velocity through the air, (3,) [m/s]."""
+    mass = _mass(robot)
+    momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
+    wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
+    return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
+
+
+def _forward(flight: xr.Dataset, robot: Robot) -> Array:
+    """Level direction of the way through the air, of the nose in hover, (3,)."""
+    level = _way(flight, robot) * np.array([1.0, 1.0, 0.0])
+    if np.linalg.norm(level) >= _HOVERING:
+        return np.asarray(level / np.linalg.norm(level))
+    names = list(robot.dof_names)
+    yaw = float(flight["q"].values[0, names.index("yaw")]) if "yaw" in names else 0.0
+    return np.array([np.cos(yaw), np.sin(yaw), 0.0])

@@ -1,0 +1,154 @@
+"""Statistics of wingbeats: closed forms, momentum, and what a load cell reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import FlightError, ParameterError
+
+STEP, BEATS = 5e-4, 4
+
+
+@pytest.fixture(scope="module")
+def held() -> Iterator[xr.Dataset]:
+    robot = pt.load_robot("aerobat")
+    air = pt.Air(wind=(-3.0, 0.0, 0.0))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    yield pt.simulate(
+        robot,
+        pt.LiftingLine(robot, air),
+        gait,
+        duration=BEATS * 0.2,
+        time_step=STEP,
+        mount=pt.mounts.fixed(),
+        added_mass=pt.AddedMass(robot, air),
+    )
+
+
+def test_a_load_cell_reads_the_air_and_the_rate_of_the_wings_momentum(held: xr.Dataset) -> None:
+    statistics = pt.cycle_statistics(held, phases=200)
+    time, momentum = held["time"].values, held["momentum"].values
+    rate = np.gradient(momentum[:, 2], time)
+    stamps = 0.2 + 0.2 * statistics["phase"].values
+    expected = statistics["lift"] - np.mean(
+        [np.interp(stamps + 0.2 * k, time, rate) for k in range(BEATS - 1)], axis=0
+    )
+    scale = np.abs(expected).max().item()
+    # the derivative by differences: of order (2 pi f n dt)^2 / 6 with a few harmonics n
+    np.testing.assert_allclose(statistics["mount_lift"], expected, atol=1e-3 * scale)
+    # the wings' momentum returns, so that it has no mean: the trapezoid of a smooth cycle
+    assert statistics["mount_lift"].mean() == pytest.approx(
+        statistics["lift"].mean().item(), abs=1e-4 * scale
+    )
+
+
+def test_cycles_of_a_settled_wing_repeat(held: xr.Dataset) -> None:
+    statistics = pt.cycle_statistics(held, skip=2)
+    assert statistics.attrs["cycles"] == BEATS - 2
+    lift = statistics["lift"]
+    # lags of the wake still fade a little, two beats in
+    assert statistics["lift_spread"].max() < 0.02 * np.abs(lift).max()
+    mean, scale = statistics.attrs["mean_lift"], np.abs(lift).max().item()
+    assert statistics["lift_by_cycle"].values == pytest.approx(mean, abs=0.02 * scale)
+
+
+def test_a_fall_in_thin_air_gives_known_numbers() -> None:
+    robot = pt.load_robot("aerobat")
+    flight = pt.simulate(
+        robot,
+        pt.QuasiSteady(robot, pt.Air(density=1e-12)),
+        pt.gaits.still(robot),
+        duration=0.2,
+        time_step=1e-4,
+        v=robot.coordinates(x=3.0),
+    )
+    statistics = pt.cycle_statistics(flight, period=0.05, skip=0).attrs
+    speed = np.hypot(3.0, 9.8 * 0.2 / 2)  # mean velocity of the fall, in the sum over samples
+    assert statistics["cycles"] == 4
+    assert statistics["airspeed"] == pytest.approx(speed, rel=1e-9)
+    assert abs(statistics["mean_lift"]) < 1e-11  # the air's share
+    assert statistics["cost_of_transport"] == pytest.approx(
+        statistics["mean_positive_power"] / (0.02 * 9.8 * speed), abs=1e-12
+    )
+
+
+def test_lift_scales_with_the_density_and_thrust_turns_with_the_way(held: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+
+    def fly(density: float, heading: float) -> xr.Dataset:
+        wind = (-3.0 * np.cos(heading), -3.0 * np.sin(heading), 0.0)
+        aero = pt.QuasiSteady(robot, pt.Air(density=density, wind=wind))
+        flight = pt.simulate(
+            robot,
+            aero,
+            gait,
+            duration=0.45,
+            time_step=1e-3,
+            mount=pt.mounts.fixed(),
+            q=robot.coordinates(yaw=heading),
+        )
+        return pt.cycle_statistics(flight)
+
+    once, twice, turned = fly(1.0, 0.0), fly(2.0, 0.0), fly(1.0, 1.0)
+    np.testing.assert_allclose(twice["lift"], 2 * once["lift"], rtol=1e-9)  # rounding
+    # the same flight seen from elsewhere: rounding
+    np.testing.assert_allclose(turned["thrust"], once["thrust"], atol=1e-9)
+    assert once.attrs["mean_lift_gram_force"] == pytest.approx(
+        once.attrs["mean_lift"] / 9.80665e-3, rel=1e-12
+    )
+
+
+def test_a_wing_without_a_floating_body_has_its_added_mass_counted() -> None:
+    robot = pt.load_robot("yeo-wing")
+    air = pt.Air(wind=(-2.9, 0.0, 0.0))
+    gait = pt.gaits.sinusoidal(robot, frequency=3.3, **{robot.dof_names[0]: 0.4})
+    flight = pt.simulate(
+        robot,
+        pt.LiftingLine(robot, air),
+        gait,
+        duration=0.7,
+        time_step=5e-4,
+        added_mass=pt.AddedMass(robot, air),
+    )
+    with_it = pt.cycle_statistics(flight)
+    without = pt.cycle_statistics(flight.assign(added_mass_force=0 * flight["added_mass_force"]))
+    assert np.abs(with_it["lift"] - without["lift"]).max() > 0.05 * np.abs(with_it["lift"]).max()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem", "words"),
+    [
+        ({"period": -1.0}, ParameterError, "period"),
+        ({"skip": 40}, FlightError, "41 wingbeats"),
+        ({"phases": 1}, ParameterError, "points"),
+    ],
+)
+def test_what_cannot_be_averaged_is_refused(
+    held: xr.Dataset, arguments: dict[str, float], problem: type[Exception], words: str
+) -> None:
+    with pytest.raises(problem, match=words):
+        pt.cycle_statistics(held, **arguments)  # type: ignore[arg-type]
+
+
+def test_the_verb_writes_a_table_and_a_figure(
+    held: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, table, figure = (tmp_path / name for name in ("f.nc", "beat.csv", "beat.svg"))
+    pt.save_flight(held, path)
+    with pytest.raises(SystemExit) as left:
+        run(["cycles", str(path), "--table", str(table), "--figure", str(figure), "--json"])
+    assert left.value.code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["mean_lift"] == pytest.approx(pt.cycle_statistics(held).attrs["mean_lift"])
+    head, *rows = table.read_text().splitlines()
+    assert head.startswith("phase,lift,lift_spread") and len(rows) == 100
+    assert figure.read_text().lstrip().startswith("<?xml")
