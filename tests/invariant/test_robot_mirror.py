@@ -7,7 +7,7 @@ import pytest
 from patagium.dynamics import equations
 from patagium.robot import Robot, load_robot, preset_names
 
-ODD = {"y", "roll", "yaw"}
+ODD = {"y", "roll", "yaw", "rudder"}
 
 
 def _mirrored(robot: Robot, vector: np.ndarray) -> np.ndarray:

@@ -12,8 +12,9 @@ from patagium.robot.drawing import wing_span
 SHARED = Path(__file__).parents[2].parent / "shared" / "data"
 
 
-def test_the_four_presets_are_there():
-    assert preset_names() == ("aerobat", "aerobat-beta", "aerobat-published", "yeo-wing")
+def test_the_presets_are_there():
+    aerobats = ("aerobat", "aerobat-beta", "aerobat-published")
+    assert preset_names() == (*aerobats, "dragonfly", "hawk", "ornithopter", "yeo-wing")
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -114,6 +115,16 @@ def test_yeo_wing_follows_the_digitised_planform():
 def _area_of_outline(path: Path) -> float:
     x, y = np.loadtxt(path, delimiter=",").T * 1e-3
     return abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
+
+
+@pytest.mark.parametrize(
+    ("name", "mass", "span"),
+    [("hawk", 0.28, 1.05), ("dragonfly", 0.175, 0.63), ("ornithopter", 0.51, 1.5)],
+)
+def test_machines_of_the_gallery_have_the_mass_and_span_of_their_models(name, mass, span):
+    robot = load_robot(name)
+    assert sum(b.mass for b in robot.bodies) == pytest.approx(mass, rel=1e-12)
+    assert wing_span(robot) == pytest.approx(span, rel=1e-12)
 
 
 def test_an_unknown_preset_names_the_known_ones():
