@@ -92,13 +92,20 @@ class StripMemory:
         keep, wash = self._steps(np.array([step]), states)
         return np.asarray(held * keep[0] + (1.0 - keep[0]) * wash[0])
 
-    def states(self, time: ArrayLike, state: ArrayLike, gaps: ArrayLike = ()) -> Array:
+    def states(
+        self,
+        time: ArrayLike,
+        state: ArrayLike,
+        gaps: ArrayLike = (),
+        first: ArrayLike | None = None,
+    ) -> Array:
         """Lags at every sample of a log, each from samples up to it alone, (N, n_xi) [m/s].
 
         Args:
             time: Increasing, (N,) [s].
             state: [q, v], (N, 2n).
             gaps: First sample after each gap, where memory begins anew.
+            first: Lags at the first sample, (n_xi,) [m/s]; None: its flow was always there.
         """
         stamps, states = np.asarray(time, float), np.ascontiguousarray(state, float)
         anew = {0, *np.asarray(gaps, int).tolist()}
@@ -106,6 +113,8 @@ class StripMemory:
         taken = (1.0 - keep) * wash
         steady, _ = self._flow(states)
         lags = np.repeat(steady, len(self.rates), axis=1)
+        if first is not None:
+            lags[0] = first
         for k in range(1, len(stamps)):
             if k not in anew:
                 lags[k] = keep[k - 1] * lags[k - 1] + taken[k - 1]
@@ -117,7 +126,7 @@ class StripMemory:
         semichords = steps[:, None] * (speed[1:] + speed[:-1]) / (2 * self._semichord)
         keep = np.exp(-semichords[:, :, None] * np.array(self.rates))
         mean = np.repeat((wash[1:] + wash[:-1]) / 2, len(self.rates), axis=1)
-        return keep.reshape(len(steps), -1), mean
+        return keep.reshape(len(steps), self.size), mean
 
     def _flow(self, states: Array) -> tuple[Array, Array]:
         """Normalwash and airspeed of every strip, (N, n_strips) each [m/s]."""
