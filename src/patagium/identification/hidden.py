@@ -21,11 +21,12 @@ from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.horseshoes import horseshoe_function, lattice, strip_chains
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.wash import normalwash
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError
 from patagium.identification.dense import described
-from patagium.identification.memory import StripMemory, normalwash
+from patagium.identification.memory import StripMemory
 from patagium.identification.mlp import Perceptron
 from patagium.identification.network import Memory
 from patagium.identification.strip import StripNetwork

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.wash import airspeed, normalwash
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -149,19 +149,3 @@ class StripMemory:
         inputs = [x, ca.vertcat(wind, parameters)]
         names_in, names_out = ["x", "memory_parameters"], ["wash", "speed"]
         return [ca.Function("washes", inputs, [wash, speed], names_in, names_out)]
-
-
-def normalwash(motion: StripMotion) -> ca.SX:
-    """Air through a strip at three quarters of its chord [m/s]."""
-    return -motion.normal_ahead(_behind(motion))
-
-
-def airspeed(motion: StripMotion) -> ca.SX:
-    """Speed across the span there, never zero [m/s]."""
-    normal = motion.normal_ahead(_behind(motion))
-    return smooth_norm(motion.forward * motion.forward + normal * normal)
-
-
-def _behind(motion: StripMotion) -> ca.SX:
-    """Three quarters of the chord seen from ahead of the wind, from the quarter chord [m]."""
-    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
