@@ -85,7 +85,7 @@ class Relaxation:
     target: ca.SX
 
     def derivative(self, state: ca.SX) -> ca.SX:
-        """dz/dt, (n_z, 1).
+        """dz/dt, (n_z, 1), in the unit of z a second [1/s].
 
         Args:
             state: z, (n_z, 1).
