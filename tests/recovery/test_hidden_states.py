@@ -25,7 +25,7 @@ def test_a_wing_with_lags_is_learned_by_a_network_with_lags():
             k = robot.index(f"{side}_{joint}")
             state[:, k] = size * np.sin(beat * time + phase)
             state[:, dof + k] = size * beat * np.cos(beat * time + phase)
-    y = teacher.evaluate(teacher.remember(time, state), weights)
+    y = teacher.evaluate(teacher.recall(weights, time, state)[0], weights)
     heard = y.var(axis=0) > 1e-9 * y.var(axis=0).max()
     worst = {}
     for network in (pupil, static):

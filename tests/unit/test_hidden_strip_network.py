@@ -37,14 +37,19 @@ def log(robot):
     return time, state
 
 
+def recalled(network, time, state):
+    """[q, v, xi] of a log."""
+    return network.recall(network.initial(0), time, state)[0]
+
+
 def test_memory_does_not_know_the_future(network, log):
     time, state = log
     changed = state.copy()
     changed[40:] += 1.0
-    whole, other = network.remember(time, state), network.remember(time, changed)
+    whole, other = recalled(network, time, state), recalled(network, time, changed)
     assert np.array_equal(whole[:40], other[:40])
     assert not np.allclose(whole[45], other[45])
-    assert np.array_equal(network.remember(time[:40], state[:40]), whole[:40])
+    assert np.array_equal(recalled(network, time[:40], state[:40]), whole[:40])
 
 
 def test_memory_of_a_log_is_that_of_its_samples_one_by_one(network, log):
@@ -89,7 +94,7 @@ def test_lags_stay_within_what_was_met_at_any_rate_and_step(robot, log, rate):
 
 def test_without_weights_on_memory_the_network_is_static(network, log):
     time, state = log
-    x = network.remember(time, state)
+    x = recalled(network, time, state)
     weights = network.initial(0)
     first = weights[: 4 * network.perceptron.widths[0]].reshape(4, -1)
     first[:, 3:5] = 0.0  # lags of strips themselves
@@ -116,13 +121,13 @@ def test_mirrored_flight_makes_mirrored_forces(network, log, robot):
             mirror[left], mirror[right] = right, left
     reflected = np.hstack([state[:, :n][:, mirror] * sign, state[:, n:][:, mirror] * sign])
     weights = network.initial(1)
-    y = network.evaluate(network.remember(time, state), weights)
-    seen = network.evaluate(network.remember(time, reflected), weights)
+    y = network.evaluate(recalled(network, time, state), weights)
+    seen = network.evaluate(recalled(network, time, reflected), weights)
     assert np.allclose(seen, y[:, mirror] * sign, rtol=0, atol=1e-11 * np.abs(y).max())  # rounding
 
 
 def test_slopes_are_those_of_differences(network, log):
-    x = network.remember(*log)[20]
+    x = recalled(network, *log)[20]
     weights, step = network.initial(3), 1e-6
     _, slope = network.linearized(network.encode_one(x), weights)
     for k in range(0, network.size, 7):
@@ -133,7 +138,7 @@ def test_slopes_are_those_of_differences(network, log):
 
 
 def test_it_comes_back_from_its_description(network, log):
-    x = network.remember(*log)
+    x = recalled(network, *log)
     weights = network.initial(0)
     y = network.evaluate(x, weights)
     again = network_from_description(network.describe())
@@ -156,7 +161,7 @@ def test_what_it_cannot_be_is_refused(robot, network, log):
 
 def test_streams_and_comparisons_fill_memory_in(network, log):
     time, state = log
-    full = network.remember(time, state)
+    full = recalled(network, time, state)
     y = network.evaluate(full, network.initial(4))
     results = []
     for x in (state, full):

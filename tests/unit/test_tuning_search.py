@@ -123,7 +123,10 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
     y = np.array([[1.0], [np.nan], [3.0], [2.0]])
     innovations = iter([[0.5], [np.nan], [np.nan], [0.1]])
     learner = SimpleNamespace(
-        update=lambda x, y: np.array(next(innovations)), innovation_covariance=np.eye(1)
+        update=lambda x, y: np.array(next(innovations)),
+        innovation_covariance=np.eye(1),
+        network=SimpleNamespace(inputs=1, measured_inputs=1),
+        weights=np.zeros(1),
     )
     gave = foresee(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
     mean, deviation = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
@@ -136,7 +139,8 @@ def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:
     def update(x: object, y: object) -> None:
         raise FilterDiverged("update 1: the covariance is lost", Outcome.COVARIANCE_LOST)
 
-    learner = SimpleNamespace(update=update, count=0)
+    network = SimpleNamespace(inputs=1, measured_inputs=1)
+    learner = SimpleNamespace(update=update, count=0, network=network, weights=np.zeros(1))
     y = np.ones((4, 1))
     gave = foresee(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
     assert (gave.score, gave.outcome) == (-inf, Outcome.COVARIANCE_LOST)

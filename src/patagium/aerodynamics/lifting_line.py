@@ -22,7 +22,6 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.horseshoes import (
     Chain,
     Lattice,
-    horseshoe_function,
     lattice,
     strip_chains,
 )
@@ -35,26 +34,17 @@ from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, St
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
 from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
+from patagium.aerodynamics.wash import (
+    Lags,
+    Relaxation,
+    Wash,
+    airspeed,
+    lag_relaxation,
+    normalwash,
+    solve_wash,
+)
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
-
-
-@dataclass(frozen=True)
-class Wash:
-    """Normal velocities of the air at the strips of a lifting line, (n, 1) each [m/s].
-
-    Attributes:
-        effective: Of the undisturbed wind at three quarters of the chord and of the wind
-            induced by the trailing vortices.
-        lagged: What the lift answers to, phi(0) effective + sum_k a_k z_k.
-        circulation: Bound circulation along forward x normal [m^2/s].
-        induced: Velocity induced by the trailing vortices, lattice axes, (3, n) [m/s].
-    """
-
-    effective: ca.SX
-    lagged: ca.SX
-    circulation: ca.SX
-    induced: ca.SX
 
 
 @dataclass(frozen=True)
@@ -188,8 +178,12 @@ class LiftingLine(Aerodynamics):
             _load(motion, net, wash, gains[i], p, i, self.section, separated[i])
             for i, motion in enumerate(motions)
         ]
-        rates = ca.vertcat(_state_derivative(motions, wash, state, p), *delayed)
-        return assemble(robot, q, loads, rates)
+        lags = lag_relaxation(motions, wash.effective, p.lags)
+        memory = Relaxation(
+            ca.vertcat(lags.rate, *[part.rate for part in delayed]),
+            ca.vertcat(lags.target, *[part.target for part in delayed]),
+        )
+        return assemble(robot, q, loads, memory.derivative(state), memory)
 
     def state_space(self, q: ArrayLike, v: ArrayLike, wind: ArrayLike | None = None) -> StateSpace:
         """The attached flow's matrices at a state of the robot.
@@ -222,7 +216,7 @@ class LiftingLine(Aerodynamics):
         net = lattice(robot, self.chains, q, v, wind)
         wash = self._wash(net, motions, normalwash, state, p)
         gains = surface_gains(robot, robot, p.surface_constant)
-        derivative = _state_derivative(motions, wash, state, p)
+        derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [
             gain * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
             for i, (motion, gain) in enumerate(zip(motions, gains, strict=True))
@@ -236,8 +230,8 @@ class LiftingLine(Aerodynamics):
 
     def _separated(
         self, motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
-    ) -> tuple[list[Any], list[Any]]:
-        """Separated share of every strip, and the rates of the stall delay's states."""
+    ) -> tuple[list[Any], list[Relaxation]]:
+        """Separated share of every strip, and what the stall delay's states follow."""
         count = len(motions)
         seen = [wash.lagged[i] for i in range(count)]
         if self.stall_delay is not None:
@@ -250,9 +244,9 @@ class LiftingLine(Aerodynamics):
         if self.stall_delay is None:
             return shares, []
         present = [state[first + count + i] for i in range(count)]
-        rates = [2 * _airspeed(motion) / motion.strip.chord for motion in motions]
-        pressure = [rates[i] / p.delays[0] * (wash.lagged[i] - seen[i]) for i in range(count)]
-        separation = [rates[i] / p.delays[1] * (shares[i] - present[i]) for i in range(count)]
+        rates = [2 * airspeed(motion) / motion.strip.chord for motion in motions]
+        pressure = [Relaxation(rates[i] / p.delays[0], wash.lagged[i]) for i in range(count)]
+        separation = [Relaxation(rates[i] / p.delays[1], shares[i]) for i in range(count)]
         return present, [*pressure, *separation]
 
     def _wash(
@@ -263,28 +257,8 @@ class LiftingLine(Aerodynamics):
         state: ca.SX,
         p: _Numbers,
     ) -> Wash:
-        """Normalwashes of all strips; linear in the geometric ones and the state."""
-        sizes = tuple(len(chain.strips) for chain in self.chains)
-        order = [i for chain in self.chains for i in chain.strips]
-        right = [sign for chain in self.chains for sign in chain.right]
-        gain, wash = [], []
-        for i, along in zip(order, right, strict=True):
-            sign = along * smooth_sign(motions[i].forward)
-            gain.append(sign * motions[i].strip.chord * p.section["lift_slope"] / 2)
-            wash.append(p.first_circulation * geometric[i] + p.lagged(p.circulation, state, i))
-        circulation, induced = horseshoe_function(sizes)(
-            *(net.points[:, order], net.normals[:, order]),
-            *(net.edges, net.directions, net.core_squares),
-            *(ca.vertcat(*gain), ca.vertcat(*wash), p.first_circulation),
-        )
-        of_strip = [order.index(i) for i in range(len(order))]
-        induced = induced[:, of_strip]
-        effective = geometric + ca.sum1(net.normals * induced).T
-        lagged = [
-            p.first_lift * effective[i] + p.lagged(p.lift, state, i) for i in range(len(order))
-        ]
-        signed = [circulation[k] * right[k] for k in of_strip]
-        return Wash(effective, ca.vertcat(*lagged), ca.vertcat(*signed), induced)
+        slope = p.section["lift_slope"]
+        return solve_wash(self.chains, net, motions, geometric, state, p.lags, slope)
 
 
 _LAGS = ("rate", "lift", "circulation")
@@ -297,52 +271,22 @@ class _Numbers:
         count = model.lags.size
         parts = [[parameters[2 + part * count + k] for k in range(count)] for part in range(3)]
         self.density, self.surface_constant = parameters[0], parameters[1]
-        self.rate, self.lift, self.circulation = parts
-        self.first_lift = 1.0 - sum(self.lift, ca.SX(0))
-        self.first_circulation = 1.0 - sum(self.circulation, ca.SX(0))
+        self.lags = Lags(*parts)
         last = 2 + 3 * count + len(model.section.parameter_names)
         self.of_section, self.delays = parameters[2 + 3 * count : last], parameters[last:]
         self.section, self.stalled = model.section.named(self.of_section)
-
-    def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
-        """Sum over a strip's lags of amplitude times lagged normalwash."""
-        terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
-        return sum(terms, ca.SX(0))
 
 
 def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
     """Air through the strip at three quarters of its chord, camber included [m/s]."""
     camber = p.section["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
-    return -motion.normal_ahead(_collocation(motion)) - camber
-
-
-def _collocation(motion: StripMotion) -> Any:
-    """Where the normalwash is taken, ahead of the quarter chord [m]."""
-    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
-
-
-def _airspeed(motion: StripMotion) -> Any:
-    """Speed across the span where the normalwash is taken, never zero [m/s]."""
-    normal = motion.normal_ahead(_collocation(motion))
-    return smooth_norm(motion.forward * motion.forward + normal * normal)
+    return normalwash(motion) - camber
 
 
 def _pressure(motion: StripMotion, p: _Numbers) -> Any:
     """Attached lift per normalwash, 1/2 rho c ds a0 U [N s/m]."""
     area = motion.strip.chord * motion.strip.width
-    return p.density * area * p.section["lift_slope"] * _airspeed(motion) / 2
-
-
-def _state_derivative(
-    motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
-) -> ca.SX:
-    rates = [ca.SX(0, 1)]
-    for i, motion in enumerate(motions):
-        semichords = 2 * _airspeed(motion) / motion.strip.chord
-        for k, rate in enumerate(p.rate):
-            lag = state[i * len(p.rate) + k]
-            rates.append(semichords * rate * (wash.effective[i] - lag))
-    return ca.vertcat(*rates)
+    return p.density * area * p.section["lift_slope"] * airspeed(motion) / 2
 
 
 def _load(

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from patagium.aerodynamics.local_flow import StripMotion
+from patagium.aerodynamics.wash import Relaxation
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.robot.model import Robot
@@ -37,6 +38,7 @@ class AeroExpressions:
             (n_strips, 1) [m^2/s]; zero in models without.
         downwash: Normal velocity that the wings induce at each strip, against its normal,
             (n_strips, 1) [m/s]; zero in models without.
+        memory: What the states follow, of models with any.
     """
 
     generalized_force: ca.SX
@@ -48,6 +50,7 @@ class AeroExpressions:
     state_derivative: ca.SX
     circulation: ca.SX
     downwash: ca.SX
+    memory: Relaxation | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,11 @@ class StripLoad:
 
 
 def assemble(
-    robot: Robot, q: ca.SX, loads: Sequence[StripLoad], state_derivative: ca.SX
+    robot: Robot,
+    q: ca.SX,
+    loads: Sequence[StripLoad],
+    state_derivative: ca.SX,
+    memory: Relaxation | None = None,
 ) -> AeroExpressions:
     """Loads of strips as forces on the robot.
 
@@ -85,6 +92,7 @@ def assemble(
         q: Generalized coordinates, (n,) [m, rad].
         loads: One load a strip, in the order of `robot.strips`.
         state_derivative: Rate of the model's own states, (n_z, 1).
+        memory: What they follow.
     """
     poses = body_poses(robot, q)
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
@@ -117,4 +125,5 @@ def assemble(
         state_derivative=state_derivative,
         circulation=ca.vertcat(ca.SX(0, 1), *[load.circulation for load in loads]),
         downwash=ca.vertcat(ca.SX(0, 1), *[load.downwash for load in loads]),
+        memory=memory,
     )

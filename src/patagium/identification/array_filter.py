@@ -386,14 +386,13 @@ def point_moments(
         root: S, (n, n); the points are evaluated in its precision.
     """
     network, rule = setting.network, setting.rule
-    features, center = encoding.features.astype(root.dtype)[None], mean.astype(root.dtype)
+    center = mean.astype(root.dtype)
     steps = np.asarray(rule.spread, root.dtype) * root.T
-    values = [network.perceptron.forward(features, center[None])]
+    values = [network.values(encoding, center[None])]
     for sign in (1, -1):
         for start in range(0, len(steps), _POINTS_AT_ONCE):
             part = center + sign * steps[start : start + _POINTS_AT_ONCE]
-            values.append(network.perceptron.forward(features, part))
-    out = np.concatenate(values).astype(float)
-    y = out.reshape(len(out), -1) @ encoding.readout.T + encoding.offset
+            values.append(network.values(encoding, part))
+    y = np.concatenate(values)
     count = len(mean)
     return moments_of(y[0], y[1 : count + 1], y[count + 1 :], noise, rule)

@@ -61,7 +61,7 @@ class BlockFilter(ArrayFilter):
 
 def setting_blocks(setting: FilterSetting) -> tuple[Indices, ...]:
     """Weights that a filter keeps together."""
-    return blocks_of(setting.network.perceptron, str(setting.structure))
+    return blocks_of(setting.network, str(setting.structure))
 
 
 def scattered(roots: Sequence[Array], blocks: Sequence[Indices]) -> Array:

@@ -15,14 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.network import Encoding
+from patagium.identification.perceptron_network import PerceptronNetwork
 from patagium.identification.scaling import center_of, scale_of
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
 
 
-class DenseNetwork(Network):
+class DenseNetwork(PerceptronNetwork):
     """Perceptron between scaled inputs and scaled outputs.
 
     y = output_center + output_scale * mlp((x - input_center) / input_scale; W).

@@ -235,7 +235,7 @@ class FilterLearner(Saved):
     def kept_covariance(self) -> WeightCovariance:
         """What is kept of the covariance after the last sample, in its own size."""
         structure = self._assumptions.covariance
-        return covariance_of_state(self._network.perceptron, structure, self._filter.state())
+        return covariance_of_state(self._network, structure, self._filter.state())
 
     def restart_clock(self) -> None:
         """Take the next sample by whatever clock it comes: another log begins."""

@@ -14,6 +14,7 @@ from patagium.identification.kernel_filter import restore
 from patagium.identification.low_rank import Precision
 from patagium.identification.low_rank_kernel import restore_low_rank
 from patagium.identification.node_filter import NodeFilter, load_node
+from patagium.identification.perceptron_network import PerceptronNetwork
 from patagium.identification.structure import LowRank
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def independent(setting: FilterSetting, deviation: Array) -> Precision:
 def restore_nodes(
     setting: FilterSetting, mean: Array, roots: Sequence[Array]
 ) -> NodeFilter | BlockFilter:
-    """A filter of one block a neuron in the state given, compiled where there is a compiler.
+    """A filter of one block a neuron in the state given, compiled where that can be.
 
     Args:
         setting: What it is made of.
@@ -68,6 +69,6 @@ def restore_nodes(
         roots: The lower triangular square root of each neuron's covariance, (k, k).
     """
     library = load_node(setting.dtype)
-    if library is None:
+    if library is None or not isinstance(setting.network, PerceptronNetwork):
         return BlockFilter(setting, mean, scattered(roots, setting_blocks(setting)))
     return NodeFilter(setting, mean, roots, library)

@@ -24,6 +24,7 @@ from scipy.ndimage import uniform_filter1d
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.identification.filter_learner import FilterLearner
+from patagium.identification.recollection import Observed, Recollection
 from patagium.identification.root import MatrixLost
 from patagium.identification.scores import SILENT_RATIO
 
@@ -91,27 +92,38 @@ def moving(y: Array) -> Chosen:
     return np.asarray(alive & measured & (local > STILL**2))
 
 
-def foresee(learner: FilterLearner, x: Array, y: Array, scored: Chosen) -> Foresight:
-    """Teach a learner all samples, and see how well it foresaw each.
+def foresee(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chosen) -> Foresight:
+    """Teach a learner samples, and see how well it foresaw each.
 
     An output that was measured, and that the learner left out, is taken for foreseen by its
     mean and variance alone: leaving out is no way to a better score.
 
     Args:
         learner: It is changed.
-        x: Inputs, (N, n_x).
+        x: Inputs, (N, n_x), or a log that uses N samples.
         y: Measurements, (N, n_y).
         scored: Which of them count, (N, n_y); see `moving`.
     """
     error, variance = np.empty_like(y), np.empty_like(y)
+    log = x if isinstance(x, Observed) else _one_by_one(x)
+    recollection = Recollection(learner.network, log.time, log.x, log.gaps)
     try:
-        for k, (seen, measured) in enumerate(zip(x, y, strict=True)):
+        for k, (sample, measured) in enumerate(zip(log.used.tolist(), y, strict=True)):
+            before = learner.weights
+            seen = recollection.upto(sample + 1, before)[-1]
             error[k] = learner.update(seen, measured)
+            recollection.heed(learner.weights - before)
             variance[k] = np.diagonal(learner.innovation_covariance)
     except (FilterDiverged, MatrixLost) as problem:
         return Foresight(-inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem))
     heard = scored.any(axis=0)
     return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
+
+
+def _one_by_one(x: Array) -> Observed:
+    """Samples by themselves, (N, n_x)."""
+    numbers = np.arange(len(x))
+    return Observed(numbers.astype(float), x, numbers[:0], numbers)
 
 
 def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Foresight:

@@ -21,12 +21,14 @@ from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.horseshoes import horseshoe_function, lattice, strip_chains
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.wash import normalwash
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError
 from patagium.identification.dense import described
-from patagium.identification.memory import StripMemory, normalwash
+from patagium.identification.memory import StripMemory
 from patagium.identification.mlp import Perceptron
+from patagium.identification.network import Memory
 from patagium.identification.strip import StripNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -42,7 +44,7 @@ class HiddenStripNetwork(StripNetwork):
     """Section coefficients from the local flow and its memory, y = sum_i B_i(q) p_i c_i.
 
     x is [q, v, xi]: the state of the robot and the lagged normalwashes of its strips, which
-    `memory` advances with the flow, and `remember` finds for a log. For each strip
+    `memory` advances with the flow, and `recall` finds for a log. For each strip
 
         m = scale * mlp([2f, 2n, 1.5w/U, 3xi_k/U, 1.5i/U, 3i_k/U]; W),
         c_forward = m_1 + m_5 w/U,    c_normal = m_2 + m_6 w/U + sum_k m_(6+k) xi_k/U,
@@ -116,17 +118,40 @@ class HiddenStripNetwork(StripNetwork):
         """The lags, to be advanced with the flow."""
         return self._memory
 
-    def remember(self, time: ArrayLike, x: Array, gaps: ArrayLike = ()) -> Array:
-        """States of a log with what the strips remember at each, (N, n_x).
+    @property
+    def measured_inputs(self) -> int:
+        """Length of [q, v]."""
+        return 2 * self.robot.dof
+
+    def recall(
+        self,
+        weights: Array,
+        time: ArrayLike,
+        x: Array,
+        carried: Memory | None = None,
+        gaps: ArrayLike = (),
+    ) -> tuple[Array, Memory]:
+        """States of a block with what the strips remember at each; no weight changes that.
 
         Args:
+            weights: Not used, (n,).
             time: Increasing, (N,) [s].
-            x: [q, v], (N, 2n); [q, v, xi] is left as it is.
+            x: [q, v], (N, 2n).
+            carried: What the block before left.
             gaps: First sample after each gap.
+
+        Returns:
+            [q, v, xi], (N, n_x), and what the next block goes on from.
         """
-        if x.ndim != 2 or x.shape[1] != 2 * self.robot.dof:
-            return x
-        return np.hstack([x, self._memory.states(time, x, gaps)])
+        stamps, starts = np.asarray(time, float), np.asarray(gaps, int)
+        if carried is None:
+            lags = self._memory.states(stamps, x, starts)
+        else:
+            earlier = np.append(carried.time, stamps), np.vstack([carried.x, x])
+            lags = self._memory.states(*earlier, starts + 1, carried.state)[1:]
+        nothing = np.zeros((self._memory.size, 0))
+        left = Memory(float(stamps[-1]), x[-1], lags[-1], nothing, np.zeros(0))
+        return np.hstack([x, lags]), left
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""

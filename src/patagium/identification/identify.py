@@ -17,6 +17,7 @@ from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.identification.learner import Learner
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
+from patagium.identification.recollection import Recollection
 from patagium.identification.record import check, interval_scores, no_updates, record_of
 from patagium.identification.result import Identification
 from patagium.identification.schedule import MOST_CHECKS, thin, used_samples
@@ -136,14 +137,14 @@ def compare(
     Args:
         model: A learner (it is not taught), or network and weights.
         time: (N,) [s].
-        x: What the network sees, (N, n_x), or what it needs to remember the rest.
+        x: What is measured of the network's inputs, (N, n_measured); it recalls the rest.
         y: What was measured, (N, n_y).
         every: The rival holds one measured sample in so many.
         units: Units of the outputs; None for "1".
         gaps: First sample after each gap in time.
     """
     names = model.network.output_names
-    x = model.network.remember(time, x, gaps)
+    x = Recollection(model.network, time, x, gaps).upto(len(time), model.weights)
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []

@@ -27,6 +27,7 @@ from patagium.identification.kernel_memory import (
     rounded_up,
 )
 from patagium.identification.kernel_screening import screening_structure
+from patagium.identification.perceptron_network import PerceptronNetwork, as_perceptron
 from patagium.identification.root import with_noise
 from patagium.identification.structure import Indices
 from patagium.native import load_kernel
@@ -87,7 +88,9 @@ class KernelFilter:
         self._screening = screening_structure(self.screen)
         self._struct = _structure(setting, self._arrays)
         self._struct.screen = ctypes.addressof(self._screening)
-        self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
+        self._x, self._keep = install_encoder(
+            as_perceptron(setting.network), self._struct, self._arrays
+        )
         self._address = ctypes.addressof(self._struct)
         self._predict, self._update = (
             kernel_function(library, f"cubature_{name}") for name in ("predict", "update")
@@ -226,7 +229,7 @@ class KernelFilter:
 
 
 def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | ArrayFilter:
-    """A filter in the state given, compiled where there is a compiler.
+    """A filter in the state given, compiled where there is a compiler and a perceptron.
 
     Args:
         setting: What it is made of.
@@ -234,7 +237,7 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
         root: The lower triangular square root of their covariance, (n, n).
     """
     library = load_cubature(setting.dtype)
-    if library is None:
+    if library is None or not isinstance(setting.network, PerceptronNetwork):
         readable = ArrayFilter if setting.structure == "full" else BlockFilter
         return readable(setting, mean, root)
     return KernelFilter(setting, mean, root, library)
@@ -242,7 +245,7 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
 
 def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `cubature.h` names, on cache lines."""
-    network, outputs = setting.network, len(setting.noise)
+    network, outputs = as_perceptron(setting.network), len(setting.noise)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
     counts = [len(block) for block in setting_blocks(setting)]
@@ -280,7 +283,7 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
 
 
 def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Cubature:
-    network = setting.network
+    network = as_perceptron(setting.network)
     forgets = 1.0 if setting.has_process_noise else setting.forgetting_factor
     return _Cubature(
         weights=network.size,

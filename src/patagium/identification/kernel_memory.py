@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.identification.network import Network
+from patagium.identification.perceptron_network import PerceptronNetwork
 from patagium.identification.screening import Screen
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def compiled_filter(
 
 
 def install_encoder(
-    network: Network, struct: Any, arrays: Mapping[str, Array]
+    network: PerceptronNetwork, struct: Any, arrays: Mapping[str, Array]
 ) -> tuple[Array | None, tuple[Any, ...]]:
     """Let a kernel call a compiled encoder itself.
 

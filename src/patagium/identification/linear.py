@@ -274,7 +274,7 @@ class LinearLearner(Saved):
     def kept_covariance(self) -> BlockCovariance:
         """The covariance by outputs, each that of the features' weights."""
         parts = [self._spread] * self._network.outputs
-        return block_covariance(self._network.perceptron, "node", parts)
+        return block_covariance(self._network, "node", parts)
 
     def restart_clock(self) -> None:
         """Take the next sample by whatever clock it comes: another log begins."""

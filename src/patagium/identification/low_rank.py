@@ -238,12 +238,9 @@ class LowRankFilter:
     ) -> Moments:
         """What the points along the columns say of y; elsewhere y stays where it is."""
         rule = self.setting.rule
-        values = [
-            self._at(encoding, self.mean + sign * rule.spread * column)
-            for sign in (1.0, -1.0)
-            for column in columns.T
-        ]
-        plus, minus = np.reshape(values, (2, columns.shape[1], len(y)))
+        steps = rule.spread * columns.T
+        points = self.mean + np.concatenate([steps, -steps])
+        plus, minus = np.split(self.setting.network.values(encoding, points), 2)
         return self._moments_at(encoding, y, plus, minus)
 
     def _moments_at(self, encoding: Encoding, y: Array, plus: Array, minus: Array) -> Moments:
@@ -253,10 +250,6 @@ class LowRankFilter:
         found = moments_of(y, plus, minus, self.screen.noise(encoding.readout), rule)
         shift = found.mean - y
         return found._replace(remainder=found.remainder + rest * np.outer(shift, shift))
-
-    def _at(self, encoding: Encoding, weights: Array) -> Array:
-        out = self.setting.network.perceptron.forward(encoding.features, weights)
-        return np.asarray(encoding.readout @ out.ravel() + encoding.offset)
 
 
 class ExtendedLowRankFilter(LowRankFilter):

@@ -29,6 +29,7 @@ from patagium.identification.low_rank import (
     seen_directions,
 )
 from patagium.identification.network import Encoding
+from patagium.identification.perceptron_network import PerceptronNetwork, as_perceptron
 from patagium.identification.root import MatrixLost, lower_factor
 from patagium.identification.spread import Moments
 from patagium.native import load_kernel
@@ -75,7 +76,7 @@ def load_low_rank(dtype: str) -> ctypes.CDLL | None:
 def restore_low_rank(
     setting: FilterSetting, mean: Array, precision: Precision, linear: bool = False
 ) -> LowRankFilter:
-    """A filter in the state given, compiled where there is a compiler.
+    """A filter in the state given, compiled where there is a compiler and a perceptron.
 
     Args:
         setting: What it is made of; its structure is a `LowRank`.
@@ -84,7 +85,7 @@ def restore_low_rank(
         linear: Whether y is taken as linear around the weights: no points.
     """
     library = load_low_rank(setting.dtype)
-    if library is None:
+    if library is None or not isinstance(setting.network, PerceptronNetwork):
         return (ExtendedLowRankFilter if linear else LowRankFilter)(setting, mean, precision)
     return LowRankKernel(setting, mean, precision, linear, library)
 
@@ -112,7 +113,8 @@ class LowRankKernel(LowRankFilter):
     ) -> None:
         super().__init__(setting, mean, precision)
         self._linear, self._library = linear, library
-        network, outputs, lanes = setting.network, len(setting.noise), library.low_rank_lanes()
+        network = as_perceptron(setting.network)
+        outputs, lanes = len(setting.noise), library.low_rank_lanes()
         widths, items = network.perceptron.widths, network.items
         rank = precision.columns.shape[1]
         padded, depth = rounded_up(outputs, lanes), rounded_up(rank + outputs, 8)
@@ -213,7 +215,8 @@ class LowRankKernel(LowRankFilter):
     def _shown(self, encoding: Encoding) -> _Seen | None:
         """What y sees of the weights, and its moments; None where that is no number."""
         self._place(self._before())
-        network, rank, outputs = self.setting.network, self._struct.rank, len(self.setting.noise)
+        network = as_perceptron(self.setting.network)
+        rank, outputs = self._struct.rank, len(self.setting.noise)
         out, inputs, seeds = network.perceptron.sensitivities(
             encoding.features, self.mean, encoding.readout
         )

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.wash import airspeed, normalwash
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -92,13 +92,20 @@ class StripMemory:
         keep, wash = self._steps(np.array([step]), states)
         return np.asarray(held * keep[0] + (1.0 - keep[0]) * wash[0])
 
-    def states(self, time: ArrayLike, state: ArrayLike, gaps: ArrayLike = ()) -> Array:
+    def states(
+        self,
+        time: ArrayLike,
+        state: ArrayLike,
+        gaps: ArrayLike = (),
+        first: ArrayLike | None = None,
+    ) -> Array:
         """Lags at every sample of a log, each from samples up to it alone, (N, n_xi) [m/s].
 
         Args:
             time: Increasing, (N,) [s].
             state: [q, v], (N, 2n).
             gaps: First sample after each gap, where memory begins anew.
+            first: Lags at the first sample, (n_xi,) [m/s]; None: its flow was always there.
         """
         stamps, states = np.asarray(time, float), np.ascontiguousarray(state, float)
         anew = {0, *np.asarray(gaps, int).tolist()}
@@ -106,6 +113,8 @@ class StripMemory:
         taken = (1.0 - keep) * wash
         steady, _ = self._flow(states)
         lags = np.repeat(steady, len(self.rates), axis=1)
+        if first is not None:
+            lags[0] = first
         for k in range(1, len(stamps)):
             if k not in anew:
                 lags[k] = keep[k - 1] * lags[k - 1] + taken[k - 1]
@@ -117,7 +126,7 @@ class StripMemory:
         semichords = steps[:, None] * (speed[1:] + speed[:-1]) / (2 * self._semichord)
         keep = np.exp(-semichords[:, :, None] * np.array(self.rates))
         mean = np.repeat((wash[1:] + wash[:-1]) / 2, len(self.rates), axis=1)
-        return keep.reshape(len(steps), -1), mean
+        return keep.reshape(len(steps), self.size), mean
 
     def _flow(self, states: Array) -> tuple[Array, Array]:
         """Normalwash and airspeed of every strip, (N, n_strips) each [m/s]."""
@@ -140,19 +149,3 @@ class StripMemory:
         inputs = [x, ca.vertcat(wind, parameters)]
         names_in, names_out = ["x", "memory_parameters"], ["wash", "speed"]
         return [ca.Function("washes", inputs, [wash, speed], names_in, names_out)]
-
-
-def normalwash(motion: StripMotion) -> ca.SX:
-    """Air through a strip at three quarters of its chord [m/s]."""
-    return -motion.normal_ahead(_behind(motion))
-
-
-def airspeed(motion: StripMotion) -> ca.SX:
-    """Speed across the span there, never zero [m/s]."""
-    normal = motion.normal_ahead(_behind(motion))
-    return smooth_norm(motion.forward * motion.forward + normal * normal)
-
-
-def _behind(motion: StripMotion) -> ca.SX:
-    """Three quarters of the chord seen from ahead of the wind, from the quarter chord [m]."""
-    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)

@@ -78,6 +78,17 @@ class Perceptron:
             parts += [np.full(below * above, float(below)), np.ones(above)]
         return np.concatenate(parts)
 
+    @property
+    def neurons(self) -> tuple[tuple[NDArray[np.int64], ...], ...]:
+        """Weights of each neuron, its bias last, layer by layer, (below + 1,) each."""
+        layers, start = [], 0
+        for below, above in pairwise(self.widths):
+            rows = start + np.arange(below * above).reshape(above, below)
+            start += (below + 1) * above
+            biases = start - above + np.arange(above)
+            layers.append(tuple(np.append(*pair) for pair in zip(rows, biases, strict=True)))
+        return tuple(layers)
+
     def forward(self, features: Array, weights: Array) -> Array:
         """Outputs for many inputs.
 

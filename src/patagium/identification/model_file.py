@@ -203,7 +203,7 @@ def _kept(learner: Learner) -> WeightCovariance | None:
     whole = learner.covariance
     if whole is None:
         return None
-    return block_covariance(learner.network.perceptron, "full", [np.array(whole, float)])
+    return block_covariance(learner.network, "full", [np.array(whole, float)])
 
 
 def _packed(covariance: WeightCovariance) -> dict[str, str]:
@@ -224,4 +224,4 @@ def _unpacked(network: Network, words: Mapping[str, str] | str) -> WeightCovaria
         name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)
         for name, text in texts.items()
     }
-    return covariance_from(network.perceptron, kind, arrays)
+    return covariance_from(network, kind, arrays)

@@ -1,26 +1,38 @@
-"""What every network has in common: encoder, shared perceptron, linear readout.
+"""What every network has in common: encoding, values, slopes, memory.
 
-    y = offset + readout(x) . vec(mlp(features(x); W))
+A network is a function y(x; W) that learners meet by its values at weights and its slopes
+for them. Most are one perceptron between an encoder and a readout that know the physics
+(`perceptron_network`); others compute y as they like.
 
-Physics sits in the encoder and in the readout, which depend on x alone; only the
-perceptron holds weights. It is evaluated for m items (the strips of a wing, or one),
-so that what holds for one item holds for all. y depends on the present x only; a network
-with memory has it in x, see `remember`.
+A network may remember. Its memory z follows the samples of a log and may depend on the
+weights, so it is recalled at the weights known by then, block by block between updates:
+
+    x_full, carried = network.recall(W, time, x, carried),
+    ... predict and update at x_full, W becomes W' ...
+    carried = network.corrected(carried, W' - W).
+
+x_full is [x, z, vec S, W_m] with S = dz/dW_m for those weights W_m that memory depends on:
+what y is there at other weights follows from z + S (W - W_m). Without noise of its own on z
+this is the joint filter of W and z, whose covariance with W is S P. Neglected there: noise
+added to W between samples, which the joint filter would not pass on to z at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError, ShapeError
-from patagium.identification.mlp import Perceptron
+from patagium.identification.structure import Indices
 
 Array = NDArray[np.float64]
 _BLOCK = 4096  # samples evaluated at once: bounds the memory, keeps the caches warm
+
+Carried: TypeAlias = Any
+"""What a network takes from one block of a log to the next; its own affair. None: nothing."""
 
 
 class Encoding(NamedTuple):
@@ -37,67 +49,52 @@ class Encoding(NamedTuple):
     offset: Array
 
 
+class Memory(NamedTuple):
+    """What a network remembers at a sample, to go on from.
+
+    Attributes:
+        time: Of the sample [s].
+        x: What was measured there, (n_measured,).
+        state: z, (n_z,).
+        slopes: S = dz/dW_m, (n_z, n_m).
+        weights: W_m that z was found at, (n_m,).
+    """
+
+    time: float
+    x: Array
+    state: Array
+    slopes: Array
+    weights: Array
+
+    def moved(self, change: Array) -> Memory:
+        """The same at other weights: z + S dW_m.
+
+        Args:
+            change: dW_m, (n_m,).
+        """
+        state = self.state + self.slopes @ change
+        return self._replace(state=state, weights=self.weights + change)
+
+
 class Network(Protocol):
     """A function of x with weights to learn.
 
-    A network gives its perceptron, encoder and description; the rest follows.
+    A network gives its size, encoding, values, slopes and description; the rest follows.
     """
 
     @property
     def inputs(self) -> int:
-        """Length of x, n_x."""
+        """Length of x, n_x, all that is remembered included."""
         ...
 
     @property
-    def items(self) -> int:
-        """How often the perceptron is evaluated for one x, m."""
-        ...
+    def measured_inputs(self) -> int:
+        """How much of x is measured, from the front; the rest is recalled."""
+        return self.inputs
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the components of y."""
-        ...
-
-    @property
-    def offset(self) -> Array:
-        """Added to y, (n_y,)."""
-        ...
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """The part with weights."""
-        ...
-
-    def encode(self, x: Array) -> Encoding:
-        """Features and readout of many samples, x (N, n_x)."""
-        ...
-
-    def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample, x (n_x,), with as little overhead as possible."""
-        ...
-
-    def compiled_encoder(self) -> tuple[int, Array] | None:
-        """Address of a C function that encodes one sample, and its constants; None without.
-
-        `void f(const double *const *arg, double *const *res)`, arg: x, constants;
-        res: features (m, n_in), transposed readout (m n_out, n_y), both row by row.
-        """
-        return None
-
-    def remember(self, time: ArrayLike, x: Array, gaps: ArrayLike = ()) -> Array:
-        """Inputs of a log with what the network remembers at each sample, (N, n_x).
-
-        Sample k depends on samples up to k alone, and on no weights. Without memory: x.
-
-        Args:
-            time: Increasing, (N,) [s].
-            x: What is measured of the inputs, (N, ...).
-            gaps: First sample after each gap, where memory begins anew.
-        """
-        return x
-
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
         ...
 
     @property
@@ -108,21 +105,103 @@ class Network(Protocol):
     @property
     def size(self) -> int:
         """Number of weights, n."""
-        return self.perceptron.size
+        ...
+
+    @property
+    def neurons(self) -> Sequence[Sequence[Indices]]:
+        """Weights of each neuron in rising order, layer by layer."""
+        ...
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        ...
 
     @property
     def fan_in(self) -> Array:
         """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
-        return self.perceptron.fan_in
+        ...
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from: standard normal over sqrt(fan-in), (n,).
+        """Weights to start from, (n,).
 
         Args:
             seed: Seed of the draw.
         """
-        normal = np.random.default_rng(seed).standard_normal(self.size)
-        return np.asarray(normal / np.sqrt(self.fan_in))
+        ...
+
+    def encode(self, x: Array) -> Encoding:
+        """What many samples show to the weights, x (N, n_x)."""
+        ...
+
+    def encode_one(self, x: Array) -> Encoding:
+        """The same of one sample, x (n_x,), with as little overhead as possible."""
+        ...
+
+    def decode(self, encoding: Encoding, weights: Array) -> Array:
+        """y of samples encoded before, (N, n_y).
+
+        Args:
+            encoding: Of N samples.
+            weights: (n,).
+        """
+        ...
+
+    def values(self, encoding: Encoding, points: Array) -> Array:
+        """y of one encoded sample at many weights, (p, n_y), computed in their precision.
+
+        Args:
+            encoding: Of one sample.
+            points: (p, n).
+        """
+        ...
+
+    def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
+        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
+
+        Args:
+            encoding: Of one sample.
+            weights: (n,).
+        """
+        ...
+
+    def recall(
+        self,
+        weights: Array,
+        time: ArrayLike,
+        x: Array,
+        carried: Carried = None,
+        gaps: ArrayLike = (),
+    ) -> tuple[Array, Carried]:
+        """Inputs of a block of samples with what the network remembers at each.
+
+        Sample k depends on samples up to k alone. Without memory: x, and nothing to carry.
+
+        Args:
+            weights: That hold over the block, (n,).
+            time: Increasing, (N,) [s].
+            x: What is measured of the inputs, (N, n_measured).
+            carried: What the block before left, of the sample just before the first;
+                None where the first begins a memory.
+            gaps: First sample after each gap, where memory begins anew.
+
+        Returns:
+            (N, n_x), and what the next block goes on from.
+        """
+        return x, None
+
+    def corrected(self, carried: Carried, change: Array) -> Carried:
+        """What is carried, after an update of the weights.
+
+        Args:
+            carried: As `recall` left it.
+            change: By which the weights moved, (n,).
+        """
+        return carried
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make the network again, as JSON-able values."""
+        ...
 
     def __call__(self, x: ArrayLike, weights: ArrayLike) -> Array:
         """y of one x, (n_y,) in the unit of y.
@@ -159,30 +238,6 @@ class Network(Protocol):
             part = slice(start, start + _BLOCK)
             y[part] = self.decode(self.encode(samples[part]), w)
         return y
-
-    def decode(self, encoding: Encoding, weights: Array) -> Array:
-        """y of samples encoded before, (N, n_y).
-
-        Args:
-            encoding: Of N samples.
-            weights: (n,).
-        """
-        out = self.perceptron.forward(encoding.features, weights)
-        flat = out.reshape(len(out), encoding.readout.shape[-1])
-        if encoding.readout.strides[0] == 0:  # the same for all samples
-            return np.asarray(encoding.offset + flat @ encoding.readout[0].T)
-        return np.asarray(encoding.offset + (encoding.readout @ flat[:, :, None])[:, :, 0])
-
-    def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
-        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
-
-        Args:
-            encoding: Of one sample.
-            weights: (n,).
-        """
-        out, inner = self.perceptron.linearized(encoding.features, weights)
-        y = encoding.offset + encoding.readout @ out.ravel()
-        return np.asarray(y), np.asarray(encoding.readout @ inner.reshape(-1, self.size))
 
 
 def network_from_description(description: Mapping[str, Any]) -> Network:

@@ -28,6 +28,7 @@ from patagium.identification.kernel_memory import (
     rounded_up,
 )
 from patagium.identification.kernel_screening import screening_structure
+from patagium.identification.perceptron_network import as_perceptron
 from patagium.identification.root import with_noise
 from patagium.native import load_kernel
 
@@ -96,7 +97,9 @@ class NodeFilter:
         self._screening = screening_structure(self.screen)
         self._struct = _structure(setting, self._arrays)
         self._struct.screen = ctypes.addressof(self._screening)
-        self._x, self._keep = install_encoder(setting.network, self._struct, self._arrays)
+        self._x, self._keep = install_encoder(
+            as_perceptron(setting.network), self._struct, self._arrays
+        )
         self._address = ctypes.addressof(self._struct)
         self._predict = kernel_function(library, "node_predict")
         self._update = kernel_function(library, "node_update")
@@ -211,7 +214,7 @@ class NodeFilter:
 
 def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `node.h` names, on cache lines."""
-    network, real = setting.network, np.dtype(setting.dtype)
+    network, real = as_perceptron(setting.network), np.dtype(setting.dtype)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     stride = rounded_up(outputs, _WIDE)
     groups = [
@@ -274,7 +277,7 @@ def _lay_out(values: Array, widths: Sequence[int], rows: Array) -> None:
 
 
 def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Node:
-    network = setting.network
+    network = as_perceptron(setting.network)
     return _Node(
         weights=network.size,
         outputs=network.outputs,

@@ -17,6 +17,7 @@ from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
 from patagium.identification.calibration import calibration_scores
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.learner import Learner
+from patagium.identification.recollection import Recollection
 from patagium.identification.record import Check, Updates, check, interval_scores, record_of
 from patagium.identification.result import Identification
 from patagium.identification.schedule import (
@@ -62,7 +63,7 @@ def stream(
     Args:
         learner: What learns; it goes on from where it stands, and is changed.
         time: Increasing, (N,) [s].
-        x: What the network sees, (N, n_x), or what it needs to remember the rest.
+        x: What is measured of the network's inputs, (N, n_measured); it recalls the rest.
         y: What it predicts, (N, n_y); NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
         horizons: Label and length [s] of the spans to predict with frozen weights.
@@ -79,7 +80,7 @@ def stream(
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
     """
-    run = _Stream(learner, *_checked(learner, time, x, y, gaps), every, horizons or {}, gaps)
+    run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
     measures = tuple(units) if units is not None else ("1",) * len(labels)
     for word, given in (("names", labels), ("units", measures)):
@@ -104,8 +105,9 @@ class _Stream:
         durations: Mapping[str, float],
         gaps: ArrayLike,
     ) -> None:
-        self.learner, self.time, self.x, self.y, self.every = learner, time, x, y, every
+        self.learner, self.time, self.y, self.every = learner, time, y, every
         self.gaps: Indices = np.asarray(gaps, np.int64)
+        self.recollection = Recollection(learner.network, time, x, self.gaps)
         self.used = used_samples(len(time), every, self.gaps)
         self.horizons = plan_horizons(durations, time, self.used, self.gaps)
         self.prediction = np.full_like(y, np.nan)
@@ -130,35 +132,41 @@ class _Stream:
         told = max(1, len(intervals) // 200)
         for number, hold in enumerate(intervals):
             try:
-                self._foresee(hold, checks[number], starts)
+                seen = self._foresee(hold, checks[number], starts)
                 if hold.learns:
-                    self._learn(hold.end - 1, self.updates in looked)
+                    self._learn(hold.end - 1, seen[-1], self.updates in looked)
             except FilterDiverged as problem:
                 self._stop(hold, problem.outcome, str(problem))
                 break
             if progress is not None and (number % told == 0 or hold.end == len(self.time)):
                 progress(hold.end, len(self.time))
 
-    def _foresee(self, hold: Hold, checks: tuple[int, ...], starts: dict[str, set[int]]) -> None:
+    def _foresee(self, hold: Hold, checks: tuple[int, ...], starts: dict[str, set[int]]) -> Array:
+        """Predict an interval; what the network sees there, (N, n_x)."""
         network, weights = self.learner.network, self.learner.weights
-        guess = network.evaluate(self.x[hold.begin : hold.end], weights)
+        for horizon in self.horizons:
+            if hold.begin in starts[horizon.label]:
+                end = hold.begin + horizon.length
+                ahead = network.evaluate(self.recollection.ahead(end, weights), weights)
+                self.windows[horizon.label].append((hold.begin, ahead))
+        seen = self.recollection.upto(hold.end, weights)
+        guess = network.evaluate(seen, weights)
         if not np.isfinite(guess).all():
             raise FilterDiverged(f"the prediction is not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.prediction[hold.begin : hold.end] = guess
         self.reached = hold.end
         for index in checks:
-            self.checks.append(check(self.learner, index, self.x[index], self.y[index]))
-        for horizon in self.horizons:
-            if hold.begin in starts[horizon.label]:
-                end = hold.begin + horizon.length
-                ahead = network.evaluate(self.x[hold.begin : end], weights)
-                self.windows[horizon.label].append((hold.begin, ahead))
+            row = seen[index - hold.begin]
+            self.checks.append(check(self.learner, index, row, self.y[index]))
+        return seen
 
-    def _learn(self, index: int, look: bool) -> None:
-        innovation = self.learner.update(self.x[index], self.y[index], self.time[index])
+    def _learn(self, index: int, seen: Array, look: bool) -> None:
+        before = self.learner.weights
+        innovation = self.learner.update(seen, self.y[index], self.time[index])
         weights = self.learner.weights
         if not np.isfinite(weights).all():
             raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
+        self.recollection.heed(weights - before)
         self.innovation[self.updates] = innovation
         if isinstance(self.learner, FilterLearner) and np.isfinite(innovation).any():
             self.nis[self.updates] = self.learner.nis
@@ -248,7 +256,7 @@ def _largest_variance(learner: Learner) -> float:
 
 
 def _checked(
-    learner: Learner, time: ArrayLike, x: ArrayLike, y: ArrayLike, gaps: ArrayLike
+    learner: Learner, time: ArrayLike, x: ArrayLike, y: ArrayLike
 ) -> tuple[Array, Array, Array]:
     stamps, inputs, outputs = (np.ascontiguousarray(a, float) for a in (time, x, y))
     network = learner.network
@@ -269,8 +277,7 @@ def _checked(
             f"time: expected to advance, found {stamps[row]:.9g} s after "
             f"{stamps[row - 1]:.9g} s at sample {row}"
         )
-    if inputs.ndim == 2 and len(inputs) == len(stamps):
-        inputs = network.remember(stamps, inputs, gaps)
-    if inputs.shape != (len(stamps), network.inputs):
-        raise ShapeError("x", (len(stamps), network.inputs), inputs.shape)
+    known = {(len(stamps), n) for n in (network.measured_inputs, network.inputs)}
+    if inputs.shape not in known:
+        raise ShapeError("x", (len(stamps), network.measured_inputs), inputs.shape)
     return stamps, inputs, outputs

@@ -8,15 +8,14 @@ of it is kept. Neglected: structure chosen by what the samples excite.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.identification.mlp import Perceptron
 
 Indices = NDArray[np.int64]
 BLOCKS = ("full", "layer", "node")
@@ -73,22 +72,29 @@ def structure_from(description: object) -> Structure:
     return checked_structure(description)
 
 
-def blocks_of(perceptron: Perceptron, structure: str) -> tuple[Indices, ...]:
+class Layered(Protocol):
+    """Weights in layers of neurons."""
+
+    @property
+    def size(self) -> int:
+        """Number of weights, n."""
+        ...
+
+    @property
+    def neurons(self) -> Sequence[Sequence[Indices]]:
+        """Weights of each neuron in rising order, layer by layer."""
+        ...
+
+
+def blocks_of(weights: Layered, structure: str) -> tuple[Indices, ...]:
     """Weights that are remembered together, each weight in one block, in rising order.
 
     Args:
-        perceptron: The part of the network with weights.
+        weights: A network, or the part of it with weights.
         structure: "full", "layer" or "node".
     """
     if structure == "full":
-        return (np.arange(perceptron.size),)
-    blocks, start = [], 0
-    for below, above in pairwise(perceptron.widths):
-        layer = start + np.arange((below + 1) * above)
-        if structure == "layer":
-            blocks.append(layer)
-        else:
-            rows, biases = layer[: below * above].reshape(above, below), layer[below * above :]
-            blocks += [np.append(row, bias) for row, bias in zip(rows, biases, strict=True)]
-        start += len(layer)
-    return tuple(blocks)
+        return (np.arange(weights.size),)
+    if structure == "layer":
+        return tuple(np.sort(np.concatenate(list(layer))) for layer in weights.neurons)
+    return tuple(neuron for layer in weights.neurons for neuron in layer)

@@ -28,6 +28,7 @@ from patagium.identification.journal import Journal, described_foresight
 from patagium.identification.knobs import Choice, Knob, LearnerKind, knobs_for, values_at
 from patagium.identification.network import Network
 from patagium.identification.pool import in_any_order, pool
+from patagium.identification.recollection import Observed
 from patagium.identification.schedule import used_samples
 from patagium.identification.search import Asked, evaluations, search
 from patagium.identification.settings import (
@@ -187,22 +188,23 @@ class _Task:
         seed: int,
         source: str,
     ) -> None:
-        self.networks = {tuple(n.perceptron.widths[1:-1]): n for n in networks}
+        self.networks = {n.hidden: n for n in networks}
         if len(self.networks) != len(networks) or not networks:
             raise ParameterError(
                 "network", "networks with different hidden layers", list(self.networks)
             )
         self.every, self.kind, self.seed = every, learner, seed
-        self.x, self.y, self.source = _used(flight, networks[0], every, source)
-        if self.y.shape[1] != networks[0].outputs or self.x.shape[1] != networks[0].inputs:
+        self.log, self.y, self.source = _used(flight, networks[0], every, source)
+        seen, sees = self.log.x.shape[1], networks[0].measured_inputs
+        if self.y.shape[1] != networks[0].outputs or seen != sees:
             raise ShapeError(
                 "network",
-                f"{self.x.shape[1]} inputs, {self.y.shape[1]} outputs",
-                f"{networks[0].inputs} inputs, {networks[0].outputs} outputs",
+                f"{seen} inputs, {self.y.shape[1]} outputs",
+                f"{sees} inputs, {networks[0].outputs} outputs",
             )
         self.scored = moving(self.y)
         self.heard = self.scored.any(axis=0)
-        if not self.scored[len(self.x) // 2 :].any():
+        if not self.scored[len(self.y) // 2 :].any():
             raise ParameterError(
                 "flight",
                 "an output that moves in the second half of the samples used",
@@ -223,11 +225,12 @@ class _Task:
     def question(self) -> dict[str, Any]:
         """What the trials of a journal have in common."""
         described = next(iter(self.networks.values())).describe()
+        seen = self.log.x.tobytes() + self.y.tobytes()
         rest = {key: value for key, value in described.items() if key != "hidden"}
         return {
             "patagium": __version__,
             "flight": self.source,
-            "samples": f"{len(self.x)} of digest {_digest(self.x.tobytes() + self.y.tobytes())}",
+            "samples": f"{len(self.y)} of digest {_digest(seen)}",
             "every": self.every,
             "network": f"{described['kind']} of digest {_digest(json.dumps(rest).encode())}",
             "learner": self.kind,
@@ -238,14 +241,14 @@ class _Task:
         """A trial, JSON-able."""
         values = values_at(self.knobs, asked.point)
         hidden = list(values.pop("hidden"))
-        span = [0, len(self.x)] if asked.whole else self._piece()
+        span = [0, len(self.y)] if asked.whole else self._piece()
         return {"hidden": hidden, "samples": span, "learner": values}
 
     def call(self, plan: dict[str, Any]) -> tuple[Any, ...]:
         """Arguments of `_try` for a trial."""
         network = self.networks[tuple(plan["hidden"])]
         span = plan["samples"]
-        return network, self.kind, self.seed, plan["learner"], self.x, self.y, self.scored, span
+        return network, self.kind, self.seed, plan["learner"], self.log, self.y, self.scored, span
 
     def answer(self, tried: tuple[Trial, ...], trials: int) -> Tuned:
         """The best of the trials.
@@ -285,7 +288,7 @@ class _Task:
 
     def _piece(self) -> list[int]:
         """First sample that the first trials see, and one past the last: where most moves."""
-        count = len(self.x)
+        count = len(self.y)
         length = min(count, max(LEAST_SAMPLES, count // PIECE))
         until = np.append(0, np.cumsum(self.scored.sum(axis=1)))
         begin = int(np.argmax(until[length:] - until[: count + 1 - length]))
@@ -315,28 +318,30 @@ def _try(
     kind: LearnerKind,
     seed: int,
     values: dict[str, Any],
-    x: Array,
+    log: Observed,
     y: Array,
     scored: NDArray[np.bool_],
     span: list[int],
 ) -> Foresight:
     """One trial, in a worker."""
-    rows = slice(*span)
-    return foresee(make_learner(network, kind, seed, values), x[rows], y[rows], scored[rows])
+    rows, learner = slice(*span), make_learner(network, kind, seed, values)
+    return foresee(learner, log.part(*span), y[rows], scored[rows])
 
 
 def _used(
     flight: xr.Dataset | Table, network: Network, every: int, source: str
-) -> tuple[Array, Array, str]:
-    """The samples used, x (N, n_x) and y (N, n_y), and what they are called."""
+) -> tuple[Observed, Array, str]:
+    """The samples used, those between them where the network remembers; y; their name."""
     if isinstance(flight, Table):
-        chosen = used_samples(len(flight.time), every, flight.gaps)
-        x, y, name = flight.x, flight.y, flight.source
+        time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
-        _, x, y, _ = samples(flight, network)
-        chosen = used_samples(len(x), every)
-        name = f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
-    return x[chosen], y[chosen], source or name
+        time, x, y, _ = samples(flight, network)
+        gaps, name = np.zeros(0, int), f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
+    chosen = used_samples(len(x), every, gaps)
+    log = Observed(time, x, np.asarray(gaps, int), chosen)
+    if network.measured_inputs == network.inputs:
+        log = Observed(time[chosen], x[chosen], log.gaps[:0], np.arange(len(chosen)))
+    return log, y[chosen], source or name
 
 
 def _kept(book: Journal, plan: dict[str, Any]) -> Foresight:

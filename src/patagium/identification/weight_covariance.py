@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification.filter_state import packed, symmetric, unpacked
 from patagium.identification.low_rank import Precision
-from patagium.identification.mlp import Perceptron
-from patagium.identification.structure import BLOCKS, Indices, LowRank, Structure, blocks_of
+from patagium.identification.structure import (
+    BLOCKS,
+    Indices,
+    Layered,
+    LowRank,
+    Structure,
+    blocks_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -140,20 +146,18 @@ class LowRankCovariance:
         return "low rank", {"diagonal": diagonal, "columns": columns.ravel()}
 
 
-def block_covariance(
-    perceptron: Perceptron, structure: str, parts: Sequence[Array]
-) -> BlockCovariance:
+def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -> BlockCovariance:
     """Covariance of the blocks of a structure.
 
     Args:
-        perceptron: Whose weights.
+        weights: Whose, a network or the part of it with weights.
         structure: "full", "layer" or "node".
         parts: Of each block, (k, k).
 
     Raises:
         ShapeError: If a part is not of its block.
     """
-    blocks = blocks_of(perceptron, structure)
+    blocks = blocks_of(weights, structure)
     expected = [(len(block),) * 2 for block in blocks]
     found = [part.shape for part in parts]
     if found != expected:
@@ -165,12 +169,12 @@ def block_covariance(
 
 
 def covariance_of_state(
-    perceptron: Perceptron, structure: Structure, state: Mapping[str, Array]
+    weights: Layered, structure: Structure, state: Mapping[str, Array]
 ) -> WeightCovariance:
     """What a filter keeps of the covariance of its weights.
 
     Args:
-        perceptron: Whose weights.
+        weights: Whose, a network or the part of it with weights.
         structure: What is kept.
         state: Of the filter, between two samples; its arrays are left alone.
     """
@@ -178,23 +182,21 @@ def covariance_of_state(
         return LowRankCovariance(
             Precision(*(np.array(state[name], float) for name in ("diagonal", "columns")))
         )
-    sizes = [len(block) for block in blocks_of(perceptron, structure)]
+    sizes = [len(block) for block in blocks_of(weights, structure)]
     if "covariance" in state:
         parts = [symmetric(part) for part in unpacked(_double(state["covariance"]), sizes)]
     else:
         square = "square" in state
         roots = [state["square"]] if square else unpacked(_double(state["root"]), sizes)
         parts = [np.asarray(root @ root.T) for root in roots]
-    return block_covariance(perceptron, structure, parts)
+    return block_covariance(weights, structure, parts)
 
 
-def covariance_from(
-    perceptron: Perceptron, kind: str, arrays: Mapping[str, Array]
-) -> WeightCovariance:
+def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> WeightCovariance:
     """Inverse of `WeightCovariance.arrays`.
 
     Args:
-        perceptron: Whose weights.
+        weights: Whose, a network or the part of it with weights.
         kind: What is kept.
         arrays: Of which it consists.
 
@@ -205,14 +207,14 @@ def covariance_from(
     """
     if kind == "low rank":
         diagonal, columns = arrays["diagonal"], arrays["columns"]
-        if diagonal.shape != (perceptron.size,) or columns.size % perceptron.size:
-            raise ShapeError("covariance", (perceptron.size,), diagonal.shape)
-        return LowRankCovariance(Precision(diagonal, columns.reshape(perceptron.size, -1)))
+        if diagonal.shape != (weights.size,) or columns.size % weights.size:
+            raise ShapeError("covariance", (weights.size,), diagonal.shape)
+        return LowRankCovariance(Precision(diagonal, columns.reshape(weights.size, -1)))
     if kind not in BLOCKS:
         raise ParameterError("covariance", f"one of {', '.join((*BLOCKS, 'low rank'))}", kind)
-    sizes = [len(block) for block in blocks_of(perceptron, kind)]
+    sizes = [len(block) for block in blocks_of(weights, kind)]
     parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]
-    return block_covariance(perceptron, kind, parts)
+    return block_covariance(weights, kind, parts)
 
 
 def _zeros(size: int) -> Array:

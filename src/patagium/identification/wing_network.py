@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.network import Encoding
+from patagium.identification.perceptron_network import PerceptronNetwork
 from patagium.native import NativeFunction
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
 
 
-class WingNetwork(Network):
+class WingNetwork(PerceptronNetwork):
     """A network of the air's force in which robot and density are known; nothing in it changes."""
 
     robot: Robot
