@@ -41,10 +41,29 @@ def _display(writer: Any, node: nodes.math_block) -> None:
     number = f'<span class="eqno">({node["number"]})</span>' if node.get("number") else ""
     anchor = f' id="equation-{node["label"]}"' if node.get("label") else ""
     drawn = convert(node.astext(), display="block")
-    writer.body.append(f'<div class="math"{anchor}>{number}{drawn}</div>\n')
+    writer.body.append(
+        f'<div class="math" style="overflow-y: hidden"{anchor}>{number}{drawn}</div>\n'
+    )
     raise nodes.SkipNode
 
 
+def _plain_text(app: Sphinx, what: str, name: str, o: Any, options: Any, lines: list[str]) -> None:
+    """A docstring as it was written: equations on lines of their own, bars as bars."""
+    written, lines[:] = list(lines), []
+    prose, literal = True, False
+    for before, line in zip(["", *written], written, strict=False):
+        prose = prose and line not in _PARTS
+        indented = line.startswith("    ") and prose
+        if indented and not literal and not before.strip():
+            lines.extend(["::", ""])
+        literal = indented or (literal and not line.strip())
+        lines.append(line if literal else line.replace("|", r"\|"))
+
+
+_PARTS = ("Args:", "Attributes:", "Returns:", "Raises:", "References:", "Note:", "Yields:")
+
+
 def setup(app: Sphinx) -> None:
-    """Equations without a script."""
+    """Equations without a script, docstrings without markup."""
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
+    app.connect("autodoc-process-docstring", _plain_text, priority=400)  # before napoleon
