@@ -3,6 +3,7 @@
 #   make demo     the paper's experiment, corrected and as published: out/demo/report.html
 #   make test     the tests
 #   make check    format, lint, types, layers, spelling, and the tests
+#   make docs     the documentation as pages: out/docs/index.html
 #   make bench    times of the compiled functions, against their rivals
 #
 # The first call makes .venv from requirements.lock. PYTHON=python3.12 picks another Python.
@@ -16,7 +17,7 @@ UV ?= uv
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: install demo test lint check bench lock
+.PHONY: install demo test lint check docs bench lock
 
 install: $(STAMP)
 
@@ -46,6 +47,10 @@ lint: $(STAMP)
 	@$(BIN)/codespell src tests docs README.md CHANGELOG.md
 
 check: lint test
+
+docs: $(STAMP)
+	@$(BIN)/python -m sphinx -W --keep-going -q -b html docs $(OUT)/docs
+	@echo "The documentation is in $(OUT)/docs/index.html"
 
 bench: $(STAMP)
 	@mkdir -p $(OUT)

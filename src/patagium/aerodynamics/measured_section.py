@@ -121,6 +121,7 @@ def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> Meas
 
     With a0 the lift slope, x = sin a - a_0 cos a seen from the incidence of no lift, and
     Kirchhoff's flow separated over the share s of the chord,
+
         C_L = a0 x (1 + sqrt(1 - s))^2 / 4 = (1 - s) a0 x + s C_L,separated.
 
     Args:
