@@ -17,7 +17,18 @@ from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
 VERBS = (
-    *("reproduce", "simulate", "cycles", "identify", "tune", "evaluate", "stream", "send", "bench"),
+    *(
+        "reproduce",
+        "simulate",
+        "cycles",
+        "figures",
+        "identify",
+        "tune",
+        "evaluate",
+        "stream",
+        "send",
+        "bench",
+    ),
     *("latency", "validate", "stress", "robots", "check"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")

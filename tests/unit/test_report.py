@@ -11,7 +11,7 @@ import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report import Note, Section, Table, cell_text, figures, picture, views, write_page
-from patagium.report.style import WIDTH, envelope, legend_columns
+from patagium.report.style import envelope, legend_columns, width
 
 
 @pytest.mark.parametrize(
@@ -241,5 +241,5 @@ def test_legend_stays_on_the_page(words: int) -> None:
     labels = [f"{' '.join(['network'] * words)} {i}" for i in range(7)]
     figure = figures.overhead_bars({"D": dict.fromkeys(labels, 1e-3)})
     figure.draw_without_rendering()
-    assert figure.legends[0].get_window_extent().x1 / figure.dpi <= WIDTH
+    assert figure.legends[0].get_window_extent().x1 / figure.dpi <= width()
     assert legend_columns(["short"] * 7) == 5

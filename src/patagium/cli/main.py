@@ -19,6 +19,7 @@ from patagium.cli import (
     check,
     cycles,
     evaluate,
+    figures,
     identify,
     latency,
     reproduce,
@@ -44,8 +45,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 for _verb in (
-    reproduce, simulate, cycles, identify, tune, evaluate, stream, send, bench, latency, validate,
-    stress, robots, check,
+    reproduce, simulate, cycles, figures, identify, tune, evaluate, stream, send, bench, latency,
+    validate, stress, robots, check,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
     app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))

@@ -23,17 +23,17 @@ Vectors = NDArray[np.float64]
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:
-    """Write a figure as PNG or SVG, chosen by the name of the file.
+    """Write a figure as PDF, PNG or SVG, chosen by the name of the file.
 
     Raises:
         ParameterError: If the name ends otherwise.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
-    if kind not in ("png", "svg"):
-        raise ParameterError("figure file", "a name ending in .png or .svg", path.name)
+    if kind not in ("pdf", "png", "svg"):
+        raise ParameterError("figure file", "a name ending in .pdf, .png or .svg", path.name)
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw(figure, path, cast('Literal["svg", "png"]', kind))
+    draw(figure, path, cast('Literal["pdf", "svg", "png"]', kind))
     return path
 
 
@@ -268,7 +268,7 @@ def _bars(
     texts: Any = lambda value: f"{value:.1e}",
 ) -> Figure:
     thick = 0.8 / max(len(values), 1)
-    figure, axes = panels(1, 1, height=0.6 + 0.19 * len(names) * max(len(values), 1.6))
+    figure, axes = panels(1, 1, row_height=0.6 + 0.19 * len(names) * max(len(values), 1.6))
     panel = axes[0, 0]
     base = np.arange(len(names), dtype=float)
     for i, (way, row) in enumerate(values.items()):
@@ -279,7 +279,7 @@ def _bars(
             if np.isfinite(value):
                 panel.annotate(
                     texts(value), (value, y), (3, 0), textcoords="offset points", va="center",
-                    fontsize=7.5,
+                    fontsize="small",
                 )  # fmt: skip
     panel.set_yticks(base, names)
     panel.invert_yaxis()

@@ -77,13 +77,15 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
     return Picture(f"data:{kinds[kind]};base64,{address}", caption)
 
 
-def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png"]) -> None:
+_UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
+
+
+def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", "pdf"]) -> None:
     """Write a figure, the same bytes each time it is the same figure."""
     from matplotlib import rc_context
 
     with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
-        unstamped = {"Date": None} if kind == "svg" else {"Software": None}
-        figure.savefig(target, format=kind, dpi=160, metadata=unstamped)
+        figure.savefig(target, format=kind, dpi=160, metadata=_UNSTAMPED[kind])
 
 
 def write_page(

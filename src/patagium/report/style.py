@@ -1,6 +1,7 @@
-"""How every figure looks: one size, one type, colors told apart by every eye.
+"""How every figure looks: one type, colors told apart by every eye, a size for where it goes.
 
-Colors are those of Okabe and Ito; the truth is black, an estimate is colored.
+Colors are those of Okabe and Ito; the truth is black, an estimate is colored, wherever it is
+shown: on a page, in print or on a wall.
 
 References:
     Okabe and Ito (2008), Color Universal Design.
@@ -8,7 +9,10 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -18,12 +22,66 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 
 TRUTH = "#1a1a1a"
 COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
-WIDTH = 9.0  # inches
+
+
+@dataclass(frozen=True)
+class Look:
+    """Where figures go, and how large things are there.
+
+    Attributes:
+        width: Of a figure [inch].
+        letters: Size of letters over those of a page.
+        lines: Width of lines over those of a page.
+    """
+
+    width: float
+    letters: float = 1.0
+    lines: float = 1.0
+
+
+LOOKS = {
+    "page": Look(9.0),
+    "paper": Look(7.0, letters=8.0 / 9.0, lines=0.8),  # two columns wide, 8 point
+    "slides": Look(12.0, letters=16.0 / 9.0, lines=1.8),
+}
+"""A page on a screen, a paper in print, slides on a wall."""
+
+_look: ContextVar[Look] = ContextVar("look", default=LOOKS["page"])
+
+
+@contextmanager
+def drawn_for(where: str) -> Iterator[None]:
+    """Figures made meanwhile are for a place.
+
+    Args:
+        where: One of `LOOKS`.
+
+    Raises:
+        ParameterError: If it is none.
+    """
+    if where not in LOOKS:
+        raise ParameterError("look", f"one of {', '.join(LOOKS)}", where)
+    before = _look.set(LOOKS[where])
+    try:
+        yield
+    finally:
+        _look.reset(before)
+
+
+def width() -> float:
+    """Of a figure where it goes [inch]."""
+    return _look.get().width
+
+
+def height(rows: float) -> float:
+    """Of what is this high on a page [inch], where it goes: as its letters grow."""
+    return rows * _look.get().letters
+
 
 _STYLE: Any = {
     "font.family": "sans-serif",
@@ -61,21 +119,29 @@ def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]
 
     @wraps(function)
     def draw(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-        with rc_context(_STYLE):
+        with rc_context(_sized(_look.get())):
             return function(*args, **kwargs)
 
     return draw
 
 
-def panels(rows: int, columns: int = 1, height: float = 1.7) -> tuple[Figure, NDArray[Any]]:
+def _sized(look: Look) -> Any:
+    sizes = {"font.size", "axes.titlesize", "axes.labelsize", "legend.fontsize"}
+    sizes |= {"xtick.labelsize", "ytick.labelsize"}
+    scales = dict.fromkeys(sizes, look.letters)
+    scales |= {key: look.lines for key in _STYLE if key.endswith(("width", ".size"))}
+    return {k: scales.get(k, 1) * value if k in scales else value for k, value in _STYLE.items()}
+
+
+def panels(rows: int, columns: int = 1, row_height: float = 1.7) -> tuple[Figure, NDArray[Any]]:
     """An empty grid of panels, and its axes (rows, columns).
 
     Args:
         rows: Rows of panels.
         columns: Columns of panels.
-        height: Height of a row [inch].
+        row_height: Height of a row on a page [inch].
     """
-    figure = Figure(figsize=(WIDTH, height * rows + 0.5), layout="constrained")
+    figure = Figure(figsize=(width(), height(row_height * rows) + 0.5), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
@@ -105,7 +171,8 @@ def legend_columns(labels: Sequence[str]) -> int:
     for columns in range(min(len(labels), 5), 1, -1):
         rows = -(-len(labels) // columns)
         longest = (max(map(len, labels[i : i + rows])) for i in range(0, len(labels), rows))
-        if sum(_HANDLE + _LETTER * count for count in longest) <= WIDTH:
+        size = _look.get().letters
+        if size * sum(_HANDLE + _LETTER * count for count in longest) <= width():
             return columns
     return 1
 

@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import FlightError, ShapeError
 from patagium.report.style import (
     TRUTH,
-    WIDTH,
     color,
     dash,
     envelope,
+    height,
     legend_above,
     panels,
     styled,
+    width,
 )
 
 _ATTITUDE = ("roll", "pitch", "yaw")
@@ -65,8 +66,8 @@ def machine(
     room = 0.06 * (high - low).max()
     low, high = low - room, high + room
     heights = (high - low)[[0, 2]]
-    tall = 0.82 * WIDTH * heights.sum() / (high - low)[1] + 1.2
-    figure = Figure(figsize=(WIDTH, float(np.clip(tall, 3.0, 12.0))), layout="compressed")
+    tall = 0.82 * width() * heights.sum() / (high - low)[1] + 1.2
+    figure = Figure(figsize=(width(), float(np.clip(tall, 3.0, 12.0))), layout="compressed")
     above, behind = figure.subplots(2, 1, height_ratios=heights.tolist())
     for panel, view in ((above, _ABOVE), (behind, _BEHIND)):
         _draw_machine(panel, view, corners, joints, centers, links)
@@ -98,7 +99,7 @@ def flight_overview(flight: Any) -> Figure:
         raise FlightError(f"flight: expected the quantities {wanted}, missing {missing}")
     time = np.asarray(flight["time"], float)
     groups = _overview_groups(flight)
-    figure = Figure(figsize=(WIDTH, 1.75 * len(groups) + 0.5), layout="constrained")
+    figure = Figure(figsize=(width(), height(1.75 * len(groups)) + 0.5), layout="constrained")
     axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
     for panel, (name, unit, signals) in zip(axes, groups, strict=True):
         for i, (label, values) in enumerate(signals.items()):
@@ -107,7 +108,7 @@ def flight_overview(flight: Any) -> Figure:
         panel.set_title(name)
         panel.set_ylabel(f"[{unit}]")
         panel.margins(x=0.0)
-        panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize=7.5)
+        panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
     axes[-1].set_xlabel("time [s]")
     return figure
 

@@ -226,7 +226,7 @@ def accuracy_against_time(courses: Sequence[Row]) -> Figure:
     Args:
         courses: Of `run_learners`.
     """
-    figure, axes = panels(1, len(courses), height=4.0)
+    figure, axes = panels(1, len(courses), row_height=4.0)
     for panel, course in zip(axes[0], courses, strict=True):
         for number, row in _numbered(course["rows"]):
             errors = [one["short"] for one in row["errors"].values() if np.isfinite(one["short"])]

@@ -181,7 +181,7 @@ def _curve_name(run: Run) -> str:
 
 @styled
 def _learning(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> Figure:
-    figure, axes = panels(1, 1, height=3.8)
+    figure, axes = panels(1, 1, row_height=3.8)
     panel = axes[0, 0]
     for i, (name, curve) in enumerate(curves.items()):
         used, error = np.array(curve["samples_used"]), np.array(curve["nmse"])

@@ -1,0 +1,66 @@
+"""`patagium figures`: the figures of a flight, for a page, for print or for slides."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium figures flight.nc --for paper",
+    "patagium figures flight.nc --for slides --format svg --model model.json -o figures",
+)
+
+
+class Look(StrEnum):
+    """Where figures go."""
+
+    PAGE = "page"
+    PAPER = "paper"
+    SLIDES = "slides"
+
+
+class Format(StrEnum):
+    """How they are written; pdf and svg stay sharp."""
+
+    PDF = "pdf"
+    SVG = "svg"
+    PNG = "png"
+
+
+def figures(
+    flight: Annotated[Path, typer.Argument(help="What patagium simulate wrote (.nc).")],
+    look: Annotated[
+        Look, typer.Option("--for", help="Sizes of letters and lines: where they will be seen.")
+    ] = Look.PAPER,
+    form: Annotated[Format, typer.Option("--format", help="Of the files.")] = Format.PDF,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="What patagium identify --model wrote: forces beside it, too."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder to write; named as the flight if left out."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Draw a flight: the robot, the flight at a glance, its strips, a wingbeat, the forces.
+
+    One style, colors told apart by every eye and alike in every figure, units on every axis.
+    """
+    from patagium.cli.words import answer, existing
+    from patagium.identification.model_file import load_model
+    from patagium.report.figures import save_figure
+    from patagium.simulation import load_flight
+    from patagium.studies.flight_figures import flight_figures
+
+    learned = None if model is None else load_model(existing(model))
+    drawn = flight_figures(load_flight(existing(flight)), look.value, learned)
+    folder = flight.with_suffix("") if output is None else output
+    files = {
+        name: str(save_figure(figure, folder / f"{name}.{form.value}"))
+        for name, figure in drawn.items()
+    }
+    answer(files, as_json=as_json, title=f"Figures for {look.value}")
