@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from patagium.errors import ParameterError as ParameterError
     from patagium.errors import PatagiumError as PatagiumError
     from patagium.errors import RobotFileError as RobotFileError
+    from patagium.errors import RobotFileWarning as RobotFileWarning
     from patagium.errors import ShapeError as ShapeError
     from patagium.errors import SimulationFailed as SimulationFailed
     from patagium.identification import ChangeDetection as ChangeDetection
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
+    from patagium.robot import load_urdf as load_urdf
     from patagium.simulation import cycle_statistics as cycle_statistics
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
@@ -75,10 +77,11 @@ _HOMES = {
         "ParameterError",
         "PatagiumError",
         "RobotFileError",
+        "RobotFileWarning",
         "ShapeError",
         "SimulationFailed",
     ),
-    "robot": ("Robot", "load_robot"),
+    "robot": ("Robot", "load_robot", "load_urdf"),
     "dynamics": ("Dynamics",),
     "aerodynamics": (
         "AddedMass",

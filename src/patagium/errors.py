@@ -66,6 +66,10 @@ class RobotFileError(PatagiumError, ValueError):
         self.file, self.problems = file, problems
 
 
+class RobotFileWarning(UserWarning):
+    """Something a robot file says that a robot cannot represent, and what becomes of it."""
+
+
 class LinkageError(PatagiumError, ValueError):
     """A linkage whose bars cannot meet.
 

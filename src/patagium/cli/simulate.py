@@ -52,7 +52,7 @@ EXAMPLES = (
 
 
 def simulate(
-    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a robot file.")],
+    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a file.")],
     duration: Annotated[
         float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
     ],
