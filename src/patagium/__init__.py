@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from patagium.errors import Outcome as Outcome
     from patagium.errors import ParameterError as ParameterError
     from patagium.errors import PatagiumError as PatagiumError
+    from patagium.errors import PathError as PathError
     from patagium.errors import RobotFileError as RobotFileError
     from patagium.errors import RobotFileWarning as RobotFileWarning
     from patagium.errors import ShapeError as ShapeError
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
     from patagium.simulation import mounts as mounts
+    from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
     from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
@@ -76,6 +78,7 @@ _HOMES = {
         "Outcome",
         "ParameterError",
         "PatagiumError",
+        "PathError",
         "RobotFileError",
         "RobotFileWarning",
         "ShapeError",
@@ -103,6 +106,7 @@ _HOMES = {
         "gaits",
         "load_flight",
         "mounts",
+        "paths",
         "save_flight",
         "simulate",
         "simulate_published",
