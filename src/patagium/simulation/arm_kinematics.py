@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.native import load_functions
@@ -39,11 +39,11 @@ class Tool:
 
     def __init__(self, arm: Robot, at: str, position: Axis, orientation: Axis) -> None:
         body = arm.body_index(at)
-        turn = ca.sparsify(ca.DM(rotation(*orientation)))
-        self._parameters = arm.parameters
+        placed = np.concatenate([position, rotation(*orientation).ravel(order="F")])
+        self._parameters = np.concatenate([arm.parameters, placed])
         self._functions = load_functions(
-            f"tool {arm.structure} {body} {position} {orientation}",
-            lambda: _functions(arm, body, vector(position), turn),
+            f"tool {arm.structure} {body}",
+            lambda: _functions(arm, body),
             label=f"tool of {arm.name}",
             many_only=["pose", "drift", "torque"],
         )
@@ -66,14 +66,30 @@ class Tool:
         """
         return np.array(self._functions["drift"].batch(q, v, self._parameters))
 
+    def follow(self, q: Array, target: Motion) -> Motion:
+        """Motion of the joints that keeps the tool on a path.
+
+        v = J^-1 twist, a = J^-1 (its rate - dJ/dt v).
+
+        Args:
+            q: Joint positions that put it there, (N, n) [rad, m].
+            target: The path, x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
+        """
+        twist, change = path_twist(target)
+        _, _, jacobian = self.pose(q)
+        v = solved(jacobian, twist)
+        return Motion(q, v, solved(jacobian, change - self.drift(q, v)))
+
     def torque(self, motion: Motion) -> Array:
         """Force or torque of each joint, load left out, (N, n) [N m, N]."""
         moved = motion.position, motion.velocity, motion.acceleration
         return np.array(self._functions["torque"].batch(*moved, self._parameters))
 
 
-def _functions(arm: Robot, body: int, offset: ca.SX, turn: ca.DM) -> list[ca.Function]:
-    machine, p = arm.symbolic()
+def _functions(arm: Robot, body: int) -> list[ca.Function]:
+    machine, own = arm.symbolic()
+    placed = ca.SX.sym("placed", 12)
+    p, offset, turn = ca.vertcat(own, placed), placed[:3], ca.reshape(placed[3:], 3, 3)
     q, v, a = (ca.SX.sym(name, arm.dof) for name in "qva")
     pose, twist = body_poses(machine, q)[body], body_velocities(machine, q, v)[body]
     place = pose.position + pose.rotation @ offset
@@ -86,10 +102,13 @@ def _functions(arm: Robot, body: int, offset: ca.SX, turn: ca.DM) -> list[ca.Fun
     return [
         ca.Function("pose", [q, p], dense, ["q", "parameters"], ["place", "turn", "jacobian"]),
         ca.Function("drift", [q, v, p], [ca.densify(drift)], ["q", "v", "parameters"], ["drift"]),
-        ca.Function(
-            "torque", [q, v, a, p], [torque], ["q", "v", "a", "parameters"], ["torque"]
-        ),
+        ca.Function("torque", [q, v, a, p], [torque], ["q", "v", "a", "parameters"], ["torque"]),
     ]
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """Solutions of square systems, (N, n), one right-hand side each."""
+    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 
 def path_rotation(position: Array) -> Array:

@@ -9,7 +9,7 @@ tried. Neglected: collisions, the load on the tool, control errors.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -24,9 +24,10 @@ from patagium.simulation.arm_kinematics import (
     Array,
     Tool,
     path_rotation,
-    path_twist,
     rotation_vector,
+    solved,
 )
+from patagium.simulation.arm_limits import CLOSED, check_closed, judged
 from patagium.simulation.gait_models import Gait, Motion
 from patagium.simulation.paths import Path, span_of
 
@@ -34,10 +35,6 @@ AXES = 6
 """Joints of an arm: as many as a tool has ways to move."""
 KNOTS = 401
 """Times along a path, or along each way-point's share of it, where the arm is placed."""
-CLEARANCE = 0.03
-"""Least singular value of the Jacobian, lengths in reaches of the arm, that is no singularity."""
-CLOSED = 1e-10
-"""How far the tool may be from the path [m, rad]."""
 _SEEDS, _SEARCH, _STARTS = 96, 80, 24
 
 
@@ -90,7 +87,7 @@ class ArmPlan:
         inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
         guess = self._spline(inside)
         target = self.path.motion(asked)
-        return _joint_motion(self.tool, _closed(self.tool, guess, target, 6), target)
+        return self.tool.follow(_closed(self.tool, guess, target, 6), target)
 
     def describe(self) -> dict[str, Any]:
         """What it is, as JSON can hold it."""
@@ -154,13 +151,12 @@ def plan_arm(
     count = max(KNOTS, min(20_001, 20 * len(getattr(path, "time", ())) + 1))
     time = np.linspace(0.0, span, count)
     target = path.motion(time)
-    reach = sum(float(np.linalg.norm(np.asarray(b.position, float))) for b in arm.bodies)
     best: tuple[float, Array] | None = None
     refused: PathError | None = None
     for branch in _branches(arm, tool, time, target, start):
         try:
-            clearance = _judged(arm, tool, time, target, branch, reach)
-            _check_closed(arm, path, branch)
+            clearance = judged(arm, tool, time, target, branch)
+            check_closed(arm, path, branch)
         except PathError as error:
             if refused is None or error.time > refused.time:
                 refused = error
@@ -243,7 +239,7 @@ def _closed(tool: Tool, q: Array, target: Motion, steps: int) -> Array:
         error, jacobian = _error(tool, q, target.position, turned)
         if not np.isfinite(error).all() or np.abs(error).max() < 1e-13:
             break
-        q = q + np.linalg.solve(jacobian, error[..., None])[..., 0]
+        q = q + solved(jacobian, error)
     return q
 
 
@@ -252,14 +248,6 @@ def _error(tool: Tool, q: Array, place: Array, turned: Array) -> tuple[Array, Ar
     position, rotation, jacobian = tool.pose(q)
     turn = rotation_vector(turned @ np.swapaxes(rotation, 1, 2))
     return np.hstack([place[:, :3] - position, turn]), jacobian
-
-
-def _joint_motion(tool: Tool, q: Array, target: Motion) -> Motion:
-    twist, change = path_twist(target)
-    _, _, jacobian = tool.pose(q)
-    v = np.linalg.solve(jacobian, twist[..., None])[..., 0]
-    a = np.linalg.solve(jacobian, (change - tool.drift(q, v))[..., None])[..., 0]
-    return Motion(q, v, a)
 
 
 def _branches(
@@ -292,7 +280,7 @@ def _safe_solve(jacobian: Array, error: Array) -> Array:
     sound = np.abs(np.linalg.det(jacobian)) > 1e-12
     step = np.zeros_like(error)
     if sound.any():
-        step[sound] = np.linalg.solve(jacobian[sound], error[sound][..., None])[..., 0]
+        step[sound] = solved(jacobian[sound], error[sound])
     return step
 
 
@@ -315,7 +303,7 @@ def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> 
         across = np.swapaxes(jacobian, 1, 2)
         square = across @ jacobian + 1e-2 * np.minimum(size, 1.0) ** 2 * np.eye(AXES)
         square = square + 1e-15 * np.eye(AXES)
-        step = np.linalg.solve(square, across @ error[..., None])[..., 0]
+        step = solved(square, (across @ error[..., None])[..., 0])
         q = q + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.5)
     error, _ = _error(tool, q, place, turned)
     found = q[np.abs(error).max(axis=1) < 1e-8]
@@ -324,7 +312,7 @@ def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> 
     if not len(found):
         near = float(np.linalg.norm(error[:, :3], axis=1).min())
         raise PathError(0.0, "", "distance of the tool from the path's start", near, CLOSED, "m")
-    return found[:_STARTS]
+    return np.asarray(found[:_STARTS])
 
 
 def _unwound(arm: Robot, q: Array) -> Array:
@@ -341,63 +329,3 @@ def _different(q: Array) -> Array:
         if all(np.abs(one - other).max() > 1e-4 for other in kept):
             kept.append(one)
     return np.array(kept).reshape(-1, AXES)
-
-
-def _judged(
-    arm: Robot, tool: Tool, time: Array, target: Motion, q: Array, reach: float
-) -> float:
-    """Clearance from singularities of a branch that the arm can follow.
-
-    Raises:
-        PathError: At the first time when it cannot.
-    """
-    sound = np.isfinite(q).all(axis=1)
-    count = len(time) if sound.all() else int(np.argmin(sound))
-    _, _, jacobian = tool.pose(q[:count])
-    scaled = jacobian / np.array([reach] * 3 + [1.0] * 3)[:, None]
-    clearance = np.linalg.svd(scaled, compute_uv=False)[:, -1]
-    if clearance.min() < CLEARANCE:
-        k = int(np.argmax(clearance < CLEARANCE))
-        quantity = "inverse clearance from a singularity"
-        raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
-    if count < len(time):
-        raise PathError(time[count], "", "distance of the tool", np.inf, CLOSED, "m")
-    part = Motion(*(k[:count] for k in (target.position, target.velocity, target.acceleration)))
-    _check_limits(arm, tool, time, _joint_motion(tool, q, part))
-    return float(clearance.min())
-
-
-def _check_limits(arm: Robot, tool: Tool, time: Array, motion: Motion) -> None:
-    none = (np.inf,) * arm.dof
-    quantities: list[tuple[str, Array, Sequence[float], tuple[str, str]]] = [
-        ("position", motion.position, arm.upper, ("rad", "m")),
-        ("position", -motion.position, tuple(-k for k in arm.lower), ("rad", "m")),
-        ("speed", np.abs(motion.velocity), arm.speed_limit or none, ("rad/s", "m/s")),
-        (
-            *("acceleration", np.abs(motion.acceleration)),
-            *(arm.acceleration_limit or none, ("rad/s^2", "m/s^2")),
-        ),
-    ]
-    if arm.effort_limit:
-        effort = np.abs(tool.torque(motion))
-        quantities.append(("torque", effort, arm.effort_limit, ("N m", "N")))
-    for number, (name, values, most, units) in enumerate(quantities):
-        beyond = values > np.array(most)
-        if beyond.any():
-            k = int(np.argmax(beyond.any(axis=1)))
-            joint = int(np.argmax(beyond[k]))
-            sign = -1.0 if number == 1 else 1.0
-            unit = units[0] if arm.dof_units[joint] == "rad" else units[1]
-            value, limit = sign * values[k, joint], sign * most[joint]
-            raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
-
-
-def _check_closed(arm: Robot, path: Path, q: Array) -> None:
-    """A periodic path must bring every joint back: a turn too many cannot go on for ever."""
-    if not path.period:
-        return
-    gone = np.abs(q[-1] - q[0])
-    joint = int(np.argmax(gone))
-    if gone[joint] > 1e-6:
-        name, unit = arm.dof_names[joint], arm.dof_units[joint]
-        raise PathError(path.period, name, "gain a period", gone[joint], 0.0, unit)

@@ -2,8 +2,9 @@
 
 A cell is a massless, rigid link with six coordinates that are held at zero: the force
 that holds them is the wrench through it, in its own axes, whatever acts beyond it:
-inertia, weight, air, added mass. Neglected: the cell's mass and elasticity; noise, which
-belongs to the sensor that reads it.
+inertia, weight, air, added mass. The damping of a floating base's coordinates acts outside
+of its cell. Neglected: the cell's mass and elasticity; noise, which belongs to the sensor
+that reads it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ LEVEL = (0.0, 0.0, 0.0)
 PITCH_LIMIT = np.pi / 2 - 0.02
 """Where Euler angles of a path must stay, up and down [rad]."""
 
+AnyPath = TypeVar("AnyPath", bound=Gait)
 _CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
 
 
@@ -78,9 +79,7 @@ class SplinePath:
         }
 
 
-def line(
-    start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVEL
-) -> SplinePath:
+def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVEL) -> SplinePath:
     """Straight path from rest to rest with the least jerk.
 
     Args:
@@ -265,7 +264,7 @@ def superposed(*parts: Path) -> SuperposedGait:
     """Sum of paths, such as a circle and a pitching sinusoid about the origin.
 
     Args:
-        *parts: At least one; the longest of their periods is a whole number of each other's.
+        *parts: At least one; all end, or the longest period is a whole number of each other's.
 
     Raises:
         ParameterError: If there is none, or the sum does not repeat.
@@ -273,6 +272,8 @@ def superposed(*parts: Path) -> SuperposedGait:
     if not parts:
         raise ParameterError("parts", "at least one path", parts)
     path = SuperposedGait(tuple(parts))
+    if len({part.period is None for part in parts}) > 1:
+        raise ParameterError("parts", "paths that all repeat or all end", "both kinds")
     for part in parts:
         check_path(part)
         ratio = (path.period or 0.0) / (part.period or 1.0)
@@ -306,12 +307,7 @@ def _harmonic(
 ) -> FourierGait:
     still = np.zeros((len(sine), 3))
     series = [np.hstack([np.array(part), still]) for part in (cosine, sine)]
-    return _checked(
-        FourierGait(FLOATING_COORDINATES, frequency, _mean(center, attitude), *series)
-    )
-
-
-AnyPath = Any
+    return _checked(FourierGait(FLOATING_COORDINATES, frequency, _mean(center, attitude), *series))
 
 
 def _checked(path: AnyPath) -> AnyPath:

@@ -32,7 +32,6 @@ from patagium.dynamics.equations import (
 from patagium.robot import Robot
 from patagium.simulation.load_cells import CELL_COORDINATES, LoadCell, with_load_cells
 from patagium.simulation.mounts import (
-    MOUNT_COORDINATES,
     Mount,
     floating_dofs,
     on_massless_mount,
