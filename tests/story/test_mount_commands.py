@@ -49,12 +49,13 @@ CARRIED = (
 def test_simulate_on_an_arm(tmp_path: Path, speak: Speak) -> None:
     path = tmp_path / "carried.nc"
     words = ("simulate", "aerobat", *CARRIED, *FLY, "-o", path, "--json")
-    answer = speak(*words, "--path-speed", "2 m/s", "--load-cell", "body")
+    cells = ("--load-cell", "body", "--load-cell", "left_humerus")
+    answer = speak(*words, "--path-speed", "2 m/s", *cells)
     assert answer.code == 0 and json.loads(answer.out)["mount"] == "arm", answer.err
     flight = pt.load_flight(path)
     speed = np.linalg.norm(flight["v"].values[0, :3])
     assert speed == pytest.approx(2.0, rel=1e-12)  # it begins where it crosses
-    assert flight["load_cell_wrench"].shape == (flight.sizes["time"], 1, 6)
+    assert flight["load_cell_wrench"].shape == (flight.sizes["time"], 2, 6)
     refused = speak(*words, "--path-speed", "3 m/s")
     assert refused.code == 2 and "expected speed within 3.142 rad/s, found" in refused.err
 

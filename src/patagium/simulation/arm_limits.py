@@ -49,7 +49,7 @@ def judged(arm: Robot, tool: Tool, time: Array, target: Motion, q: Array) -> flo
         quantity = "inverse clearance from a singularity"
         raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
     if count < len(time):
-        raise PathError(time[count], "", "distance of the tool", np.inf, CLOSED, "m")
+        raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
     part = Motion(*(k[:count] for k in (target.position, target.velocity, target.acceleration)))
     _check_limits(arm, tool, time, tool.follow(q[:count], part))
     return float(clearance.min())

@@ -164,7 +164,9 @@ def plan_arm(
         if best is None or clearance > best[0]:
             best = clearance, branch
     if best is None:
-        raise refused or PathError(0.0, "", "distance of the tool", np.inf, CLOSED, "m")
+        raise refused or PathError(
+            0.0, "", "distance of the tool from the path", np.inf, CLOSED, "m"
+        )
     clearance, knots = best
     if path.period:
         knots[-1] = knots[0]
