@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from patagium.errors import Outcome as Outcome
     from patagium.errors import ParameterError as ParameterError
     from patagium.errors import PatagiumError as PatagiumError
+    from patagium.errors import PathError as PathError
     from patagium.errors import RobotFileError as RobotFileError
+    from patagium.errors import RobotFileWarning as RobotFileWarning
     from patagium.errors import ShapeError as ShapeError
     from patagium.errors import SimulationFailed as SimulationFailed
     from patagium.identification import ChangeDetection as ChangeDetection
@@ -57,10 +59,12 @@ if TYPE_CHECKING:
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
+    from patagium.robot import load_urdf as load_urdf
     from patagium.simulation import cycle_statistics as cycle_statistics
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
     from patagium.simulation import mounts as mounts
+    from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
     from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
@@ -74,11 +78,13 @@ _HOMES = {
         "Outcome",
         "ParameterError",
         "PatagiumError",
+        "PathError",
         "RobotFileError",
+        "RobotFileWarning",
         "ShapeError",
         "SimulationFailed",
     ),
-    "robot": ("Robot", "load_robot"),
+    "robot": ("Robot", "load_robot", "load_urdf"),
     "dynamics": ("Dynamics",),
     "aerodynamics": (
         "AddedMass",
@@ -100,6 +106,7 @@ _HOMES = {
         "gaits",
         "load_flight",
         "mounts",
+        "paths",
         "save_flight",
         "simulate",
         "simulate_published",

@@ -66,6 +66,34 @@ class RobotFileError(PatagiumError, ValueError):
         self.file, self.problems = file, problems
 
 
+class RobotFileWarning(UserWarning):
+    """Something a robot file says that a robot cannot represent, and what becomes of it."""
+
+
+class PathError(PatagiumError, ValueError):
+    """A path that an arm cannot follow.
+
+    Args:
+        time: When it first cannot [s].
+        joint: The joint that cannot, or "" if it is the arm as a whole.
+        quantity: What is beyond its limit, such as "speed".
+        value: How much of it is asked for.
+        limit: How much of it there is.
+        unit: Unit of both.
+    """
+
+    def __init__(
+        self, time: float, joint: str, quantity: str, value: float, limit: float, unit: str
+    ) -> None:
+        who = f"{joint}: " if joint else ""
+        super().__init__(
+            f"path: at t = {time:.4g} s {who}expected {quantity} "
+            f"within {limit:.4g} {unit}, found {value:.4g} {unit}".rstrip()
+        )
+        self.time, self.joint, self.quantity = time, joint, quantity
+        self.value, self.limit, self.unit = value, limit, unit
+
+
 class LinkageError(PatagiumError, ValueError):
     """A linkage whose bars cannot meet.
 

@@ -15,6 +15,7 @@ from patagium.robot import Robot, load_robot_text, preset_names, preset_text
 from patagium.robot.assembly import AssemblyError, assemble
 from patagium.robot.schema import RobotFile
 from patagium.robot.units import UnitMismatch, in_si
+from patagium.simulation.mounts import on_massless_mount
 
 # A robot that says everything a robot file can say: the test below holds it to that.
 COMPLETE = """
@@ -34,7 +35,8 @@ bodies:
     at: [1 cm, 2 cm, 3 cm]
     orientation: [5 deg, 6 deg, 7 deg]
     joints:
-      - {name: left_flap, type: revolute, axis: [1, 0.2, 0.1], limits: [-1, 1], damping: 0.1}
+      - {name: left_flap, type: revolute, axis: [1, 0.2, 0.1], limits: [-1, 1], damping: 0.1,
+         speed_limit: 3, acceleration_limit: 40, effort_limit: 0.5}
       - {name: left_slide, type: prismatic, axis: y, limits: [0, 2 cm], passive: true, damping: 1}
     mass: 4 g
     center_of_mass: [1 mm, 2 cm, 1 mm]
@@ -60,6 +62,7 @@ bodies:
     at: [1 cm, 1 cm, 1 cm]
     mass: 2 g
     shape: {type: box, size: [3 cm, 4 cm, 5 cm]}
+  sensor: {parent: nose, massless: true}
 wings:
   - name: left_wing
     segments:
@@ -147,14 +150,23 @@ class _Outputs:
         strips = [
             (*s.forward, *s.normal, s.chord, s.width, s.chord * s.width) for s in robot.strips
         ]
-        limits = np.nan_to_num([robot.lower, robot.upper], posinf=99, neginf=-99)
+        limits = np.nan_to_num(
+            [
+                *(robot.lower, robot.upper, robot.speed_limit or robot.upper),
+                *(robot.acceleration_limit or robot.upper, robot.effort_limit or robot.upper),
+            ],
+            posinf=99,
+            neginf=-99,
+        )
         return np.concatenate([moving, np.ravel(strips), limits.ravel()])
 
     @staticmethod
     def _compiled(robot: Robot) -> ca.Function:
         symbolic, symbols = robot.symbolic()
+        if not robot.floating:  # the reaction of the ground is an output of every flight
+            symbolic = on_massless_mount(symbolic)
         rng = np.random.default_rng(5)
-        q, v, a = (ca.SX(rng.uniform(0.3, 1.0, robot.dof)) for _ in range(3))
+        q, v, a = (ca.SX(rng.uniform(0.3, 1.0, symbolic.dof)) for _ in range(3))
         poses = kinematics.body_poses(symbolic, q)
         points = [
             poses[s.body].position + poses[s.body].rotation @ ca.vertcat(*s.quarter_chord)
@@ -260,7 +272,7 @@ def test_every_written_number_has_a_unit_that_is_read():
             assert any(_is_read(written, unit) for unit in _UNITS), path
 
 
-_UNITS = ("m", "kg", "rad", "m/s^2", "kg m^2", "N s/m", "N m s/rad", "")
+_UNITS = ("m", "kg", "rad", "m/s^2", "kg m^2", "N s/m", "N m s/rad", "rad/s", "N m", "")
 
 
 def _is_read(written: object, unit: str) -> bool:

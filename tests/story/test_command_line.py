@@ -98,7 +98,7 @@ def test_robots_lists_the_presets(speak: Speak) -> None:
     found = json.loads(speak("robots", "--json").out)
     assert [one["robot"] for one in found] == [
         "aerobat", "aerobat-beta", "aerobat-published", "dragonfly", "hawk", "ornithopter",
-        "yeo-wing",
+        "ur5e", "yeo-wing",
     ]  # fmt: skip
     assert found[0]["mass [kg]"] == pytest.approx(0.02, rel=1e-9)  # science.md: 20 g
     text = speak("robots").out

@@ -14,7 +14,7 @@ SHARED = Path(__file__).parents[2].parent / "shared" / "data"
 
 def test_the_presets_are_there():
     aerobats = ("aerobat", "aerobat-beta", "aerobat-published")
-    assert preset_names() == (*aerobats, "dragonfly", "hawk", "ornithopter", "yeo-wing")
+    assert preset_names() == (*aerobats, "dragonfly", "hawk", "ornithopter", "ur5e", "yeo-wing")
 
 
 @pytest.mark.parametrize("name", preset_names())

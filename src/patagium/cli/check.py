@@ -17,7 +17,7 @@ EXAMPLES = (
 def check(
     file: Annotated[
         Path,
-        typer.Argument(help="A robot file (.yaml), a flight (.nc) or a table (.csv, .parquet)."),
+        typer.Argument(help="A robot (.yaml, .urdf), a flight (.nc) or a table (.csv, .parquet)."),
     ],
     mapping: Annotated[
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
@@ -39,10 +39,12 @@ def check(
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
         facts = _flight_facts(file)
-    elif ending in (".yaml", ".yml") or str(file) in preset_names():
+    elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = _robot_facts(file)
     else:
-        raise ParameterError("file", "a name ending in .yaml, .nc, .csv or .parquet", str(file))
+        raise ParameterError(
+            "file", "a name ending in .yaml, .urdf, .nc, .csv or .parquet", str(file)
+        )
     answer(facts, as_json=as_json, title=f"{file} can be used")
 
 

@@ -8,8 +8,9 @@ they run, so that --help is quick.
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
@@ -31,7 +32,7 @@ from patagium.cli import (
     tune,
     validate,
 )
-from patagium.errors import PatagiumError
+from patagium.errors import PatagiumError, RobotFileWarning
 
 app = typer.Typer(
     name="patagium",
@@ -79,12 +80,27 @@ def run(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     try:
-        app([word for word in words if word != "--debug"], prog_name="patagium")
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", RobotFileWarning)
+            warnings.showwarning = _say_warning
+            app([word for word in words if word != "--debug"], prog_name="patagium")
     except (PatagiumError, OSError) as error:
         if debug:
             raise
         typer.echo(f"patagium: {_sentence(error)}", err=True)
         raise SystemExit(2) from None
+
+
+def _say_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    known = issubclass(category, RobotFileWarning)
+    typer.echo(f"patagium: {'' if known else category.__name__ + ': '}{message}", err=True)
 
 
 def _sentence(error: PatagiumError | OSError) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.words import Vector, quantity, vector
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import AddedMass, Aerodynamics, Air
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
+    from patagium.simulation.mounts import Mount
 
 
 class AirModel(StrEnum):
@@ -27,13 +29,6 @@ class AirModel(StrEnum):
     PUBLISHED = "published"
 
 
-class MountKind(StrEnum):
-    """What holds the robot."""
-
-    FREE = "free"
-    FIXED = "fixed"
-
-
 class Stepping(StrEnum):
     """How joints follow the gait: exactly, or overwritten as in the published experiment."""
 
@@ -42,17 +37,23 @@ class Stepping(StrEnum):
 
 
 _ANGLE = {"parser": quantity("rad", "an angle")}
+_PLACE = {"parser": vector("m", "a length")}
+_TURN = {"parser": vector("rad", "an angle")}
+_WAY = {"parser": vector("", "a pure number")}
 
 EXAMPLES = (
     'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
     '--duration "2 s" --time-step 1e-4 -o flight.nc',
     "patagium simulate aerobat --gait linkage --frequency 5 --mount fixed "
     '--wind "-3,0,0 m/s" --duration 1 --time-step 1e-4 --figure flight.png',
+    "patagium simulate aerobat --gait linkage --frequency 5 --mount arm --path figure-of-eight "
+    '--path-center "0.65,0,0.2" --path-size "0.9,0.3 m" --path-speed "2 m/s" --path-along 0,1,0 '
+    '--path-across 0,0,1 --arm-turn "0,-90 deg,0" --load-cell body --duration 1 --time-step 1e-4',
 )
 
 
 def simulate(
-    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a robot file.")],
+    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a file.")],
     duration: Annotated[
         float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
     ],
@@ -109,6 +110,49 @@ def simulate(
     mount: Annotated[
         MountKind | None, typer.Option(help="What holds the body; free when it can float.")
     ] = None,
+    path: Annotated[
+        str | None,
+        typer.Option(help="Of the mount: line, circle, figure-of-eight, sinusoid, or a CSV table."),
+    ] = None,
+    path_center: Annotated[
+        Vector | None, typer.Option(**_PLACE, help="Where it is (a line: begins), in m: 0.6,0,0.2.")
+    ] = None,
+    path_size: Annotated[
+        Sizes | None,
+        typer.Option(parser=sizes, help="Radius; length,width; way of a line; in m: 0.9,0.3."),
+    ] = None,
+    path_speed: Annotated[
+        float | None,
+        typer.Option(parser=quantity("m/s", "a speed"), help="Greatest speed on it, in m/s."),
+    ] = None,
+    path_frequency: Annotated[
+        float | None,
+        typer.Option(parser=quantity("Hz", "a frequency"), help="Turns a second, in Hz."),
+    ] = None,
+    path_along: Annotated[
+        Vector | None, typer.Option(**_WAY, help="An eight's length, or a circle's normal: 0,1,0.")
+    ] = None,
+    path_across: Annotated[
+        Vector | None, typer.Option(**_WAY, help="An eight's width, square to it: 0,0,1.")
+    ] = None,
+    path_attitude: Annotated[
+        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw on it, in rad: 0,0,90 deg.")
+    ] = None,
+    path_amplitude: Annotated[
+        list[str] | None, typer.Option(help="Of a sinusoid: z='5 cm', pitch='10 deg'. Repeat it.")
+    ] = None,
+    arm: Annotated[str, typer.Option(help="Arm of --mount arm: a preset or a file.")] = "ur5e",
+    arm_at: Annotated[str, typer.Option(help="Body of the arm that holds the robot.")] = "tool",
+    arm_turn: Annotated[
+        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw of the robot on it, in rad.")
+    ] = None,
+    arm_shift: Annotated[
+        Vector | None, typer.Option(**_PLACE, help="Where the robot sits on it, in m.")
+    ] = None,
+    load_cell: Annotated[
+        list[str] | None,
+        typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
+    ] = None,
     stepping: Annotated[
         Stepping, typer.Option(help="published: for comparison with the paper only.")
     ] = Stepping.PRESCRIBED,
@@ -141,7 +185,15 @@ def simulate(
         return
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     moves = _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
-    flight = _fly(machine, model, carried, moves, duration, time_step, mount, speed, pitch)
+    words = PathWords(
+        path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
+        path_attitude, path_amplitude or (),
+    )  # fmt: skip
+    held = mount_from(mount, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
+    if held is not None and held.path is not None and (speed or pitch):
+        raise ParameterError("--speed, --pitch", "a path that says them", mount)
+    cells = tuple(load_cell or ())
+    flight = _fly(machine, model, carried, moves, duration, time_step, held, cells, speed, pitch)
     _keep(flight, output, figure, as_json)
 
 
@@ -248,7 +300,8 @@ def _fly(
     gait: Gait,
     duration: float,
     time_step: float,
-    mount: MountKind | None,
+    mount: Mount | None,
+    cells: tuple[str, ...],
     speed: float,
     pitch: float,
 ) -> Any:
@@ -265,10 +318,10 @@ def _fly(
         v[base[0]], q[base[4]] = speed, pitch
     elif speed or pitch:
         raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
-    held = None if mount is None else getattr(mounts, mount.value)()
     with progress_bar(f"Flying {machine.name}") as progress:
         return simulation.simulate(
-            machine, model, gait, duration=duration, time_step=time_step, mount=held,
+            machine, model, gait, duration=duration, time_step=time_step, mount=mount,
+            load_cells=[mounts.load_cell(cell) for cell in cells],
             added_mass=added_mass, q=q, v=v, throw=False, progress=progress,
         )  # fmt: skip
 

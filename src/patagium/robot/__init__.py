@@ -1,6 +1,13 @@
 """What the machine is: bodies, joints, wings and linkages as validated, frozen models."""
 
-from patagium.robot.files import load_robot, load_robot_text, preset_names, preset_text
+from patagium.robot.files import (
+    load_robot,
+    load_robot_text,
+    load_urdf,
+    load_urdf_text,
+    preset_names,
+    preset_text,
+)
 from patagium.robot.linkage import Linkage, LinkageMotion
 from patagium.robot.model import Body, Joint, Robot, Strip
 
@@ -13,6 +20,8 @@ __all__ = [
     "Strip",
     "load_robot",
     "load_robot_text",
+    "load_urdf",
+    "load_urdf_text",
     "preset_names",
     "preset_text",
 ]

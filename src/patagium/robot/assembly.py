@@ -6,6 +6,7 @@ coordinates, and cuts the wings into strips.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -55,6 +56,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         AssemblyError: If the parts contradict each other.
     """
     drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in file.bodies.items()]))
+    _check_masses(drafts)
     units, damping, limits, actuated = _coordinates(drafts)
     order = _ordered(file, tuple(units))
     dof = {name: i for i, name in enumerate(order)}
@@ -70,27 +72,29 @@ def assemble(file: RobotFile, source: str) -> Robot:
         lower=tuple(limits[k][0] for k in order),
         upper=tuple(limits[k][1] for k in order),
         gravity=file.gravity,
+        **_capacities(drafts, order),
     )
-    return replace(_with_parameters(robot, file), source=source)
+    return replace(with_file_parameters(robot, file.parameters), source=source)
 
 
 def _draft(name: str, part: BodyPart) -> _Draft:
     joints = tuple((k.name, k.type, k.axis) for k in part.joints)
-    orientation = _rotation(*part.orientation)
+    orientation = rotation(*part.orientation)
     return _Draft(name, part.parent, part, joints, orientation, False, f"bodies.{name}")
 
 
-def _rotation(roll: float, pitch: float, yaw: float) -> Any:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
+def rotation(roll: float, pitch: float, yaw: float) -> Any:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3); a trace of rounding is a zero, which is structure."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     cy, sy = np.cos(yaw), np.sin(yaw)
-    return np.array(
+    matrix = np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
         ]
     )
+    return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
@@ -166,6 +170,36 @@ def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
         placed.add(first.name)
         waiting = [draft for draft in waiting if draft is not first]
     return ordered
+
+
+def _check_masses(drafts: list[_Draft]) -> None:
+    """A joint that moves no mass has no equation of motion."""
+    heavy: set[str] = set()
+    for draft in reversed(drafts):
+        if draft.part.mass > 0 or draft.name in heavy:
+            heavy.add(draft.name)
+            if draft.parent is not None:
+                heavy.add(draft.parent)
+        elif draft.joints or draft.part.floating:
+            expected = "a body with mass, or one that carries such"
+            raise AssemblyError((draft.path, expected, "massless"))
+
+
+def _capacities(drafts: list[_Draft], order: tuple[str, ...]) -> dict[str, Any]:
+    """Limits of the actuators by the name of the robot's field; empty where nobody has one."""
+    parts = {
+        name: part
+        for draft in drafts
+        for (name, _, _), part in zip(draft.joints, draft.part.joints, strict=True)
+    }
+
+    def limits(key: str) -> tuple[float, ...]:
+        written = [getattr(parts[k], key) if k in parts else None for k in order]
+        if all(k is None for k in written):
+            return ()
+        return tuple(np.inf if k is None else k for k in written)
+
+    return {key: limits(key) for key in ("speed_limit", "acceleration_limit", "effort_limit")}
 
 
 def _coordinates(
@@ -310,11 +344,16 @@ def _reflected_strip(
     )
 
 
-def _with_parameters(robot: Robot, file: RobotFile) -> Robot:
-    if not file.parameters:
+def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot:
+    """The robot with the values of a file's block `parameters`.
+
+    Raises:
+        AssemblyError: If a name is no parameter, or a value cannot be.
+    """
+    if not parameters:
         return robot
     try:
-        return robot.with_parameters(file.parameters)
+        return robot.with_parameters(parameters)
     except ParameterError as error:
         path = f"parameters.{error.name}"
         raise AssemblyError((path, error.expected, repr(error.found))) from None

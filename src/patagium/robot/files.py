@@ -1,37 +1,44 @@
-"""Robot files: YAML in, a validated robot out, every fault with its place.
+"""Robot files: YAML or URDF in, a validated robot out, every fault with its place.
 
-A preset is a robot file that comes with the package. Aliases (`&a`, `*a`) and
-duplicate keys are refused: a robot is written once, in the open.
+A preset is a robot file that comes with the package. A file may also say that one
+robot is mounted on another. Aliases (`&a`, `*a`) and duplicate keys are refused: a
+robot is written once, in the open.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Hashable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from patagium.errors import RobotFileError
-from patagium.robot.assembly import AssemblyError, assemble
+from patagium.errors import ParameterError, RobotFileError, RobotFileWarning
+from patagium.robot.assembly import AssemblyError, assemble, with_file_parameters
 from patagium.robot.model import Robot
-from patagium.robot.schema import RobotFile
+from patagium.robot.schema import CompositionFile, RobotFile
+from patagium.robot.urdf import read_urdf
 
 Problem = tuple[str, str, str]
 _LARGEST_FILE = 1_000_000
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
-    """Robot from a preset's name or a robot file.
+    """Robot from a preset's name, a robot file or a URDF.
+
+    A URDF's root stands on the world; `load_urdf` gives it a floating base. What a robot
+    cannot represent of it is told in a `RobotFileWarning`.
 
     Args:
-        name_or_path: A preset, such as "aerobat", or the path of a YAML file.
+        name_or_path: A preset, such as "aerobat", or the path of a YAML or URDF file.
 
     Returns:
-        The robot; its `source` is the text of the file.
+        The robot; its `source` is the text of the file, of a URDF the same as YAML.
 
     Raises:
         RobotFileError: If there is no such file, or it describes no robot.
@@ -40,12 +47,55 @@ def load_robot(name_or_path: str | Path) -> Robot:
     if name in preset_names():
         return load_robot_text(preset_text(name), name)
     path = Path(name_or_path)
+    if path.suffix.lower() == ".urdf":
+        return load_urdf(path)
     if path.suffix not in (".yaml", ".yml") and not path.exists():
         known = ", ".join(preset_names())
         raise RobotFileError(
-            name, [("", f"a preset ({known}) or the path of a robot file (.yaml)", repr(name))]
+            name,
+            [("", f"a preset ({known}) or the path of a robot file (.yaml, .urdf)", repr(name))],
         )
     return load_robot_text(_text(path), str(path))
+
+
+def load_urdf(path: str | Path, *, base: Literal["fixed", "floating"] = "fixed") -> Robot:
+    """Robot from a URDF, its root on the world or floating.
+
+    Args:
+        path: The file.
+        base: What a root link does that no joint of kind floating frees.
+
+    Returns:
+        The robot; its `source` is a robot file that says the same, with all that was
+        left out or renamed at its head.
+
+    Raises:
+        RobotFileError: If it cannot be read, or holds what a robot cannot have.
+    """
+    path = Path(path)
+    return load_urdf_text(_text(path), str(path), base=base)
+
+
+def load_urdf_text(
+    text: str, name: str = "URDF text", *, base: Literal["fixed", "floating"] = "fixed"
+) -> Robot:
+    """Robot from the text of a URDF; see `load_urdf`.
+
+    Args:
+        text: XML.
+        name: What to call it in errors and warnings.
+        base: What a root link does that no joint of kind floating frees.
+
+    Raises:
+        RobotFileError: If it holds what a robot cannot have.
+    """
+    if base not in ("fixed", "floating"):
+        raise ParameterError("base", "fixed or floating", base)
+    reading = read_urdf(text, name, base == "floating")
+    robot = load_robot_text(reading.text, name)
+    for where, what in reading.left_out:
+        warnings.warn(f"{name}: {where}: {what}", RobotFileWarning, stacklevel=2)
+    return robot
 
 
 def load_robot_text(text: str, name: str = "robot text") -> Robot:
@@ -58,13 +108,45 @@ def load_robot_text(text: str, name: str = "robot text") -> Robot:
     Raises:
         RobotFileError: If it describes no robot.
     """
+    return _robot(_parsed(text, name), text, name)
+
+
+def _robot(described: Any, text: str, name: str) -> Robot:
     try:
-        file = RobotFile.model_validate(_parsed(text, name))
-        return assemble(file, text)
+        if isinstance(described, dict) and "mounted_on" in described:
+            return _composed(described, text)
+        return assemble(RobotFile.model_validate(described), text)
     except ValidationError as error:
         raise RobotFileError(name, [_problem(k) for k in error.errors()]) from None
     except AssemblyError as error:
         raise RobotFileError(name, error.problems) from None
+
+
+def _composed(described: Any, text: str) -> Robot:
+    """A robot mounted on another, each a preset or written out in place."""
+    file = CompositionFile.model_validate(described)
+    robot, arm = (_part(getattr(file, key), key) for key in ("robot", "mounted_on"))
+    try:
+        composed = robot.mounted_on(
+            arm, file.at, position=file.position, orientation=file.orientation, prefix=file.prefix
+        )
+    except ParameterError as error:
+        where = "at" if error.name == "body" else error.name
+        raise AssemblyError((where, error.expected, repr(error.found))) from None
+    return replace(with_file_parameters(composed, file.parameters), source=text)
+
+
+def _part(described: Any, key: str) -> Robot:
+    if isinstance(described, str):
+        if described not in preset_names():
+            expected = f"a preset ({', '.join(preset_names())}) or a robot written out"
+            raise AssemblyError((key, expected, repr(described)))
+        return load_robot(described)
+    try:
+        return _robot(described, yaml.safe_dump(described, sort_keys=False), key)
+    except RobotFileError as error:
+        below = [(f"{key}.{k}".rstrip("."), *found) for k, *found in error.problems]
+        raise AssemblyError(*below) from None  # type: ignore[arg-type]
 
 
 def preset_names() -> tuple[str, ...]:

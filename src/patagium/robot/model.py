@@ -117,6 +117,9 @@ class Robot:
         upper: Upper limit of each coordinate, inf where none.
         gravity: Acceleration of free fall [m/s^2], along -z.
         source: Text of the robot file it came from; travels with every flight.
+        speed_limit: Largest speed of each coordinate [m/s, rad/s]; empty: none has any.
+        acceleration_limit: Largest acceleration of each [m/s^2, rad/s^2]; likewise.
+        effort_limit: Largest force or torque of its actuator [N, N m]; likewise.
     """
 
     name: str
@@ -130,6 +133,10 @@ class Robot:
     upper: tuple[float, ...]
     gravity: Any
     source: str = field(default="", repr=False, compare=False)
+    # limits of an actuator plan its motion; no equation knows them
+    speed_limit: tuple[float, ...] = field(default=(), repr=False)
+    acceleration_limit: tuple[float, ...] = field(default=(), repr=False)
+    effort_limit: tuple[float, ...] = field(default=(), repr=False)
 
     @property
     def dof(self) -> int:
@@ -222,6 +229,34 @@ class Robot:
         if name not in names:
             raise ParameterError("body", f"one of {', '.join(names)}", name)
         return names.index(name)
+
+    def mounted_on(
+        self,
+        arm: Robot,
+        at: str,
+        *,
+        position: Axis = (0.0, 0.0, 0.0),
+        orientation: Axis = (0.0, 0.0, 0.0),
+        prefix: str = "arm_",
+    ) -> Robot:
+        """This robot fixed to a body of another: one tree, one dynamics.
+
+        Its floating base becomes a body without coordinates of its own (their damping
+        goes with them); joints, wings, limits and damping stay. Gravity is this robot's.
+
+        Args:
+            arm: What carries it; its coordinates come first.
+            at: Body of the arm that holds it.
+            position: Where on that body, in its axes, (3,) [m].
+            orientation: Roll, pitch, yaw of this robot's axes in that body's, (3,) [rad].
+            prefix: Put before the names of the arm's bodies, joints and wings.
+
+        Raises:
+            ParameterError: If the arm has no such body, or a name would be there twice.
+        """
+        from patagium.robot.composition import mounted  # it builds on this module
+
+        return mounted(self, arm, at, position, orientation, prefix)
 
     def _with(self, values: Mapping[str, Any]) -> Robot:
         def vector(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:

@@ -179,6 +179,9 @@ class JointPart(_Part):
     type: Literal["revolute", "prismatic"] = "revolute"
     axis: Direction
     limits: tuple[float, float] | None = None
+    speed_limit: float | None = None
+    acceleration_limit: float | None = None
+    effort_limit: float | None = None
     damping: float = 0.0
     passive: StrictBool = False
 
@@ -190,6 +193,12 @@ class JointPart(_Part):
             return written
         unit, damping_unit, noun = _joint_unit(written.get("type", "revolute"))
         converted = dict(written)
+        units = (f"{unit}/s", f"{unit}/s^2", "N" if unit == "m" else "N m")
+        for key, limit_unit in zip(_MOST, units, strict=True):
+            if key in written:
+                converted[key] = most = _converted(written[key], limit_unit, "a limit", key)
+                if not most > 0:
+                    raise mismatch("a positive quantity", f"{most:g}", key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
                 _converted(k, unit, noun, f"limits.{i}") for i, k in enumerate(written["limits"])
@@ -207,6 +216,9 @@ class JointPart(_Part):
         if self.damping < 0:
             raise mismatch("a quantity that is not negative", f"{self.damping:g}", "damping")
         return self
+
+
+_MOST = ("speed_limit", "acceleration_limit", "effort_limit")
 
 
 def _converted(written: object, unit: str, noun: str, key: str) -> float:
@@ -247,7 +259,7 @@ class FloatingDamping(_Part):
 
 
 class BodyPart(_Part):
-    """A rigid body: how it hangs on its parent, and its mass."""
+    """A rigid body, how it hangs on its parent, its mass; massless: a frame, or between joints."""
 
     parent: Name | None = None
     at: Point = _ORIGIN
@@ -255,13 +267,27 @@ class BodyPart(_Part):
     floating: StrictBool = False
     joints: tuple[JointPart, ...] = ()
     damping: FloatingDamping | None = None
-    mass: Annotated[Mass, AfterValidator(_positive)]
+    massless: StrictBool = False
+    mass: Mass
     center_of_mass: Point = _ORIGIN
     inertia: Moments | None = None
     shape: Shape | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _frame(cls, written: Any) -> Any:
+        """A massless body says nothing of its mass."""
+        if not isinstance(written, dict) or written.get("massless") is not True:
+            return written
+        for key in ("mass", "center_of_mass", "inertia", "shape"):
+            if key in written:
+                raise mismatch("nothing with massless: true", repr(written[key])[:40], key)
+        return {**written, "mass": 0.0, "shape": {"type": "point"}}
+
     @model_validator(mode="after")
     def _consistent(self) -> BodyPart:
+        if not (self.massless or self.mass > 0):
+            raise mismatch("a positive quantity", f"{self.mass:g}", "mass")
         if (self.inertia is None) == (self.shape is None):
             both = "both" if self.shape is not None else "neither"
             raise mismatch("either inertia or shape", both)
@@ -357,4 +383,16 @@ class RobotFile(_Part):
     bodies: Annotated[dict[Name, BodyPart], Field(min_length=1)]
     wings: tuple[WingPart, ...] = ()
     mirror: tuple[Mirror, ...] = ()
+    parameters: dict[str, PureNumber] = {}
+
+
+class CompositionFile(_Part):
+    """All of a file that mounts one robot on another; each is a preset or a robot file's text."""
+
+    robot: str | dict[Any, Any]
+    mounted_on: str | dict[Any, Any]
+    at: str
+    position: Point = _ORIGIN
+    orientation: tuple[Angle, Angle, Angle] = _ORIGIN
+    prefix: Annotated[str, Field(pattern=r"^[a-z0-9_]{0,39}$")] = "arm_"
     parameters: dict[str, PureNumber] = {}

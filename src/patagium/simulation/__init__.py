@@ -1,6 +1,6 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
-from patagium.simulation import gaits, mounts
+from patagium.simulation import gaits, mounts, paths
 from patagium.simulation.cycles import cycle_statistics
 from patagium.simulation.flight import (
     QUANTITIES,
@@ -25,6 +25,7 @@ __all__ = [
     "gaits",
     "load_flight",
     "mounts",
+    "paths",
     "robot_of",
     "save_flight",
     "simulate",

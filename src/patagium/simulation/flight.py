@@ -25,7 +25,8 @@ from patagium.aerodynamics import (
 )
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
-from patagium.simulation.stage import ADDED_WORK, WORKS
+from patagium.simulation.load_cells import LoadCell
+from patagium.simulation.stage import ADDED_WORK, LOAD_CELLS, WORKS
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -94,6 +95,14 @@ QUANTITIES: dict[str, Quantity] = {
     "aero_state": Quantity(("lag",), "1", "states of the aerodynamic model"),
 }
 """Every variable of a flight."""
+OPTIONAL: dict[str, Quantity] = {
+    LOAD_CELLS: Quantity(
+        ("load_cell", "component"),
+        _FORCE,
+        "force and moment through each load cell on what it holds, axes and origin of the cell",
+    ),
+}
+"""What a flight has where it was asked for."""
 
 ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outcome")
 """What a flight must carry to be used again."""
@@ -111,6 +120,8 @@ class Origin:
         time_step: Step of the integrator [s].
         stepping: The integrator, in words.
         added_mass: Inertia of the air that moved with it, or None.
+        mount_path: Description of the path it was carried along, or None.
+        load_cells: Where wrenches were measured.
     """
 
     robot: Robot
@@ -120,6 +131,8 @@ class Origin:
     time_step: float
     stepping: str
     added_mass: AddedMass | None = None
+    mount_path: Mapping[str, Any] | None = None
+    load_cells: tuple[LoadCell, ...] = ()
 
 
 def flight_record(
@@ -151,8 +164,12 @@ def flight_record(
         return dims, np.ascontiguousarray(shaped), attributes
 
     flight = xr.Dataset(
-        {name: variable(name, kind) for name, kind in QUANTITIES.items()},
-        coords=_coordinates(origin.robot, time),
+        {
+            name: variable(name, kind)
+            for name, kind in (QUANTITIES | OPTIONAL).items()
+            if name in QUANTITIES or name in values
+        },
+        coords=_coordinates(origin, time),
         attrs=_origin_attributes(origin),
     )
     flight.attrs |= {"outcome": outcome.name, "message": message, **audits(flight, origin.robot)}
@@ -274,10 +291,12 @@ def _sizes(origin: Origin, samples: int) -> dict[str, int]:
         "axis": len(AXES),
         "component": len(WRENCH),
         "lag": origin.aero.state_size,
+        "load_cell": len(origin.load_cells),
     }
 
 
-def _coordinates(robot: Robot, time: Array) -> dict[str, Any]:
+def _coordinates(origin: Origin, time: Array) -> dict[str, Any]:
+    robot, cells = origin.robot, [cell.at for cell in origin.load_cells]
     return {
         "time": ("time", time, {"units": "s", "long_name": "time"}),
         "dof": ("dof", list(robot.dof_names)),
@@ -285,6 +304,7 @@ def _coordinates(robot: Robot, time: Array) -> dict[str, Any]:
         "strip": ("strip", [strip.name for strip in robot.strips]),
         "axis": ("axis", list(AXES)),
         "component": ("component", list(WRENCH)),
+        **({"load_cell": ("load_cell", cells)} if cells else {}),
     }
 
 
@@ -297,6 +317,8 @@ def _origin_attributes(origin: Origin) -> dict[str, Any]:
         "added_mass": json.dumps(None if added_mass is None else added_mass.describe()),
         "gait": json.dumps(origin.gait),
         "mount": origin.mount,
+        "mount_path": json.dumps(origin.mount_path),
+        "load_cells": json.dumps([cell.describe() for cell in origin.load_cells]),
         "time_step": origin.time_step,
         "stepping": origin.stepping,
         "patagium_version": __version__,

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import FlightError
-from patagium.simulation.flight import ATTRIBUTES, AXES, QUANTITIES, robot_of
+from patagium.simulation.flight import ATTRIBUTES, AXES, OPTIONAL, QUANTITIES, robot_of
 
 
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
@@ -116,7 +116,9 @@ def _check_contents(flight: xr.Dataset, name: str) -> None:
     missing = [k for k in ATTRIBUTES if k not in flight.attrs]
     if missing:
         raise FlightError(f"{name}: no attribute {', '.join(missing)}: not a whole flight")
-    for quantity, kind in QUANTITIES.items():
+    for quantity, kind in (QUANTITIES | OPTIONAL).items():
+        if quantity not in flight:
+            continue  # only what is optional may be missing here
         variable = flight[quantity]
         if variable.dims != ("time", *kind.dims):
             expected = ("time", *kind.dims)

@@ -63,7 +63,7 @@ def read_gait_table(
     Raises:
         LogError: If it cannot be used as it stands.
     """
-    header, rows = _read(path)
+    header, rows = read_columns(path)
     renamed = {column: name for name, column in columns.items()}
     table: dict[str, Array] = {}
     for k, (written, unit) in enumerate(header):
@@ -71,7 +71,7 @@ def read_gait_table(
         if name in table:
             raise LogError(f"{path.name}: column {name!r} is there twice")
         si = "s" if name == "time" else _joint_unit(robot, name)
-        table[name] = rows[:, k] * _factor(path, name, units.get(name, unit), si)
+        table[name] = rows[:, k] * unit_factor(path, name, units.get(name, unit), si)
     for missing in renamed:
         raise LogError(f"{path.name}: column {missing!r} is missing; found {', '.join(table)}")
     for name in units:
@@ -83,7 +83,15 @@ def read_gait_table(
     return _closed(path, GaitTable(time, table), period)
 
 
-def _read(path: Path) -> tuple[list[tuple[str, str]], Array]:
+def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
+    """Name and unit of each column of a CSV file, and its rows, (M, columns).
+
+    Args:
+        path: The file.
+
+    Raises:
+        LogError: If it is no table of finite numbers under a header.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [line for line in csv.reader(file) if line]
@@ -124,7 +132,18 @@ def _joint_unit(robot: Robot, name: str) -> str:
     raise LogError(f"column {name!r}: no joint of {robot.name!r} ({', '.join(robot.dof_names)})")
 
 
-def _factor(path: Path, name: str, unit: str, si: str) -> float:
+def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
+    """What turns a column into SI.
+
+    Args:
+        path: The file, for the message.
+        name: The column.
+        unit: Its unit as written.
+        si: The SI unit wanted.
+
+    Raises:
+        LogError: If there is no unit, or one of another dimension.
+    """
     if not unit:
         raise LogError(f"{path.name}: column {name!r} has no unit; write it as '{name} [{si}]'")
     try:

@@ -17,6 +17,7 @@ import numpy as np
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
+from patagium.simulation.arms import carried_gait
 from patagium.simulation.gait_models import (
     Array,
     FourierGait,
@@ -31,6 +32,7 @@ from patagium.simulation.gait_table import read_gait_table
 __all__ = [
     "Gait",
     "Motion",
+    "carried_gait",
     "check_gait",
     "fourier",
     "from_csv",

@@ -6,6 +6,9 @@ order in the time step. Neglected: contact, actuator limits, sensors.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
@@ -16,10 +19,12 @@ from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.simulation.bounds import check_start, limits, message_of
 from patagium.simulation.flight import Origin, flight_record
-from patagium.simulation.gaits import Gait, check_gait
+from patagium.simulation.gaits import Gait, Motion, check_gait
+from patagium.simulation.load_cells import LoadCell, check_cells
 from patagium.simulation.march import Array, Equations, Progress, march, times_of
 from patagium.simulation.mounts import Mount, mount_of
 from patagium.simulation.stage import (
+    LOAD_CELLS,
     RECORDED,
     RECORDED_WITH_ADDED_MASS,
     Layout,
@@ -37,6 +42,7 @@ def simulate(
     time_step: float,
     added_mass: AddedMass | None = None,
     mount: Mount | None = None,
+    load_cells: Sequence[LoadCell] = (),
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     throw: bool = True,
@@ -55,9 +61,11 @@ def simulate(
         duration: A whole number of time steps [s].
         time_step: Step [s].
         added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
-        mount: Free or fixed; by default free if the robot has a floating body.
-        q: Initial coordinates, (n,) [m, rad]; the gait's joints are overwritten. Zero
-            by default.
+        mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
+            default free if the robot has a floating body.
+        load_cells: Six-axis cells (`patagium.mounts.load_cell`) whose wrenches to record.
+        q: Initial coordinates, (n,) [m, rad]; the gait's and the path's are overwritten.
+            Zero by default.
         v: Initial velocities, (n,) [m/s, rad/s]; likewise. What a fixed mount holds
             must not move: let the air move instead.
         throw: Whether a run that stops early raises; else the flight up to there is
@@ -77,24 +85,25 @@ def simulate(
     check_added_mass(robot, aero, added_mass)
     check_gait(robot, gait)
     held = mount_of(robot, mount)
-    layout = layout_of(robot, aero, held, added_mass)
+    cells = tuple(load_cells)
+    check_cells(robot, cells, held.kind != "free")
+    layout = layout_of(robot, aero, held, added_mass, cells)
     start_q, start_v = initial(robot, "q", q), initial(robot, "v", v)
-    fixed = _held_positions(robot, layout, start_q, start_v)
+    base = held.path or _Held(_held_positions(robot, layout, start_q, start_v))
 
     def rows(time: Array) -> Array:
-        motion = gait.motion(time)
-        still = np.zeros((len(time), len(fixed)))
+        joints, body = gait.motion(time), base.motion(time)
         parts = [
-            *(motion.position, still + fixed),
-            *(motion.velocity, still),
-            *(motion.acceleration, still),
+            *(joints.position, body.position),
+            *(joints.velocity, body.velocity),
+            *(joints.acceleration, body.acceleration),
         ]
         return np.column_stack([*parts, aero.air.wind_at(time)])
 
     passive = [i - layout.hidden for i in layout.passive]
     state = np.zeros(layout.size)
     state[: 2 * len(passive)] = np.concatenate([start_q[passive], start_v[passive]])
-    equations = _equations(robot, aero, added_mass, held, layout, state)
+    equations = _equations(robot, aero, added_mass, held, cells, layout, state)
     check_start(equations, layout.state_names, state)
     run = march(equations, state, rows, steps, time_step, progress)
     message = message_of(run, layout.state_names, equations, steps, time_step)
@@ -102,6 +111,7 @@ def simulate(
     run.samples["wind"] = aero.air.wind_at(time)
     stepping = "partitioned RK4"
     origin = Origin(robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass)
+    origin = replace(origin, mount_path=held.describe(), load_cells=cells)
     flight = flight_record(origin, time, run.samples, run.outcome, message)
     if throw and run.outcome is not Outcome.COMPLETED:
         raise SimulationFailed(message, flight, run.outcome)
@@ -113,15 +123,19 @@ def _equations(
     aero: Aerodynamics,
     added_mass: AddedMass | None,
     mount: Mount,
+    cells: tuple[LoadCell, ...],
     layout: Layout,
     state: Array,
 ) -> Equations:
     symbolic, _ = robot.symbolic()
-    kind = mount.kind if added_mass is None else f"{mount.kind} with added mass"
+    kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
+    kind += "" if added_mass is None else " with added mass"
+    kind += f" on {cells!r}" if cells else ""
+    recorded = RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS
     parameters = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
     functions = load_functions(
         f"flight {kind} {aero.structure} {symbolic!r}",
-        lambda: flight_functions(robot, aero, mount, added_mass),
+        lambda: flight_functions(robot, aero, mount, added_mass, cells),
         label=f"flight of {robot.name}",
         many_only=["record"],
     )
@@ -130,12 +144,23 @@ def _equations(
         rate=functions["rate"],
         record=functions["record"],
         prepare=None,
-        recorded=RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS,
+        recorded=(*recorded, LOAD_CELLS) if cells else recorded,
         robot_parameters=robot.parameters,
         aero_parameters=np.concatenate(parameters),
         lower=lower,
         upper=upper,
     )
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Coordinates that stay where they are, (n_held,)."""
+
+    position: Array
+
+    def motion(self, time: Array) -> Motion:
+        still = np.zeros((len(time), len(self.position)))
+        return Motion(still + self.position, still, still)
 
 
 def whole_steps(duration: float, time_step: float) -> int:

@@ -30,8 +30,8 @@ from patagium.dynamics.equations import (
     total_mass,
 )
 from patagium.robot import Robot
+from patagium.simulation.load_cells import CELL_COORDINATES, LoadCell, with_load_cells
 from patagium.simulation.mounts import (
-    MOUNT_COORDINATES,
     Mount,
     floating_dofs,
     on_massless_mount,
@@ -51,6 +51,8 @@ RECORDED = (
 """What the record function gives, in order."""
 RECORDED_WITH_ADDED_MASS = (*RECORDED, "added_mass_force", "fluid_energy", "fluid_momentum")
 """What it gives with added mass."""
+LOAD_CELLS = "load_cell_wrench"
+"""What it gives after the others with load cells."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,12 @@ class Layout:
     Attributes:
         machine: The robot, on a massless mount if it has no floating body; its n
             coordinates are the last n of the machine's.
-        hidden: Coordinates of the massless mount, held at zero: 6 or 0.
+        hidden: Coordinates held at zero, the first: 6 of each load cell, 6 of a massless mount.
         passive: Coordinates of the machine that are integrated.
         prescribed: Coordinates of the machine that follow the row, in its order.
         lags: Number of the aerodynamic model's own states.
         works: Names of the works that ride along.
+        cells: Load cells.
     """
 
     machine: Robot
@@ -73,6 +76,7 @@ class Layout:
     prescribed: tuple[int, ...]
     lags: int
     works: tuple[str, ...] = WORKS
+    cells: int = 0
 
     @property
     def size(self) -> int:
@@ -93,7 +97,11 @@ class Layout:
 
 
 def layout_of(
-    robot: Robot, aero: Aerodynamics, mount: Mount, added_mass: AddedMass | None = None
+    robot: Robot,
+    aero: Aerodynamics,
+    mount: Mount,
+    added_mass: AddedMass | None = None,
+    cells: Sequence[LoadCell] = (),
 ) -> Layout:
     """Layout of a robot's flight.
 
@@ -102,19 +110,25 @@ def layout_of(
         aero: What the air does to it.
         mount: How it is held.
         added_mass: Inertia of the air, or None.
+        cells: Load cells.
     """
-    hidden = 0 if robot.floating else MOUNT_COORDINATES
-    machine = on_massless_mount(robot) if hidden else robot
-    held = floating_dofs(robot) if mount.kind == "fixed" else ()
+    on_ground = robot if robot.floating else on_massless_mount(robot)
+    machine = with_load_cells(on_ground, cells)
+    hidden = machine.dof - robot.dof
+    held = floating_dofs(machine) if robot.floating and mount.kind != "free" else ()
     prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
     follows = {*range(hidden), *prescribed}
     passive = tuple(i for i in range(machine.dof) if i not in follows)
     works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
-    return Layout(machine, hidden, passive, prescribed, aero.state_size, works)
+    return Layout(machine, hidden, passive, prescribed, aero.state_size, works, len(cells))
 
 
 def flight_functions(
-    robot: Robot, aero: Aerodynamics, mount: Mount, added_mass: AddedMass | None = None
+    robot: Robot,
+    aero: Aerodynamics,
+    mount: Mount,
+    added_mass: AddedMass | None = None,
+    cells: Sequence[LoadCell] = (),
 ) -> Sequence[ca.Function]:
     """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
 
@@ -123,9 +137,10 @@ def flight_functions(
         aero: What the air does to it.
         mount: How it is held.
         added_mass: Inertia of the air, whose parameters follow the model's; or None.
+        cells: Load cells.
     """
     symbolic, robot_parameters = robot.symbolic()
-    layout = layout_of(symbolic, aero, mount, added_mass)
+    layout = layout_of(symbolic, aero, mount, added_mass, cells)
     state, row = ca.SX.sym("state", layout.size), ca.SX.sym("row", layout.row_size)
     count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
     aero_parameters = ca.SX.sym("c", count)
@@ -208,6 +223,8 @@ def _equations(
         recorded["added_mass_force"] = (forces[-1] + circulation)[of_robot]
         recorded["fluid_energy"] = fluid_energy(machine, q, v, added)
         recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
+    if layout.cells:
+        recorded[LOAD_CELLS] = constraint[: CELL_COORDINATES * layout.cells]
     return rate, recorded
 
 

@@ -1,0 +1,212 @@
+"""What `patagium simulate` says of mounts: the path, the arm that follows it, load cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from patagium.cli.words import Vector, quantity
+
+if TYPE_CHECKING:
+    from patagium.simulation.mounts import Mount
+
+PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
+"""Paths by name; any other word is a file."""
+
+
+class MountKind(StrEnum):
+    """What holds the robot."""
+
+    FREE = "free"
+    FIXED = "fixed"
+    CARRIED = "carried"
+    ARM = "arm"
+
+
+class Sizes(tuple[float, ...]):
+    """One to three lengths; no tuple to typer, which would want its length."""
+
+
+def sizes(text: str) -> Sizes:
+    """Lengths such as "0.9,0.3 m"; a last unit holds for all."""
+    parts = [part.strip() for part in text.split(",")]
+    last = parts[-1].partition(" ")[2]
+    one = quantity("m", "a length")
+    found = Sizes(one(part if " " in part else f"{part} {last}".strip()) for part in parts)
+    if len(found) > 3:
+        raise typer.BadParameter(f"expected one to three lengths such as 0.9,0.3 m, found {text!r}")
+    return found
+
+
+@dataclass(frozen=True)
+class PathWords:
+    """A path as it is asked for; None where nothing was said.
+
+    Attributes:
+        kind: line, circle, figure-of-eight, sinusoid, or a CSV file.
+        center: Where it is, or where a line begins [m].
+        size: Radius; length and width of an eight; where a line ends from its beginning [m].
+        speed: The greatest [m/s].
+        frequency: Turns a second [Hz].
+        along: Direction of an eight's length; a circle's normal.
+        across: Direction of an eight's width.
+        attitude: Roll, pitch, yaw [rad].
+        amplitude: Of a sinusoid, NAME=VALUE.
+    """
+
+    kind: str | None
+    center: Vector | None
+    size: Sizes | None
+    speed: float | None
+    frequency: float | None
+    along: Vector | None
+    across: Vector | None
+    attitude: Vector | None
+    amplitude: Sequence[str]
+
+
+def mount_from(
+    kind: MountKind | None,
+    words: PathWords,
+    *,
+    arm: str,
+    at: str,
+    turn: Vector | None,
+    shift: Vector | None,
+) -> Mount | None:
+    """The mount asked for; None for what the robot implies.
+
+    Args:
+        kind: What holds the robot.
+        words: The path.
+        arm: Preset or file of the arm.
+        at: Body of the arm that holds the robot.
+        turn: Roll, pitch, yaw of the robot on that body [rad].
+        shift: Where the robot sits on that body [m].
+
+    Raises:
+        ParameterError: If the words contradict each other.
+        PathError: If the arm cannot follow.
+    """
+    from patagium.errors import ParameterError
+    from patagium.robot import load_robot
+    from patagium.simulation import mounts
+
+    if kind not in (MountKind.CARRIED, MountKind.ARM):
+        if words.kind is not None:
+            raise ParameterError("--path", "--mount arm or carried with it", kind)
+        return None if kind is None else getattr(mounts, kind.value)()
+    path = _path(words)
+    if kind is MountKind.CARRIED:
+        return mounts.carried(path)
+    machine = load_robot(arm)
+    return mounts.on_arm(machine, path, at=at, position=shift or _ZERO, orientation=turn or _ZERO)
+
+
+def _path(words: PathWords) -> Any:
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.simulation import paths
+
+    if words.kind is None:
+        expected = f"one of {', '.join(PATHS)}, or a CSV file"
+        raise ParameterError("--path", expected, None)
+    makers: dict[str, Callable[[PathWords], Any]] = {
+        "line": _line,
+        "circle": _circle,
+        "figure-of-eight": _eight,
+        "sinusoid": _sinusoid,
+    }
+    _refuse_what_is_unused(words)
+    if words.kind not in makers:
+        return paths.from_csv(existing(Path(words.kind)))
+    return makers[words.kind](words)
+
+
+def _refuse_what_is_unused(words: PathWords) -> None:
+    from patagium.errors import ParameterError
+
+    used = _USED.get(words.kind or "", set())
+    for name in ("center", "size", "speed", "frequency", "along", "across", "attitude"):
+        if getattr(words, name) is not None and name not in used:
+            raise ParameterError(f"--path-{name}", f"nothing of the kind with {words.kind}", "one")
+    if words.amplitude and words.kind != "sinusoid":
+        raise ParameterError("--path-amplitude", f"nothing of the kind with {words.kind}", "one")
+
+
+_USED = {
+    "line": {"center", "size", "speed", "attitude"},
+    "circle": {"center", "size", "speed", "frequency", "along", "attitude"},
+    "figure-of-eight": {*("center", "size", "speed", "frequency"), "along", "across", "attitude"},
+    "sinusoid": {"center", "frequency", "attitude"},
+}
+_ZERO = (0.0, 0.0, 0.0)
+
+
+def _sized(words: PathWords, count: int, what: str) -> Sizes:
+    from patagium.errors import ParameterError
+
+    if words.size is None or len(words.size) != count:
+        raise ParameterError("--path-size", what, words.size)
+    return words.size
+
+
+def _line(words: PathWords) -> Any:
+    """From the center on; the greatest speed of a motion of least jerk is 15/8 of the mean."""
+    import math
+
+    from patagium.errors import ParameterError
+    from patagium.simulation import paths
+
+    way = _sized(words, 3, "how far a line goes, such as '0.3,0,0.1 m'")
+    if words.speed is None:
+        raise ParameterError("--path-speed", "the greatest speed of a line, in m/s", None)
+    start = words.center or Vector(*_ZERO)
+    end = [a + b for a, b in zip(start, way, strict=True)]
+    length = math.hypot(*way)
+    if not (length > 0 and words.speed > 0):
+        raise ParameterError("--path-size, --path-speed", "a way and a speed above 0", length)
+    duration = 15 / 8 * length / words.speed
+    return paths.line(start, end, duration=duration, attitude=words.attitude or _ZERO)
+
+
+def _circle(words: PathWords) -> Any:
+    from patagium.simulation import paths
+
+    (radius,) = _sized(words, 1, "a circle's radius, such as '20 cm'")
+    return paths.circle(
+        words.center or _ZERO, radius, speed=words.speed, frequency=words.frequency,
+        normal=words.along or (0.0, 0.0, 1.0), attitude=words.attitude or _ZERO,
+    )  # fmt: skip
+
+
+def _eight(words: PathWords) -> Any:
+    from patagium.simulation import paths
+
+    length, width = _sized(words, 2, "length and width, such as '0.9,0.3 m'")
+    return paths.figure_of_eight(
+        words.center or _ZERO, length, width, speed=words.speed, frequency=words.frequency,
+        along=words.along or (1.0, 0.0, 0.0), across=words.across or (0.0, 1.0, 0.0),
+        attitude=words.attitude or _ZERO,
+    )  # fmt: skip
+
+
+def _sinusoid(words: PathWords) -> Any:
+    from patagium.cli.words import named_quantities
+    from patagium.errors import ParameterError
+    from patagium.simulation import paths
+
+    if words.frequency is None:
+        raise ParameterError("--path-frequency", "the cycles a second of a sinusoid, in Hz", None)
+    slides = [word for word in words.amplitude if word.partition("=")[0] in ("x", "y", "z")]
+    turns = [word for word in words.amplitude if word not in slides]
+    size = named_quantities("--path-amplitude", slides, "m", "a length")
+    size |= named_quantities("--path-amplitude", turns, "rad", "an angle")
+    center, attitude = words.center or _ZERO, words.attitude or _ZERO
+    rate, still = words.frequency, None
+    return paths.sinusoid(center, frequency=rate, phase=still, attitude=attitude, **size)

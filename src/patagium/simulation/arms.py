@@ -1,0 +1,333 @@
+"""What the joints of an arm do so that its tool follows a path, and whether they can.
+
+Inverse kinematics by Newton's method on the compiled Jacobian: along the path from one
+knot to the next on the same branch, then at any time from a spline through the knots, so
+that position, velocity and acceleration are those of the path to rounding. Near a
+singularity the arm is refused, never damped. Where it may start in several ways, each is
+tried. Neglected: collisions, the load on the tool, control errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from patagium.errors import ParameterError, PathError, ShapeError
+from patagium.robot import Robot
+from patagium.robot.model import Axis
+from patagium.simulation.arm_kinematics import (
+    Array,
+    Tool,
+    path_rotation,
+    rotation_vector,
+    solved,
+)
+from patagium.simulation.arm_limits import CLOSED, check_closed, judged
+from patagium.simulation.gait_models import Gait, Motion
+from patagium.simulation.paths import Path, span_of
+
+AXES = 6
+"""Joints of an arm: as many as a tool has ways to move."""
+KNOTS = 401
+"""Times along a path, or along each way-point's share of it, where the arm is placed."""
+_SEEDS, _SEARCH, _STARTS = 96, 80, 24
+
+
+@dataclass(frozen=True)
+class ArmPlan:
+    """Joint motion of an arm whose tool follows a path.
+
+    Attributes:
+        arm: The arm.
+        path: Where its tool goes.
+        at: Body that carries the tool.
+        position: Tool's origin in that body's axes, (3,) [m].
+        orientation: Roll, pitch, yaw of the tool in that body's axes, (3,) [rad].
+        time: Knots, (K,) [s].
+        knots: Joint positions there, (K, 6) [rad, m].
+        clearance: Least singular value of the Jacobian along the path, lengths in reaches.
+    """
+
+    arm: Robot
+    path: Path
+    at: str
+    position: Axis
+    orientation: Axis
+    time: Array
+    knots: Array
+    clearance: float
+    tool: Tool = field(repr=False, compare=False)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the arm's joints."""
+        return self.arm.dof_names
+
+    @property
+    def period(self) -> float | None:
+        """Time after which it repeats [s]; None if it ends."""
+        return self.path.period
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline  # slow to import, rarely needed
+
+        ends = "periodic" if self.period else "clamped"
+        return CubicSpline(self.time, self.knots, bc_type=ends)
+
+    def motion(self, time: ArrayLike) -> Motion:
+        """Joint motion at the times asked for, (N,) [s], exact to rounding."""
+        asked = np.asarray(time, float)
+        end = self.time[-1]
+        inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
+        guess = self._spline(inside)
+        target = self.path.motion(asked)
+        return self.tool.follow(_closed(self.tool, guess, target, 6), target)
+
+    def describe(self) -> dict[str, Any]:
+        """What it is, as JSON can hold it."""
+        return {
+            "name": self.arm.name,
+            "source": self.arm.source,
+            "at": self.at,
+            "position": list(self.position),
+            "orientation": list(self.orientation),
+            "start": self.knots[0].tolist(),
+            "clearance": self.clearance,
+        }
+
+    def demands(self) -> dict[str, dict[str, float]]:
+        """Of each joint: least and greatest position, speed, acceleration and torque [SI]."""
+        motion = self.motion(np.linspace(0.0, self.time[-1], 4 * len(self.time)))
+        torque = self.tool.torque(motion)
+        return {
+            name: {
+                "least": float(motion.position[:, k].min()),
+                "greatest": float(motion.position[:, k].max()),
+                "speed": float(np.abs(motion.velocity[:, k]).max()),
+                "acceleration": float(np.abs(motion.acceleration[:, k]).max()),
+                "torque": float(np.abs(torque[:, k]).max()),
+            }
+            for k, name in enumerate(self.joints)
+        }
+
+
+def plan_arm(
+    arm: Robot,
+    path: Path,
+    *,
+    at: str = "tool",
+    position: Axis = (0.0, 0.0, 0.0),
+    orientation: Axis = (0.0, 0.0, 0.0),
+    start: ArrayLike | None = None,
+) -> ArmPlan:
+    """Joint motion that carries a tool along a path, within the arm's limits.
+
+    Args:
+        arm: Six joints on the world, its limits of position, speed, acceleration and
+            effort those of its file.
+        path: Where the tool goes, in the world.
+        at: Body that carries the tool.
+        position: Tool's origin in that body's axes, (3,) [m].
+        orientation: Roll, pitch, yaw of the tool in that body's axes, (3,) [rad].
+        start: Joint positions near which to begin, (6,) [rad, m]; by default the ways to
+            begin are searched, and the one farthest from singularities is taken.
+
+    Raises:
+        ParameterError: If the arm has not six joints, floats, or lacks the body.
+        ShapeError: If `start` is not (6,).
+        PathError: If no way to begin leads along the path: what stops the one that gets
+            farthest, which joint, when, how much and how much would be allowed.
+    """
+    if arm.dof != AXES or arm.floating:
+        raise ParameterError("arm", f"one of {AXES} joints on the world", f"{arm.name}, {arm.dof}")
+    tool = Tool(arm, at, position, orientation)
+    span = span_of(path)
+    count = max(KNOTS, min(20_001, 20 * len(getattr(path, "time", ())) + 1))
+    time = np.linspace(0.0, span, count)
+    target = path.motion(time)
+    best: tuple[float, Array] | None = None
+    refused: PathError | None = None
+    for branch in _branches(arm, tool, time, target, start):
+        try:
+            clearance = judged(arm, tool, time, target, branch)
+            check_closed(arm, path, branch)
+        except PathError as error:
+            if refused is None or error.time > refused.time:
+                refused = error
+            continue
+        if best is None or clearance > best[0]:
+            best = clearance, branch
+    if best is None:
+        raise refused or PathError(
+            0.0, "", "distance of the tool from the path", np.inf, CLOSED, "m"
+        )
+    clearance, knots = best
+    if path.period:
+        knots[-1] = knots[0]
+    return ArmPlan(arm, path, at, position, orientation, time, knots, clearance, tool)
+
+
+@dataclass(frozen=True)
+class CarriedGait:
+    """Gait of a robot composed with its arm: the arm's plan, then the robot's own gait.
+
+    Attributes:
+        joints: Actuated joints of the composed robot.
+        plan: What the arm does.
+        gait: What the robot does.
+    """
+
+    joints: tuple[str, ...]
+    plan: ArmPlan
+    gait: Gait
+
+    @property
+    def period(self) -> float | None:
+        """Never, as a whole, unless one of the two stands still."""
+        still = self.gait.period is None
+        return self.plan.period if still else None
+
+    def motion(self, time: ArrayLike) -> Motion:
+        """Motion of arm and robot at the times asked for, (N,) [s]."""
+        parts = self.plan.motion(time), self.gait.motion(time)
+        return Motion(
+            *(
+                np.hstack([getattr(part, name) for part in parts])
+                for name in ("position", "velocity", "acceleration")
+            )
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """What it is, as JSON can hold it."""
+        return {
+            "kind": "carried",
+            "joints": list(self.joints),
+            "path": self.plan.path.describe(),
+            "arm": self.plan.describe(),
+            "gait": self.gait.describe(),
+        }
+
+
+def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
+    """Gait of a composed robot (`Robot.mounted_on`): its arm follows a plan.
+
+    Args:
+        robot: The robot with its arm; the arm's joints come first.
+        plan: What the arm does.
+        gait: What the robot's own joints do.
+
+    Raises:
+        ParameterError: If the joints are not those of the two.
+    """
+    names = tuple(robot.dof_names[i] for i in robot.actuated)
+    parts = (*plan.joints, *gait.joints)
+    if len(names) != len(parts) or any(
+        not own.endswith(part) for own, part in zip(names, parts, strict=True)
+    ):
+        raise ParameterError("gait", f"joints {', '.join(names)}", ", ".join(parts))
+    return CarriedGait(names, plan, gait)
+
+
+def _closed(tool: Tool, q: Array, target: Motion, steps: int) -> Array:
+    """Joint positions that put the tool on the path, by Newton's method, (N, 6)."""
+    turned = path_rotation(target.position)
+    for _ in range(steps):
+        error, jacobian = _error(tool, q, target.position, turned)
+        if not np.isfinite(error).all() or np.abs(error).max() < 1e-13:
+            break
+        q = q + solved(jacobian, error)
+    return q
+
+
+def _error(tool: Tool, q: Array, place: Array, turned: Array) -> tuple[Array, Array]:
+    """From tool to path, linear then angular, (N, 6), and the Jacobian, (N, 6, 6)."""
+    position, rotation, jacobian = tool.pose(q)
+    turn = rotation_vector(turned @ np.swapaxes(rotation, 1, 2))
+    return np.hstack([place[:, :3] - position, turn]), jacobian
+
+
+def _branches(
+    arm: Robot, tool: Tool, time: Array, target: Motion, start: ArrayLike | None
+) -> Iterator[Array]:
+    """Joint positions along the path for each way to begin, (K, 6) each; NaN where it ends."""
+    starts = _starts(arm, tool, target, start)
+    turned = path_rotation(target.position)
+    knots = np.full((len(time), *starts.shape), np.nan)
+    knots[0] = starts
+    for k in range(1, len(time)):
+        before = knots[max(k - 2, 0)]
+        q = 2 * knots[k - 1] - before if k > 1 else knots[0].copy()
+        place = np.broadcast_to(target.position[k], (len(q), 6))
+        aim = np.broadcast_to(turned[k], (len(q), 3, 3))
+        for _ in range(6):
+            error, jacobian = _error(tool, np.nan_to_num(q), place, aim)
+            step = _safe_solve(jacobian, error)
+            q = q + step
+            if np.nanmax(np.abs(step), initial=0.0) < 1e-12:
+                break
+        error, _ = _error(tool, np.nan_to_num(q), place, aim)
+        lost = (np.abs(error).max(axis=1) > CLOSED) | (np.abs(q - knots[k - 1]).max(axis=1) > 0.5)
+        q[lost] = np.nan  # it jumped to another branch, or cannot reach
+        knots[k] = q
+    yield from np.swapaxes(knots, 0, 1)
+
+
+def _safe_solve(jacobian: Array, error: Array) -> Array:
+    sound = np.abs(np.linalg.det(jacobian)) > 1e-12
+    step = np.zeros_like(error)
+    if sound.any():
+        step[sound] = solved(jacobian[sound], error[sound])
+    return step
+
+
+def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> Array:
+    """Ways to put the tool where the path begins, (S, 6), each within the limits if it can."""
+    if start is not None:
+        seeds = np.array(start, float)
+        if seeds.shape != (AXES,):
+            raise ShapeError("start", (AXES,), seeds.shape)
+        seeds = seeds[None]
+    else:
+        low, high = np.clip([arm.lower, arm.upper], -np.pi, np.pi)
+        seeds = np.random.default_rng(0).uniform(low, high, (_SEEDS, AXES))
+    place = np.broadcast_to(target.position[0], (len(seeds), 6))
+    turned = path_rotation(place)
+    q = seeds
+    for _ in range(_SEARCH):  # damped far away, Newton's method at the end
+        error, jacobian = _error(tool, q, place, turned)
+        size = np.linalg.norm(error, axis=1)[:, None, None]
+        across = np.swapaxes(jacobian, 1, 2)
+        square = across @ jacobian + 1e-2 * np.minimum(size, 1.0) ** 2 * np.eye(AXES)
+        square = square + 1e-15 * np.eye(AXES)
+        step = solved(square, (across @ error[..., None])[..., 0])
+        q = q + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.5)
+    error, _ = _error(tool, q, place, turned)
+    found = q[np.abs(error).max(axis=1) < 1e-8]
+    if start is None:
+        found = _different(_unwound(arm, found))
+    if not len(found):
+        near = float(np.linalg.norm(error[:, :3], axis=1).min())
+        raise PathError(0.0, "", "distance of the tool from the path's start", near, CLOSED, "m")
+    return np.asarray(found[:_STARTS])
+
+
+def _unwound(arm: Robot, q: Array) -> Array:
+    """Angles by whole turns nearest to the middle of their limits."""
+    low, high = np.array(arm.lower), np.array(arm.upper)
+    middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
+    turns = np.array([unit == "rad" for unit in arm.dof_units])
+    return np.asarray(q - turns * 2 * np.pi * np.round((q - middle) / (2 * np.pi)))
+
+
+def _different(q: Array) -> Array:
+    kept: list[Array] = []
+    for one in q:
+        if all(np.abs(one - other).max() > 1e-4 for other in kept):
+            kept.append(one)
+    return np.array(kept).reshape(-1, AXES)

@@ -1,0 +1,375 @@
+"""Where a carried robot goes: position and attitude of its mounting over time.
+
+A path is the motion of x, y, z, roll, pitch and yaw in the world, with exact
+velocity and acceleration; the last is continuous everywhere. Periodic ones repeat for
+ever, the others start and end at rest and stay where they end. Attitude is fixed
+but in a sinusoid, way-points and tables. Neglected: limits of what carries it, which
+`patagium.simulation.arms` knows; a pitch of 90 degrees, where Euler angles end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.robot.model import FLOATING_COORDINATES
+from patagium.simulation.gait_models import Array, FourierGait, Gait, Motion, SuperposedGait
+from patagium.simulation.gait_table import read_columns, unit_factor
+
+Path: TypeAlias = Gait
+"""What a mount asks of a path: a gait of the six coordinates of a floating base."""
+
+Triple: TypeAlias = Sequence[float]
+LEVEL = (0.0, 0.0, 0.0)
+PITCH_LIMIT = np.pi / 2 - 0.02
+"""Where Euler angles of a path must stay, up and down [rad]."""
+
+AnyPath = TypeVar("AnyPath", bound=Gait)
+_CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
+
+
+@dataclass(frozen=True)
+class SplinePath:
+    """Quintic spline through way-points: four continuous derivatives.
+
+    Attributes:
+        joints: x, y, z, roll, pitch, yaw.
+        time: Strictly rising, from 0, (M,) [s].
+        position: Way-points, (M, 6) [m, rad].
+        closed: Whether it repeats for ever; else it starts and ends at rest.
+    """
+
+    joints: tuple[str, ...]
+    time: Array
+    position: Array
+    closed: bool
+
+    @property
+    def period(self) -> float | None:
+        """Time after which it repeats [s]; None if it ends."""
+        return float(self.time[-1]) if self.closed else None
+
+    def motion(self, time: ArrayLike) -> Motion:
+        """Motion at the times asked for, (N,) [s]; at rest before the start and after the end."""
+        from scipy.interpolate import make_interp_spline  # slow to import, rarely needed
+
+        rest = [(1, np.zeros(6)), (2, np.zeros(6))]
+        ends = "periodic" if self.closed else (rest, rest)
+        spline = make_interp_spline(self.time, self.position, k=5, bc_type=ends)
+        asked = np.asarray(time, float)
+        end = self.time[-1]
+        inside = np.mod(asked, end) if self.closed else np.clip(asked, 0.0, end)
+        moves = (inside == asked)[:, None] | self.closed
+        return Motion(spline(inside), moves * spline(inside, 1), moves * spline(inside, 2))
+
+    def describe(self) -> dict[str, Any]:
+        """What it is, as JSON can hold it."""
+        return {
+            "kind": "spline",
+            "joints": list(self.joints),
+            "time": self.time.tolist(),
+            "position": self.position.tolist(),
+            "closed": self.closed,
+        }
+
+
+def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVEL) -> SplinePath:
+    """Straight path from rest to rest with the least jerk.
+
+    Args:
+        start: Where it begins, world axes, (3,) [m].
+        end: Where it ends, (3,) [m].
+        duration: How long it takes [s].
+        attitude: Roll, pitch, yaw, (3,) [rad].
+
+    Raises:
+        ParameterError: If a number is not finite, or the duration not positive.
+    """
+    points = [_triple("start", start), _triple("end", end)]
+    return waypoints([0.0, _positive("duration", duration)], points, attitude=attitude)
+
+
+def circle(
+    center: Triple,
+    radius: float,
+    *,
+    speed: float | None = None,
+    frequency: float | None = None,
+    normal: Triple = (0.0, 0.0, 1.0),
+    attitude: Triple = LEVEL,
+) -> FourierGait:
+    """Circular path, counterclockwise seen against its normal.
+
+    Args:
+        center: World axes, (3,) [m].
+        radius: Radius [m].
+        speed: Along the path [m/s]; or
+        frequency: Turns a second [Hz].
+        normal: Of the plane, world axes, (3,).
+        attitude: Roll, pitch, yaw, (3,) [rad].
+
+    Raises:
+        ParameterError: If a number is not what it may be, or not one of speed and frequency
+            is given.
+    """
+    radius = _positive("radius", radius)
+    rate = _frequency(speed, frequency, radius)
+    first, second = _plane(normal)
+    return _harmonic(center, attitude, rate, [radius * first], [radius * second])
+
+
+def figure_of_eight(
+    center: Triple,
+    length: float,
+    width: float,
+    *,
+    speed: float | None = None,
+    frequency: float | None = None,
+    along: Triple = (1.0, 0.0, 0.0),
+    across: Triple = (0.0, 1.0, 0.0),
+    attitude: Triple = LEVEL,
+) -> FourierGait:
+    """Lying eight: (length/2) sin x along, (width/2) sin 2x across, x = 2 pi f t.
+
+    Args:
+        center: Where it crosses itself, world axes, (3,) [m].
+        length: From tip to tip [m].
+        width: Across [m].
+        speed: The greatest, at the crossing [m/s]; or
+        frequency: Eights a second f [Hz].
+        along: Direction of its length, world axes, (3,).
+        across: Direction of its width, square to it, (3,).
+        attitude: Roll, pitch, yaw, (3,) [rad].
+
+    Raises:
+        ParameterError: If a number is not what it may be, or not one of speed and frequency
+            is given.
+    """
+    half, side = _positive("length", length) / 2, _positive("width", width) / 2
+    first, second = _direction("along", along), _direction("across", across)
+    if abs(first @ second) > 1e-9:
+        raise ParameterError("across", "a direction square to along", tuple(across))
+    rate = _frequency(speed, frequency, float(np.hypot(half, 2 * side)))
+    still = np.zeros(3)
+    return _harmonic(center, attitude, rate, [still, still], [half * first, side * second])
+
+
+def sinusoid(
+    center: Triple,
+    *,
+    frequency: float,
+    phase: Mapping[str, float] | None = None,
+    attitude: Triple = LEVEL,
+    **amplitude: float,
+) -> FourierGait:
+    """One sine a coordinate: mean + amplitude sin(2 pi f t + phase).
+
+    Args:
+        center: Mean position, world axes, (3,) [m].
+        frequency: Cycles a second f [Hz].
+        phase: Lead by the coordinate's name [rad]; 0 where not named.
+        attitude: Mean roll, pitch, yaw, (3,) [rad].
+        **amplitude: By the coordinate's name, x, y, z, roll, pitch or yaw [m, rad].
+
+    Raises:
+        ParameterError: If a name is no coordinate, or a number not finite.
+    """
+    lead, size = _by_name(phase or {}), _by_name(amplitude)
+    return _checked(
+        FourierGait(
+            FLOATING_COORDINATES,
+            _positive("frequency", frequency),
+            _mean(center, attitude),
+            (size * np.sin(lead))[None],
+            (size * np.cos(lead))[None],
+        )
+    )
+
+
+def waypoints(
+    time: ArrayLike, points: ArrayLike, *, closed: bool = False, attitude: Triple = LEVEL
+) -> SplinePath:
+    """Smooth path through points at given times.
+
+    Args:
+        time: Strictly rising, (M,) [s]; counted from the first.
+        points: World axes, (M, 3) [m], or with roll, pitch, yaw, (M, 6) [m, rad].
+        closed: Whether it repeats for ever; the last point must be the first. Else it
+            starts and ends at rest.
+        attitude: Roll, pitch, yaw where the points have none, (3,) [rad].
+
+    Raises:
+        ShapeError: If times and points do not go together.
+        ParameterError: If time does not rise, a number is not finite, or a closed path is open.
+    """
+    times, places = np.array(time, float), np.array(points, float)
+    if times.ndim != 1 or places.shape not in ((len(times), 3), (len(times), 6)):
+        raise ShapeError("points", f"({times.size}, 3) or ({times.size}, 6)", places.shape)
+    if not (np.isfinite(times).all() and np.isfinite(places).all()):
+        raise ParameterError("waypoints", "finite numbers", "others")
+    fewest = 7 if closed else 2
+    if len(times) < fewest or not np.all(np.diff(times) > 0):
+        expected = f"at least {fewest}, each later than the one before"
+        raise ParameterError("waypoints.time", expected, times.tolist()[:8])
+    if places.shape[1] == 3:
+        fixed = np.broadcast_to(_triple("attitude", attitude), places.shape)
+        places = np.hstack([places, fixed])
+    if closed:
+        gap = float(np.abs(places[-1] - places[0]).max())
+        if gap > _CLOSURE:
+            raise ParameterError("waypoints", "a last point that is the first", f"{gap:g} away")
+        places[-1] = places[0]
+    return _checked(SplinePath(FLOATING_COORDINATES, times - times[0], places, closed))
+
+
+def from_csv(
+    path: str | File, *, closed: bool = False, units: Mapping[str, str] | None = None
+) -> SplinePath:
+    """Path designed or measured elsewhere, splined through every row.
+
+    Args:
+        path: CSV file with a header: time and any of x, y, z, roll, pitch, yaw, each with
+            its unit in brackets, such as `time [s], x [mm], pitch [deg]`. What has no
+            column stays at zero.
+        closed: Whether it repeats for ever; the last row must repeat the first.
+        units: Unit by column, where the header has none.
+
+    Raises:
+        LogError: If the table cannot be used as it stands.
+        ParameterError: If time does not rise, or a closed path is open.
+    """
+    file, units = File(path), units or {}
+    header, rows = read_columns(file)
+    table: dict[str, Array] = {}
+    for k, (name, unit) in enumerate(header):
+        if name in table or name not in ("time", *FLOATING_COORDINATES):
+            known = ", ".join(("time", *FLOATING_COORDINATES))
+            raise LogError(f"{file.name}: column {name!r}, expected each once of {known}")
+        si = "s" if name == "time" else "m" if name in "xyz" else "rad"
+        table[name] = rows[:, k] * unit_factor(file, name, units.get(name, unit), si)
+    if "time" not in table or len(table) < 2:
+        raise LogError(f"{file.name}: needs time and a coordinate, found {', '.join(table)}")
+    none = np.zeros(len(rows))
+    points = np.column_stack([table.get(name, none) for name in FLOATING_COORDINATES])
+    return waypoints(table["time"], points, closed=closed)
+
+
+def superposed(*parts: Path) -> SuperposedGait:
+    """Sum of paths, such as a circle and a pitching sinusoid about the origin.
+
+    Args:
+        *parts: At least one; all end, or the longest period is a whole number of each other's.
+
+    Raises:
+        ParameterError: If there is none, or the sum does not repeat.
+    """
+    if not parts:
+        raise ParameterError("parts", "at least one path", parts)
+    path = SuperposedGait(tuple(parts))
+    if len({part.period is None for part in parts}) > 1:
+        raise ParameterError("parts", "paths that all repeat or all end", "both kinds")
+    for part in parts:
+        check_path(part)
+        ratio = (path.period or 0.0) / (part.period or 1.0)
+        if part.period and abs(ratio - round(ratio)) > 1e-9:
+            expected = f"a period that {path.period:g} s is a multiple of"
+            raise ParameterError("parts", expected, part.period)
+    return _checked(path)
+
+
+def span_of(path: Path) -> float:
+    """Time after which a path repeats or rests for ever [s]."""
+    if path.period:
+        return path.period
+    ends = [part.time[-1] for part in getattr(path, "parts", (path,)) if hasattr(part, "time")]
+    return float(max(ends, default=1.0))
+
+
+def check_path(path: Path) -> None:
+    """Refuse what is no path of a floating base.
+
+    Raises:
+        ParameterError: If it moves other coordinates.
+    """
+    if tuple(path.joints) != FLOATING_COORDINATES:
+        expected = f"a path of {', '.join(FLOATING_COORDINATES)}"
+        raise ParameterError("path", expected, ", ".join(path.joints))
+
+
+def _harmonic(
+    center: Triple, attitude: Triple, frequency: float, cosine: list[Array], sine: list[Array]
+) -> FourierGait:
+    still = np.zeros((len(sine), 3))
+    series = [np.hstack([np.array(part), still]) for part in (cosine, sine)]
+    return _checked(FourierGait(FLOATING_COORDINATES, frequency, _mean(center, attitude), *series))
+
+
+def _checked(path: AnyPath) -> AnyPath:
+    """The path, unless it passes where Euler angles are singular."""
+    pitch = path.motion(np.linspace(0.0, span_of(path), 2001)).position[:, 4]
+    worst = float(pitch[np.argmax(np.abs(pitch))])
+    if abs(worst) > PITCH_LIMIT:
+        expected = f"a pitch within {PITCH_LIMIT:.4g} rad, for its Euler angles"
+        raise ParameterError("path", expected, worst)
+    return path
+
+
+def _mean(center: Triple, attitude: Triple) -> Array:
+    return np.concatenate([_triple("center", center), _triple("attitude", attitude)])
+
+
+def _frequency(speed: float | None, frequency: float | None, speed_per_rate: float) -> float:
+    """Frequency [Hz] from it or from the greatest speed [m/s]."""
+    if (speed is None) == (frequency is None):
+        raise ParameterError("speed", "one of speed and frequency", (speed, frequency))
+    if speed is not None:
+        return _positive("speed", speed) / (2 * np.pi * speed_per_rate)
+    return _positive("frequency", float(frequency or 0.0))
+
+
+def _plane(normal: Triple) -> tuple[Array, Array]:
+    """Two unit vectors that turn counterclockwise about a normal; x first where it can be."""
+    out = _direction("normal", normal)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(out[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = ahead - out * (out @ ahead)
+    first /= np.linalg.norm(first)
+    return first, np.cross(out, first)
+
+
+def _direction(name: str, vector: Triple) -> Array:
+    written = _triple(name, vector)
+    length = float(np.linalg.norm(written))
+    if not length > 1e-12:
+        raise ParameterError(name, "a direction of some length", tuple(vector))
+    return np.asarray(written / length)
+
+
+def _triple(name: str, values: Triple) -> Array:
+    vector = np.array(values, float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
+    return vector
+
+
+def _by_name(values: Mapping[str, float]) -> Array:
+    vector = np.zeros(6)
+    for name, value in values.items():
+        if name not in FLOATING_COORDINATES:
+            known = ", ".join(FLOATING_COORDINATES)
+            raise ParameterError(name, f"a coordinate of a path: {known}", name)
+        if not np.isfinite(value):
+            raise ParameterError(name, "a finite number", value)
+        vector[FLOATING_COORDINATES.index(name)] = value
+    return vector
+
+
+def _positive(name: str, value: float) -> float:
+    if not (np.isfinite(value) and value > 0):
+        raise ParameterError(name, "a positive number", value)
+    return float(value)
