@@ -38,7 +38,13 @@ SILENT = 1e-9
 BODY = ("x", "y", "z")
 ATTITUDE = ("roll", "pitch", "yaw")
 LEFT_WING = ("left_plunge", "left_mediolateral", "left_elbow", "left_feather")
-WORDS = {"published": "Published flight", "corrected": "Corrected flight"}
+WORDS = {
+    "published": "Published flight",
+    "corrected": "Corrected flight",
+    "unsteady_free": "Air with memory, free flight",
+    "unsteady_fixed": "Air with memory, fixed mount",
+}
+PARTS = ("body", "attitude", "left_wing")
 
 
 class Gallery:
@@ -60,7 +66,11 @@ class Gallery:
 
 
 def force_figures(
-    gallery: Gallery, flight: str, runs: Mapping[str, xr.Dataset], beat: float
+    gallery: Gallery,
+    flight: str,
+    runs: Mapping[str, xr.Dataset],
+    beat: float,
+    parts: Sequence[str] = PARTS,
 ) -> None:
     """Generalized forces of body and left wing, actual and estimated, one sample in 100.
 
@@ -69,6 +79,7 @@ def force_figures(
         flight: Key of the flight.
         runs: Name of a network to its predictions, the first with its interval.
         beat: One wingbeat [s].
+        parts: Which figures.
     """
     groups = {"body": BODY, "attitude": ATTITUDE, "left_wing": LEFT_WING}
     titles = {
@@ -76,8 +87,8 @@ def force_figures(
         "attitude": "Generalized forces on roll, pitch and yaw",
         "left_wing": "Generalized forces on the joints of the left wing",
     }
-    for key, names in groups.items():
-        figure = _forces(runs, names, beat)
+    for key in parts:
+        figure = _forces(runs, groups[key], beat)
         caption = (
             f"{WORDS[flight]}. {titles[key]}, actual and estimated before the sample was used, "
             f"one sample in 100; the last {BEATS} wingbeats."

@@ -52,6 +52,10 @@ class Plan:
         published_overhead: Whether the published C, which compiles for a minute, is timed.
         errors: Variants of the errors that are flown, by name; None for all.
         yeo_cycles: Cycles of the measured wing.
+        unsteady_duration: Of each flight through air with memory [s].
+        unsteady_unseen_duration: Of each of those that is not learned [s].
+        unsteady_every: Rates of samples there, one in so many.
+        unsteady_starts: How many starts of the networks of strips there.
     """
 
     duration: float = 2.0
@@ -62,6 +66,10 @@ class Plan:
     published_overhead: bool = True
     yeo_cycles: int = 10
     errors: tuple[str, ...] | None = None
+    unsteady_duration: float = 2.0
+    unsteady_unseen_duration: float = 0.6
+    unsteady_every: tuple[int, ...] = (100, 1)
+    unsteady_starts: int = 3
 
     @classmethod
     def of(cls, quick: bool) -> Plan:
@@ -72,7 +80,20 @@ class Plan:
         """
         compiled = compiler_path() is not None
         if quick:
-            return cls(0.2, 0.1, (100, 10), 2, 10 if compiled else 100, False, 3, QUICK_ERRORS)
+            return cls(
+                duration=0.2,
+                unseen_duration=0.1,
+                every=(100, 10),
+                starts=2,
+                dense_every=10 if compiled else 100,
+                published_overhead=False,
+                yeo_cycles=3,
+                errors=QUICK_ERRORS,
+                unsteady_duration=0.2,
+                unsteady_unseen_duration=0.1,
+                unsteady_every=(100,),
+                unsteady_starts=1,
+            )
         return cls(dense_every=1 if compiled else 100)
 
     def trials(self) -> list[Trial]:
@@ -132,6 +153,10 @@ class Plan:
             "starts": self.starts,
             "dense_every": self.dense_every,
             "published_overhead": self.published_overhead,
+            "unsteady_duration": self.unsteady_duration,
+            "unsteady_unseen_duration": self.unsteady_unseen_duration,
+            "unsteady_every": list(self.unsteady_every),
+            "unsteady_starts": self.unsteady_starts,
         }
 
     def _limits(self) -> dict[str, tuple[str, Setting]]:
