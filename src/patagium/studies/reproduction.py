@@ -190,13 +190,15 @@ def fly_known(
 def _work(
     plan: Plan, folder: Path, tell: Callable[[float], None]
 ) -> tuple[list[Run], list[UnsteadyRun], dict[str, list[dict[str, Any]]]]:
-    """Everything that the workers do: all trials, and all variants of the errors."""
+    """All that the workers do: trials, variants of the errors, rivals of the dynamics compiled."""
     trials, cases = plan.trials(), plan.error_cases()
     unsteady = unsteady_trials(plan.unsteady_every, plan.unsteady_starts)
     jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
     jobs += [Job(run_unsteady_trial, (trial, folder), trial.cost) for trial in unsteady]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
-    results = run_jobs(jobs, tell)
+    rivals = overhead.rival_costs(plan.published_overhead)
+    ahead = [Job(overhead.compile_rival_ahead, (name,), cost) for name, cost in rivals.items()]
+    results = run_jobs([*jobs, *ahead], tell)[: len(jobs)]
     first, last = len(trials), len(trials) + len(unsteady)
     tables = {case.table: list[dict[str, Any]]() for case in cases}
     for row in results[last:]:
