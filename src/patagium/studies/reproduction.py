@@ -196,8 +196,7 @@ def _work(
     jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
     jobs += [Job(run_unsteady_trial, (trial, folder), trial.cost) for trial in unsteady]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
-    rivals = overhead.rival_costs(plan.published_overhead)
-    ahead = [Job(overhead.compile_rival_ahead, (name,), cost) for name, cost in rivals.items()]
+    ahead = overhead.compiled_ahead(plan.published_overhead)
     results = run_jobs([*jobs, *ahead], tell)[: len(jobs)]
     first, last = len(trials), len(trials) + len(unsteady)
     tables = {case.table: list[dict[str, Any]]() for case in cases}
