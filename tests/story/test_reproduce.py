@@ -27,6 +27,7 @@ SECTIONS = (
     "Gaits never seen",
     "What limits the dense network",
     "The luck of the start",
+    "Air with memory",
     "A measured flapping wing (Yeo et al. 2011)",
     "How it was run",
 )
@@ -45,6 +46,12 @@ FIGURES = (
             "unseen",
         )
     ),
+    *(
+        f"unsteady_{mount}_{name}"
+        for mount in ("free", "fixed")
+        for name in ("forces_body", "forces_left_wing", "unseen")
+    ),
+    "unsteady_scores",
 )
 
 
@@ -67,7 +74,7 @@ def test_all_results_are_written(outcome: dict[str, Any]) -> None:
     assert outcome["report"] == out / "report.html"
     drawn = {path.name for path in (out / "figures").iterdir()}
     assert drawn == {f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")}
-    for name in ("published", "corrected"):
+    for name in ("published", "corrected", "unsteady_free", "unsteady_fixed"):
         with xr.open_dataset(out / f"{name}.nc") as flight:
             assert flight.attrs["outcome"] == "COMPLETED"
 

@@ -115,11 +115,6 @@ class StripNetwork(WingNetwork):
         """Number of strips."""
         return len(self.robot.strips)
 
-    def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Flow of strips, (n_in, n_strips), and readout, (n_y, 2 n_strips), of x (n_x,)."""
-        features, readout = self._encode.expression(x, self._parameters)
-        return features, readout
-
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): small coefficients, and neurons that look all around.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Self
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,6 +72,11 @@ class WingNetwork(PerceptronNetwork):
             readout.reshape(len(self._names), -1),
             self._offset,
         )
+
+    def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """What the perceptron sees and force of unit coefficients, as expressions of x (n_x,)."""
+        features, readout = self._encode.expression(x, self._parameters)
+        return features, readout
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""

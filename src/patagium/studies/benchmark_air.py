@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,13 +17,16 @@ from patagium.aerodynamics import (
     FOUR_STATE,
     ONE_STATE,
     TWO_STATE,
+    AddedMass,
     Aerodynamics,
     Air,
     DeLaurier,
     LiftingLine,
+    Published,
     QuasiSteady,
     StallDelay,
 )
+from patagium.dynamics.equations import apparent_force
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 from patagium.studies.benchmark_result import Result, compared
@@ -33,28 +36,65 @@ STRIPS = (8, 16, 32, 64, 128)
 STATES = 512
 
 
+@dataclass(frozen=True)
+class AirModel:
+    """A model of the air to be timed.
+
+    Attributes:
+        aero: The model.
+        added_mass: Inertia of the air beside it, its force at a given acceleration; or None.
+    """
+
+    aero: Aerodynamics
+    added_mass: AddedMass | None = None
+
+
+FIRST = "quasi-steady"
+
+
+def air_models(robot: Robot) -> dict[str, AirModel]:
+    """Every model of the air, by name.
+
+    Args:
+        robot: A machine with strips.
+    """
+    air = Air()
+    two = LiftingLine(robot, air, TWO_STATE)
+    delayed = LiftingLine(robot, air, TWO_STATE, stall_delay=StallDelay())
+    return {
+        FIRST: AirModel(QuasiSteady(robot, air)),
+        "as published": AirModel(Published(robot, air)),
+        "DeLaurier's strips": AirModel(DeLaurier(robot, air)),
+        "lifting line, one state": AirModel(LiftingLine(robot, air, ONE_STATE)),
+        "lifting line, two states": AirModel(two),
+        "lifting line, four states": AirModel(LiftingLine(robot, air, FOUR_STATE)),
+        "lifting line, two states, added mass": AirModel(two, AddedMass(robot, air)),
+        "lifting line, two states, stall delay": AirModel(delayed),
+    }
+
+
+def model_cost(robot: Robot, name: str) -> float:
+    """Time of force and rate of the states, one state a call [ns].
+
+    Args:
+        robot: A machine with strips.
+        name: One of `air_models`.
+    """
+    return _cost(air_models(robot)[name])[0]
+
+
 def model_results(robot: Robot) -> Iterator[Result]:
     """Every model of the air on the same robot, beside the quasi-steady one.
 
     Args:
         robot: A machine with strips.
     """
-    air = Air()
-    models: dict[str, Aerodynamics] = {
-        "DeLaurier's strips": DeLaurier(robot, air),
-        "lifting line, one state": LiftingLine(robot, air, ONE_STATE),
-        "lifting line, two states": LiftingLine(robot, air, TWO_STATE),
-        "lifting line, four states": LiftingLine(robot, air, FOUR_STATE),
-        "lifting line, two states, stall delay": LiftingLine(
-            robot, air, TWO_STATE, stall_delay=StallDelay()
-        ),
-    }
-    first = "quasi-steady"
-    base, _ = _cost(QuasiSteady(robot, air))
     note = f"force and rate of the states, {len(robot.strips)} strips, one state a call"
-    yield Result(first, base, "ns", note=note)
-    for name, model in models.items():
-        yield compared(name, _cost(model)[0], "ns", first, base, note)
+    base = model_cost(robot, FIRST)
+    yield Result(FIRST, base, "ns", note=note)
+    for name in air_models(robot):
+        if name != FIRST:
+            yield compared(name, model_cost(robot, name), "ns", FIRST, base, note)
 
 
 def strip_results(robot: Robot, counts: Sequence[int] = STRIPS) -> Iterator[Result]:
@@ -66,7 +106,7 @@ def strip_results(robot: Robot, counts: Sequence[int] = STRIPS) -> Iterator[Resu
     """
     base, against = 0.0, f"lifting line, {counts[0]} strips"
     for count in counts:
-        value, making = _cost(LiftingLine(restriped(robot, count), lags=ONE_STATE))
+        value, making = _cost(AirModel(LiftingLine(restriped(robot, count), lags=ONE_STATE)))
         note = "force and rate of the states, one state a strip"
         if making > 1.0:
             note += f"; {making:.0f} s to derive and compile"
@@ -118,41 +158,60 @@ def _on_line(along: float, middle: np.ndarray, values: np.ndarray) -> float:
     return float(values[k] + slope * (along - middle[k]))
 
 
-def _cost(model: Aerodynamics) -> tuple[float, float]:
+def _cost(model: AirModel) -> tuple[float, float]:
     """Time of a call [ns], and time to make it [s]."""
     started = time.perf_counter()
-    key = f"cost of air {model.structure} {model.robot.structure}"
-    function = load_functions(
-        key, lambda: [_function(model)], label=f"{model.name} of {model.robot.name}"
-    )["cost"]
+    function = compiled(model)
     making = time.perf_counter() - started
     return _time(function, model), making
 
 
-def _function(model: Aerodynamics) -> ca.Function:
-    robot, robot_parameters = model.robot.symbolic()
-    q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
-    state, wind = ca.SX.sym("state", model.state_size), ca.SX.sym("wind", 3)
-    parameters = ca.SX.sym("c", len(model.parameter_names))
-    air = model.expressions(robot, q, v, state, wind, parameters)
+def compiled(model: AirModel) -> NativeFunction:
+    """Force and rate of the states, and added mass's force where there is any, as one function.
+
+    Args:
+        model: The model.
+    """
+    aero = model.aero
+    added = "" if model.added_mass is None else " with added mass"
+    key = f"cost of air {aero.structure}{added} {aero.robot.structure}"
+    label = f"{aero.name}{added} of {aero.robot.name}"
+    return load_functions(key, lambda: [_function(model)], label=label)["cost"]
+
+
+def _function(model: AirModel) -> ca.Function:
+    aero, added = model.aero, model.added_mass
+    robot, robot_parameters = aero.robot.symbolic()
+    q, v, a = (ca.SX.sym(name, robot.dof) for name in "qva")
+    state, wind = ca.SX.sym("state", aero.state_size), ca.SX.sym("wind", 3)
+    parameters, carried = ca.SX.sym("c", len(aero.parameter_names)), ca.SX.sym("m", 2)
+    air = aero.expressions(robot, q, v, state, wind, parameters)
+    force = air.generalized_force
+    if added is not None:
+        force += apparent_force(robot, q, v, a, added.inertia(robot, wind, carried))
+        force += added.circulation_force(robot, q, v, wind, carried)
     return ca.Function(
         "cost",
-        [q, v, state, wind, robot_parameters, parameters],
-        [air.generalized_force, air.state_derivative],
-        ["q", "v", "state", "wind", "robot_parameters", "aero_parameters"],
+        [q, v, a, state, wind, robot_parameters, parameters, carried],
+        [force, air.state_derivative],
+        [*("q", "v", "a", "state", "wind"),
+         *("robot_parameters", "aero_parameters", "added_mass_parameters")],
         ["force", "rate"],
-    )
+    )  # fmt: skip
 
 
-def _time(function: NativeFunction, model: Aerodynamics) -> float:
-    rng, robot = np.random.default_rng(0), model.robot
+def _time(function: NativeFunction, model: AirModel) -> float:
+    rng, aero = np.random.default_rng(0), model.aero
+    robot = aero.robot
     inputs = [
         rng.normal(scale=0.4, size=(STATES, robot.dof)),
         rng.normal(scale=3.0, size=(STATES, robot.dof)),
-        rng.normal(size=(STATES, model.state_size)) if model.state_size else np.zeros(0),
+        rng.normal(scale=50.0, size=(STATES, robot.dof)),
+        rng.normal(size=(STATES, aero.state_size)) if aero.state_size else np.zeros(0),
         np.array([-3.0, 0.0, 0.0]),
         robot.parameters,
-        model.parameters,
+        aero.parameters,
+        AddedMass(robot).parameters,
     ]
     call = compiled_call(function)
     if call is not None:

@@ -27,6 +27,7 @@ from patagium.identification.dense import DenseNetwork
 from patagium.identification.learner import Learner
 from patagium.identification.network import Network
 from patagium.identification.strip import StripNetwork
+from patagium.identification.wing_network import WingNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
@@ -75,18 +76,28 @@ def air_results(robot: Robot) -> Iterator[Result]:
     for name, network in networks(robot).items():
         weights = network.initial(0)
         x = np.hstack([states.q, states.v])[:, : network.inputs]
-        estimated = _time(compiled_network(network), [x, weights])
+        estimated = network_cost(network, x)
         yield compared(name, estimated, "ns", _AIR, actual, "one state a call")
         x = np.hstack([many.q, many.v])[:, : network.inputs]
         value = time_batch(lambda n=network, x=x, w=weights: n.evaluate(x, w), _BATCH)  # type: ignore[misc]
         yield compared(f"{name} batch", value, "ns", f"{_AIR} batch", batch, _BATCH_NOTE)
 
 
+def network_cost(network: Network, x: Array) -> float:
+    """Time of a network's answer, one state a call, compiled [ns].
+
+    Args:
+        network: A dense one, or one that knows the wings.
+        x: What it sees, (N, n_x).
+    """
+    return _time(compiled_network(network), [x, network.initial(0)])
+
+
 def compiled_network(network: Network) -> NativeFunction:
     """A network as a compiled function of x and its weights.
 
     Args:
-        network: Dense or strip.
+        network: A dense one, or one that knows the wings.
     """
     key = f"network {network.describe()}"
     return load_functions(key, lambda: [_expression(network)], label="a network")["network"]
@@ -94,7 +105,7 @@ def compiled_network(network: Network) -> NativeFunction:
 
 def _expression(network: Network) -> ca.Function:
     x, weights = ca.SX.sym("x", network.inputs), ca.SX.sym("w", network.size)
-    if isinstance(network, StripNetwork):
+    if isinstance(network, WingNetwork):
         features, readout = network.encoding(x)
         items = ca.reshape(features, -1, network.items)
         offset = np.zeros(network.outputs)
@@ -102,7 +113,7 @@ def _expression(network: Network) -> ca.Function:
         items = (x - network.input_center) / network.input_scale
         readout, offset = ca.DM(np.diag(network.output_scale)), network.output_center
     else:
-        raise ParameterError("network", "a dense or a strip network", network)
+        raise ParameterError("network", "a dense network, or one of the wings", network)
     widths, start, layer = network.perceptron.widths, 0, items
     for number, (below, above) in enumerate(zip(widths, widths[1:], strict=False)):
         matrix = ca.reshape(weights[start : start + below * above], below, above).T

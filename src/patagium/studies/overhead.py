@@ -1,30 +1,40 @@
 """What the paper's two figures of overhead show, measured like for like.
 
 Dynamics: symbolic against algorithmic differentiation, interpreted and compiled, as
-published and as it should be. Aerodynamics: actual against estimated. Medians on
+published and as it should be. Aerodynamics: every model of the air and what learned it.
+Medians on
 random states; times of other machines differ, ratios less.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from patagium.dynamics import equations
+from patagium.identification.flow import FlowNetwork
+from patagium.identification.hidden import HiddenStripNetwork
+from patagium.identification.network import Network
 from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 from patagium.native.emit import emit
+from patagium.robot import load_robot
 from patagium.robot.model import Robot
+from patagium.studies import benchmark_air
 from patagium.studies import benchmark_learning as learning
-from patagium.studies.benchmark_dynamics import DynamicsBench, walk
+from patagium.studies.benchmark_dynamics import DynamicsBench, random_states, walk
 from patagium.studies.benchmark_timing import one_core, time_call, time_python
 from patagium.studies.rivals import energy_rival, symbolic_rival
 from patagium.studies.rivals.compiled import Rival, compile_rival, library_calls
 from patagium.studies.rivals.python_rivals import interpreted_energy, python_rivals
+from patagium.studies.workers import Job
 
 _NAN = float("nan")
+CALLS = 40_000
+"""Of the air in a second of flight: Runge-Kutta of four stages at 1e-4 s."""
 
 
 def dynamics_overhead(robot: Robot, published: bool = True) -> list[dict[str, Any]]:
@@ -42,30 +52,92 @@ def dynamics_overhead(robot: Robot, published: bool = True) -> list[dict[str, An
     """
     bench = DynamicsBench(robot)
     rows = [_interpreted(bench, kind) for kind in ("symbolic", "differentiated")]
-    code = symbolic_rival.sympy_code(robot)
-    rivals = [symbolic_rival.symbolic_rival(robot, code, shared=True)]
-    if published:
-        unshared = symbolic_rival.symbolic_rival(robot, code, False, ("mass_matrix", "bias"))
-        rivals += [unshared, energy_rival.published_rival(robot)]
-    rivals += [energy_rival.short_rival(robot), _recursive(robot)]
+    made = [RIVALS[name](robot) for name in rival_costs(published)]
     with one_core():
-        rows += [_compiled(bench, rival) for rival in rivals if isinstance(rival, Rival)]
+        rows += [_compiled(bench, rival) for rival in made if isinstance(rival, Rival)]
     return rows
 
 
+def rival_costs(published: bool = True) -> dict[str, float]:
+    """Rivals of the dynamics, and about how long a compiler takes for each the first time [s].
+
+    Args:
+        published: Whether those that take long are among them.
+    """
+    costs = {"shared": 11.0, "unshared": 36.0, "published": 33.0, "short": 4.0, "recursive": 1.0}
+    return {name: cost for name, cost in costs.items() if published or cost < 20.0}
+
+
+def compiled_ahead(published: bool = True) -> list[Job]:
+    """What fills the cache with all that is timed here, for workers with nothing to time.
+
+    Args:
+        published: Whether rivals that compile for long are among it.
+    """
+    robot = load_robot("aerobat")
+    jobs = [Job(compile_ahead, ("rival", name), s) for name, s in rival_costs(published).items()]
+    jobs += [Job(compile_ahead, ("air", name), 3.0) for name in benchmark_air.air_models(robot)]
+    return jobs + [Job(compile_ahead, ("network", name), 5.0) for name in WING_NETWORKS]
+
+
+def compile_ahead(kind: str, name: str) -> None:
+    """One of `compiled_ahead`, compiled into the cache.
+
+    Args:
+        kind: "rival", "air" or "network".
+        name: Of that kind.
+    """
+    robot = load_robot("aerobat")
+    if kind == "rival":
+        RIVALS[name](robot)
+    elif kind == "air":
+        benchmark_air.compiled(benchmark_air.air_models(robot)[name])
+    else:
+        learning.compiled_network(WING_NETWORKS[name](robot))
+
+
 def aerodynamics_overhead() -> list[dict[str, Any]]:
-    """Time of the Aerobat's aerodynamic force by its equations and by networks.
+    """Time of the force of the Aerobat's air by its equations and by networks.
 
     Returns:
-        One dictionary a model: model, single [ns a state, one state a call, compiled],
-        batch [ns a state, many states in one Python call].
+        One dictionary a model: model, kind ("equations" or "learned"), single [ns a state, one
+        state a call, compiled, rates of its own states with it], batch [ns a state, many
+        states in one Python call; NaN if not timed], flight_second (time of it in one second
+        of flight, `CALLS` calls [s]), times_real_time.
     """
-    values = {result.name: result.value for result in learning.on_one_thread("air")}
-    return [
-        {"model": name, "single": value, "batch": values[f"{name} batch"]}
+    robot = load_robot("aerobat")
+    values = {result.name: result.value or _NAN for result in learning.on_one_thread("air")}
+    with one_core():
+        rows = [
+            _cost_row(name, "equations", benchmark_air.model_cost(robot, name))
+            for name in benchmark_air.air_models(robot)
+        ]
+        states = random_states(robot, 512)
+        known = np.hstack([states.q, states.v])
+        for name, make in WING_NETWORKS.items():
+            network = make(robot)
+            lags = np.random.default_rng(0).normal(size=(512, network.inputs - known.shape[1]))
+            value = learning.network_cost(network, np.hstack([known, lags]))
+            rows.append(_cost_row(f"network {name} ({network.size} weights)", "learned", value))
+    rows += [
+        _cost_row(name, "learned", value, values[f"{name} batch"])
         for name, value in values.items()
-        if not name.endswith(" batch")
+        if name.startswith("network") and not name.endswith(" batch")
     ]
+    rows[0]["batch"] = values["aerodynamic_force batch"]
+    return rows
+
+
+def _cost_row(model: str, kind: str, single: float, batch: float = _NAN) -> dict[str, Any]:
+    second = CALLS * single * 1e-9
+    return {
+        "model": model,
+        "kind": kind,
+        "single": single,
+        "batch": batch,
+        "flight_second": second,
+        "times_real_time": 1.0 / second,
+    }
 
 
 def _interpreted(bench: DynamicsBench, kind: str) -> dict[str, Any]:
@@ -92,6 +164,15 @@ def _interpreted(bench: DynamicsBench, kind: str) -> dict[str, Any]:
         "compile_time": 0.0,
         "code_size": 0,
     }
+
+
+def _shared(robot: Robot) -> Rival | str:
+    return symbolic_rival.symbolic_rival(robot, symbolic_rival.sympy_code(robot), shared=True)
+
+
+def _unshared(robot: Robot) -> Rival | str:
+    code = symbolic_rival.sympy_code(robot)
+    return symbolic_rival.symbolic_rival(robot, code, False, ("mass_matrix", "bias"))
 
 
 def _recursive(robot: Robot) -> Rival | str:
@@ -140,3 +221,18 @@ def _compiled(bench: DynamicsBench, rival: Rival) -> dict[str, Any]:
         "compile_time": rival.compile_time,
         "code_size": rival.code_size,
     }
+
+
+RIVALS: dict[str, Callable[[Robot], Rival | str]] = {
+    "shared": _shared,
+    "unshared": _unshared,
+    "published": energy_rival.published_rival,
+    "short": energy_rival.short_rival,
+    "recursive": _recursive,
+}
+"""Makers of the rivals by name."""
+WING_NETWORKS: dict[str, Callable[[Robot], Network]] = {
+    "dense of the flow": FlowNetwork,
+    "hidden states": HiddenStripNetwork,
+}
+"""Networks that the bench of updates does not know, by name."""

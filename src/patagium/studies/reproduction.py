@@ -38,12 +38,23 @@ from patagium.studies.reproduction_plan import Plan
 from patagium.studies.reproduction_report import TITLE, facts, sections, summary
 from patagium.studies.reproduction_tables import start_spans
 from patagium.studies.targets import targets
+from patagium.studies.unsteady import (
+    UnsteadyRun,
+    fly_unsteady,
+    run_unsteady_trial,
+    unsteady_trials,
+)
+from patagium.studies.unsteady_flights import MOUNTS
+from patagium.studies.unsteady_report import draw_unsteady, unsteady_scores
 from patagium.studies.workers import Job, run_jobs
 
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""
 ERROR_COST = 1.5
 """About how long a variant takes, most of it compiling the first time [s]."""
+FLIGHT_COST = {"published": 4.0, "corrected": 5.0, "unsteady": 20.0}
+"""The same of a flight and those that are not learned."""
+Flown = dict[str, xr.Dataset]
 
 
 @dataclass
@@ -88,12 +99,14 @@ def reproduce(
     """
     out.mkdir(parents=True, exist_ok=True)
     plan, course = Plan.of(quick), _Course(progress)
-    with course.stage("flying", 0.0, 0.04):
-        flown, unseen = _fly(plan)
-        for name, flight in flown.items():
-            save_flight(flight, out / f"{name}.nc")
-    with course.stage("learning, and errors one by one", 0.04, 0.8) as tell:
-        runs, errors = _work(plan, flown, unseen, tell)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with course.stage("flying", 0.0, 0.08) as tell:
+            flown, unseen, words = _fly(plan, folder, tell)
+            for key, flight in flown.items():
+                save_flight(flight, out / f"{key}.nc")
+        with course.stage("learning, and errors one by one", 0.08, 0.8) as tell:
+            runs, unsteady, errors = _work(plan, folder, tell)
     with course.stage("overheads", 0.8, 0.85):
         overheads = {
             "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.published_overhead),
@@ -113,12 +126,14 @@ def reproduce(
         "starts": starts,
         "start_spans": start_spans(starts),
         "limits": [_brief(run) for run in runs if run.trial.kind == "limit"],
+        "unsteady": unsteady_scores(unsteady, words),
         "overhead": overheads,
         **studied,
         "left_out": plan.left_out,
     }
     with course.stage("drawing", 0.9, 0.99):
         gallery = _draw(out, metrics, flown, runs)
+        draw_unsteady(gallery, metrics, unsteady)
     metrics["stages"] = course.seconds
     metrics["targets"] = targets(metrics)
     metrics["claims"] = claims(metrics)
@@ -136,47 +151,58 @@ def reproduce(
     return page
 
 
-def _fly(plan: Plan) -> tuple[dict[str, xr.Dataset], dict[str, dict[str, xr.Dataset]]]:
-    """The two flights, and the gaits that are not learned."""
-    flown = {
-        "published": flights.published_flight(plan.duration),
-        "corrected": flights.corrected_flight(plan.duration),
-    }
-    span = plan.unseen_duration
-    unseen = {
-        "published": {
-            name: flights.published_flight(span, **gait)
-            for name, gait in flights.UNSEEN_PUBLISHED.items()
-        },
-        "corrected": {
-            name: flights.corrected_flight(span, wingbeat)
-            for name, wingbeat in flights.UNSEEN.items()
-        },
-    }
-    return flown, unseen
+def _fly(
+    plan: Plan, folder: Path, tell: Callable[[float], None]
+) -> tuple[Flown, dict[str, Flown], dict[str, Any]]:
+    """The flights that are learned, gaits that are not, and unsteady flights in numbers.
+
+    Samples of all of them lie in the folder afterwards.
+    """
+    spans = (plan.duration, plan.unseen_duration)
+    jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in flights.FLIGHTS]
+    spans = (plan.unsteady_duration, plan.unsteady_unseen_duration)
+    jobs += [Job(fly_unsteady, (key, *spans, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
+    results = run_jobs(jobs, tell)
+    known = dict(zip(flights.FLIGHTS, results, strict=False))
+    unsteady = dict(zip(MOUNTS, results[len(known) :], strict=True))
+    flown = {key: flight for key, (flight, _) in known.items()}
+    flown |= {f"unsteady_{key}": flight for key, (flight, _) in unsteady.items()}
+    unseen = {key: others for key, (_, others) in known.items()}
+    return flown, unseen, {key: words for key, (_, words) in unsteady.items()}
+
+
+def fly_known(
+    key: str, duration: float, unseen_duration: float, folder: Path
+) -> tuple[xr.Dataset, Flown]:
+    """A flight through air without memory, and gaits that are not learned, in a worker.
+
+    Args:
+        key: "published" or "corrected".
+        duration: Of the flight that is learned [s].
+        unseen_duration: Of each other [s].
+        folder: Where the samples go.
+    """
+    flight, unseen = flights.FLIGHTS[key](duration, unseen_duration)
+    write_samples(folder, key, flight, unseen, 1.0 / flights.beat_frequency(flight))
+    return flight, unseen
 
 
 def _work(
-    plan: Plan,
-    flown: dict[str, xr.Dataset],
-    unseen: dict[str, dict[str, xr.Dataset]],
-    tell: Callable[[float], None],
-) -> tuple[list[Run], dict[str, list[dict[str, Any]]]]:
-    """Everything that the workers do: all trials, and all variants of the errors."""
+    plan: Plan, folder: Path, tell: Callable[[float], None]
+) -> tuple[list[Run], list[UnsteadyRun], dict[str, list[dict[str, Any]]]]:
+    """All that the workers do: trials, variants of the errors, rivals of the dynamics compiled."""
     trials, cases = plan.trials(), plan.error_cases()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for key, flight in flown.items():
-            beat = 1.0 / flights.beat_frequency(flight)
-            write_samples(folder, key, flight, unseen[key], beat)
-        jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
-        jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
-        results = run_jobs(jobs, tell)
-    runs, rows = results[: len(trials)], results[len(trials) :]
+    unsteady = unsteady_trials(plan.unsteady_every, plan.unsteady_starts)
+    jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
+    jobs += [Job(run_unsteady_trial, (trial, folder), trial.cost) for trial in unsteady]
+    jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
+    ahead = overhead.compiled_ahead(plan.published_overhead)
+    results = run_jobs([*jobs, *ahead], tell)[: len(jobs)]
+    first, last = len(trials), len(trials) + len(unsteady)
     tables = {case.table: list[dict[str, Any]]() for case in cases}
-    for row in rows:
+    for row in results[last:]:
         tables[row.pop("table")].append(row)
-    return runs, tables
+    return results[:first], results[first:last], tables
 
 
 def _measured(plan: Plan, crazyflie: Path | None) -> tuple[dict[str, Any], list[Section]]:
@@ -193,10 +219,8 @@ def _measured(plan: Plan, crazyflie: Path | None) -> tuple[dict[str, Any], list[
     return metrics, pages
 
 
-def _summaries(
-    flown: dict[str, xr.Dataset], unseen: dict[str, dict[str, xr.Dataset]]
-) -> dict[str, Any]:
-    summaries: dict[str, Any] = {name: flights.summary(flight) for name, flight in flown.items()}
+def _summaries(flown: Flown, unseen: dict[str, Flown]) -> dict[str, Any]:
+    summaries: dict[str, Any] = {name: flights.summary(flown[name]) for name in unseen}
     summaries["unseen"] = {
         key: {name: flights.summary(flight) for name, flight in group.items()}
         for key, group in unseen.items()
@@ -204,7 +228,7 @@ def _summaries(
     for word in ("within", "beyond"):
         summaries[f"unseen_{word}"] = {
             name: flights.unseen_gaits(summaries[name], summaries["unseen"][name], word)
-            for name in flown
+            for name in unseen
         }
     return summaries
 
@@ -214,7 +238,8 @@ def _draw(
 ) -> figures.Gallery:
     gallery = figures.Gallery(out / "figures")
     table = [run for run in runs if run.trial.kind == "table"]
-    for name, flight in flown.items():
+    for name in flights.FLIGHTS:
+        flight = flown[name]
         figures.overview_figure(gallery, name, flight)
         best = subjects.STRIPS[name][0]
         mine = [run for run in table if run.trial.flight == name]

@@ -9,7 +9,7 @@ Neglected: control; a flight slowly departs from where it starts.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,6 +26,7 @@ from patagium.simulation.gaits import Gait
 from patagium.simulation.published import simulate_published
 
 Array = NDArray[np.float64]
+Flights = tuple[xr.Dataset, dict[str, xr.Dataset]]
 
 TIME_STEP = 1e-4
 """Of both experiments, the published one's [s]."""
@@ -160,6 +161,35 @@ def corrected_flight(duration: float, wingbeat: Wingbeat = LEARNED) -> xr.Datase
     )
 
 
+def published_flights(duration: float, unseen_duration: float) -> Flights:
+    """The published experiment, and its gaits that are not learned, by name.
+
+    Args:
+        duration: Of the one that is learned [s].
+        unseen_duration: Of each other [s].
+    """
+    others = {n: published_flight(unseen_duration, **gait) for n, gait in UNSEEN_PUBLISHED.items()}
+    return published_flight(duration), others
+
+
+def corrected_flights(duration: float, unseen_duration: float) -> Flights:
+    """The same of the corrected robot.
+
+    Args:
+        duration: Of the flight that is learned [s].
+        unseen_duration: Of each other [s].
+    """
+    others = {n: corrected_flight(unseen_duration, wingbeat) for n, wingbeat in UNSEEN.items()}
+    return corrected_flight(duration), others
+
+
+FLIGHTS: dict[str, Callable[[float, float], Flights]] = {
+    "published": published_flights,
+    "corrected": corrected_flights,
+}
+"""Through air without memory, by key."""
+
+
 def summary(flight: xr.Dataset) -> dict[str, Any]:
     """What a flight was, in numbers.
 
@@ -167,12 +197,13 @@ def summary(flight: xr.Dataset) -> dict[str, Any]:
         flight: The flight.
 
     Returns:
-        duration [s], largest and last speed [m/s], largest force of the air [N], mean lift over
-        the weight in the second half, height lost [m], incidences [rad], how it ended.
+        duration [s], largest and last speed through the air [m/s], largest force of the air [N],
+        mean lift over the weight in the second half, height lost [m], incidences [rad], how it
+        ended.
     """
     v, force = flight["v"].to_numpy(), flight["aero_force"].to_numpy()
     weight = weight_of(flight)
-    speed = np.linalg.norm(v[:, :3], axis=1)
+    speed = np.linalg.norm(v[:, :3] - flight["wind"].to_numpy(), axis=1)
     half = len(speed) // 2
     incidence = np.abs(flight["angle_of_attack"].to_numpy())
     return {

@@ -23,6 +23,7 @@ from patagium.studies.reproduction_tables import (
     unseen_table,
 )
 from patagium.studies.targets import targets_table
+from patagium.studies.unsteady_report import unsteady_section
 
 Metrics = Mapping[str, Any]
 Pictures = Mapping[str, Picture]
@@ -49,6 +50,7 @@ def sections(metrics: Metrics, pictures: Pictures, measured: Sequence[Section]) 
         _unseen(metrics, pictures),
         Section("What limits the dense network", [_LIMITS, limit_table(metrics)]),
         Section("The luck of the start", [_STARTS, starts_table(metrics)]),
+        unsteady_section(metrics, pictures),
         *measured,
         Section("How it was run", [*_method(metrics), stage_table(metrics)]),
     ]

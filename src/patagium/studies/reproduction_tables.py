@@ -259,11 +259,18 @@ def aerodynamics_table(metrics: Metrics) -> Table:
     Args:
         metrics: Of the reproduction.
     """
-    rows = [
-        [row["model"].replace("_", " "), row["single"], row["batch"]]
-        for row in metrics["overhead"]["aerodynamics"]
-    ]
-    return Table(("model", "one state a call [ns]", "a state of many [ns]"), rows)
+    keys = ("model", "kind", "single", "batch", "flight_second", "times_real_time")
+    rows = [[row[key] for key in keys] for row in metrics["overhead"]["aerodynamics"]]
+    columns = (
+        *("model", "by", "one state a call [ns]", "a state of many [ns]"),
+        *("in 1 s of flight [s]", "times real time"),
+    )
+    return Table(
+        columns,
+        rows,
+        "Force and rates of the model's own states, compiled, one core; 1 s of flight asks for "
+        "the air 40 000 times (Runge-Kutta at 0.1 ms). Lags of hidden states are given.",
+    )
 
 
 def stage_table(metrics: Metrics) -> Table:

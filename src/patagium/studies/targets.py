@@ -13,6 +13,7 @@ import numpy as np
 
 from patagium.report import Table
 from patagium.studies.claims import Metrics, Row, best_strip, run_of, starts_of
+from patagium.studies.unsteady_report import unsteady_targets
 
 
 def targets(metrics: Metrics) -> list[Row]:
@@ -47,6 +48,8 @@ def targets(metrics: Metrics) -> list[Row]:
     for flight in ("published", "corrected"):
         share = starts_of(metrics, flight, best_strip(flight), 100, "coverage_second_half")
         rows.append(_between(f"{flight}: strip network, samples in the 95 % interval", share))
+    for target, limit, found, below in unsteady_targets(metrics):
+        rows.append(_below(target, limit, found) if below else _above(target, limit, found))
     return rows
 
 
@@ -76,6 +79,17 @@ def _below(target: str, limit: float, found: Sequence[float]) -> Row:
         "found": middle,
         "worst": worst,
         "met": bool(middle <= limit) if found else "not run",
+    }
+
+
+def _above(target: str, limit: float, found: Sequence[float]) -> Row:
+    middle = float(np.median(found)) if found else math.nan
+    return {
+        "target": target,
+        "limit": f"at least {limit:.3g}",
+        "found": middle,
+        "worst": float(min(found)) if found else math.nan,
+        "met": bool(middle >= limit) if found else "not run",
     }
 
 
