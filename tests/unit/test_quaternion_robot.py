@@ -145,13 +145,17 @@ def test_what_carries_another_has_the_attitude(pair):
 
 
 def test_a_path_carries_a_robot_with_a_quaternion_as_one_with_angles(pair):
-    """A sinusoid in every coordinate, with a load cell under the hub: the same wrenches."""
+    """Through way-points in all six, with a load cell under the hub: the same wrenches."""
     flights = []
     for robot in pair:
         path = pt.paths.waypoints(
             [0.0, 0.2, 0.4, 0.6],
-            [[0.0, 0.0, 1.0], [0.3, 0.1, 1.2], [0.5, 0.3, 1.1], [0.6, 0.2, 1.0]],
-            attitude=[[0.1, -0.2, 0.3], [0.4, 0.5, -0.2], [-0.3, 0.2, 0.6], [0.0, 0.1, 0.2]],
+            [
+                [0.0, 0.0, 1.0, 0.1, -0.2, 0.3],
+                [0.3, 0.1, 1.2, 0.4, 0.5, -0.2],
+                [0.5, 0.3, 1.1, -0.3, 0.2, 0.6],
+                [0.6, 0.2, 1.0, 0.0, 0.1, 0.2],
+            ],
         )
         gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.4, right_plunge=0.3)
         flights.append(
