@@ -189,7 +189,7 @@ class LiftingLine(Aerodynamics):
         """The attached flow's matrices at a state of the robot.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
                 default.
@@ -198,7 +198,7 @@ class LiftingLine(Aerodynamics):
             ShapeError: If an argument has another shape.
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
-        sizes = {"q": self.robot.dof, "v": self.robot.dof, "wind": 3}
+        sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
         arrays = [np.asarray(value, float) for value in (q, v, given)]
         for (name, size), array in zip(sizes.items(), arrays, strict=True):
             if array.shape != (size,):
@@ -209,7 +209,8 @@ class LiftingLine(Aerodynamics):
     @cached_property
     def _state_space(self) -> ca.Function:
         robot, p = self.robot, _Numbers(self, ca.SX(ca.DM(self.parameters)))
-        q, v, wind = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof), ca.SX.sym("wind", 3)
+        q, v = ca.SX.sym("q", robot.coordinate_count), ca.SX.sym("v", robot.dof)
+        wind = ca.SX.sym("wind", 3)
         count = len(robot.strips)
         state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
         motions = strip_motions(robot, q, v, wind)

@@ -111,7 +111,7 @@ class HiddenStripNetwork(StripNetwork):
     @property
     def inputs(self) -> int:
         """Length of [q, v, xi]."""
-        return 2 * self.robot.dof + self._memory.size
+        return self.robot.state_size + self._memory.size
 
     @property
     def memory(self) -> StripMemory:
@@ -121,7 +121,7 @@ class HiddenStripNetwork(StripNetwork):
     @property
     def measured_inputs(self) -> int:
         """Length of [q, v]."""
-        return 2 * self.robot.dof
+        return self.robot.state_size
 
     def recall(
         self,
@@ -136,7 +136,7 @@ class HiddenStripNetwork(StripNetwork):
         Args:
             weights: Not used, (n,).
             time: Increasing, (N,) [s].
-            x: [q, v], (N, 2n).
+            x: [q, v], (N, n_q + n).
             carried: What the block before left.
             gaps: First sample after each gap.
 
@@ -184,10 +184,11 @@ class HiddenStripNetwork(StripNetwork):
         robot, robot_parameters = self.robot.symbolic()
         count, lags = len(robot.strips), len(self._memory.rates)
         x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
-        q, v = x[: robot.dof], x[robot.dof : 2 * robot.dof]
+        n_q, n_x = robot.coordinate_count, robot.state_size
+        q, v = x[:n_q], x[n_q:n_x]
         motions = strip_motions(robot, q, v, wind)
         washes = [ca.vertcat(*[normalwash(motion) for motion in motions])]
-        washes += [x[2 * robot.dof + k :: lags] for k in range(lags)]
+        washes += [x[n_x + k :: lags] for k in range(lags)]
         induced = self._induced(robot, q, v, wind, motions, washes)
         coefficients = ca.SX.sym("m", _COEFFICIENTS + lags, count)
         seen: list[ca.SX] = []

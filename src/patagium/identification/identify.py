@@ -228,7 +228,8 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     Raises:
         ParameterError: If there is no such name.
     """
-    names = [f"{part}.{dof}" for part in ("q", "v") for dof in robot.dof_names]
+    names = [f"q.{name}" for name in robot.coordinate_names]
+    names += [f"v.{name}" for name in robot.dof_names]
     for name in inputs:
         if name not in names:
             raise ParameterError("inputs", f"names among {', '.join(names)}", name)

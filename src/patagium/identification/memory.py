@@ -136,14 +136,15 @@ class StripMemory:
 
     def _shaped(self, state: ArrayLike) -> Array:
         values = np.asarray(state, float)
-        if values.shape != (2 * self._robot.dof,):
-            raise ShapeError("state", (2 * self._robot.dof,), values.shape)
+        if values.shape != (self._robot.state_size,):
+            raise ShapeError("state", (self._robot.state_size,), values.shape)
         return values
 
     def _build(self) -> list[ca.Function]:
         robot, parameters = self._robot.symbolic()
-        x, wind = ca.SX.sym("x", 2 * robot.dof), ca.SX.sym("wind", 3)
-        motions = strip_motions(robot, x[: robot.dof], x[robot.dof :], wind)
+        x, wind = ca.SX.sym("x", robot.state_size), ca.SX.sym("wind", 3)
+        n_q = robot.coordinate_count
+        motions = strip_motions(robot, x[:n_q], x[n_q:], wind)
         wash = ca.vertcat(*[normalwash(motion) for motion in motions])
         speed = ca.vertcat(*[airspeed(motion) for motion in motions])
         inputs = [x, ca.vertcat(wind, parameters)]

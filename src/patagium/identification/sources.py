@@ -58,7 +58,7 @@ class PacketQueue:
         """Add packets.
 
         Args:
-            packets: (k, 1 + 4 n).
+            packets: (k, 1 + n_q + 3 n).
             waits: Whether to wait for room; otherwise the newest without room are dropped,
                 and counted.
         """
@@ -77,7 +77,7 @@ class PacketQueue:
                     self._changed.wait(_LOOK)
 
     def take(self, most: int, patience: float) -> Array | None:
-        """The oldest packets, (k, 1 + 4 n), none if none came in time; None: no more will come.
+        """The oldest packets, (k, 1 + n_q + 3 n), none if none came in time; None: no more come.
 
         Args:
             most: How many at most.

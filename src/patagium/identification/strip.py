@@ -178,7 +178,7 @@ class StripNetwork(WingNetwork):
     def _function(self) -> ca.Function:
         robot, robot_parameters = self.robot.symbolic()
         x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
-        q, v = x[: robot.dof], x[robot.dof :]
+        q, v = x[: robot.coordinate_count], x[robot.coordinate_count :]
         coefficients = ca.SX.sym("c", _COEFFICIENTS, len(robot.strips))
         seen, loads = [], []
         for number, motion in enumerate(strip_motions(robot, q, v, wind)):

@@ -8,6 +8,7 @@ from patagium.simulation.flight import (
     aero_of,
     audits,
     gait_period,
+    quantities,
     robot_of,
 )
 from patagium.simulation.flight_files import check_flight, load_flight, save_flight
@@ -26,6 +27,7 @@ __all__ = [
     "load_flight",
     "mounts",
     "paths",
+    "quantities",
     "robot_of",
     "save_flight",
     "simulate",
