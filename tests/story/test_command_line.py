@@ -29,7 +29,7 @@ VERBS = (
         "send",
         "bench",
     ),
-    *("latency", "validate", "stress", "robots", "check"),
+    *("latency", "validate", "stress", "robots", "check", "view"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
