@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import patagium as pt
@@ -103,6 +104,10 @@ def test_forces_on_the_page_are_those_recorded_and_learned(subject: Subject) -> 
         np.testing.assert_allclose(guess[:, k], numbers(series[name]["predicted"]), atol=1e-6)
         truth = shown["aero_force"].sel(dof=name).values
         np.testing.assert_allclose(numbers(series[name]["values"]), truth, atol=1e-6)
+    center = pt.Dynamics(pt.load_robot("aerobat")).batch.center_of_mass(shown["q"].values)
+    np.testing.assert_allclose(
+        numbers(arrows["center"]), center - numbers(words["origin"]), atol=1e-7
+    )
     error = np.abs(numbers(series["z"]["predicted"]) - numbers(series["z"]["values"]))
     assert error[len(error) // 2 :].mean() < 0.05 * np.abs(force.sum(axis=1)[:, 2]).max()
 
@@ -271,6 +276,13 @@ def test_a_browser_plays_the_page_from_disk_without_network(
     middle = (time[0] + time[-1]) / 2
     assert browser.ask("replay.time") == pytest.approx(middle, abs=0.02)
 
+    if "PATAGIUM_ARTEFACTS" in os.environ:  # docs/replay.png
+        browser.size(1240, 720)
+        browser.go(f"{subject.page.as_uri()}#play=0&t=0.53")
+        browser.ask(DRAWN)
+        still = browser.screenshot(artefacts / "replay.png")
+        Image.open(still).quantize(192).save(still, optimize=True)
+        browser.size(*SIZE)
     assert browser.complaints == []
     assert [u for u in browser.requests if not u.startswith(("file:", "data:", "blob:"))] == []
 

@@ -217,7 +217,8 @@ def packed(values: Array, kind: str = "f4") -> dict[str, Any]:
         values: Of any shape.
         kind: Precision to keep.
     """
-    array = np.ascontiguousarray(values, f"<{kind}")
+    with np.errstate(over="ignore"):  # a prediction that ran away becomes infinite
+        array = np.ascontiguousarray(values, f"<{kind}")
     return {
         "kind": kind,
         "shape": list(array.shape),

@@ -18,6 +18,7 @@ from patagium.errors import LogError, ShapeError
 from patagium.identification.identify import Trained, samples
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
+from patagium.identification.recollection import Recollection
 from patagium.identification.result import Identification
 from patagium.identification.strip import StripNetwork
 from patagium.robot import Robot
@@ -90,7 +91,7 @@ def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> 
         _check(network, robot)
         network = _measuring(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)
-    seen = network.remember(time, x)[frames]
+    seen = Recollection(network, time, x, ()).upto(len(time), model.weights)[frames]
     strips = _strip_forces(network, robot, seen, model.weights) if winged else None
     values = network.evaluate(seen, model.weights)
     return Foreseen(tuple(network.output_names), values, strips, "by the learned model")

@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.dynamics import Dynamics
 from patagium.dynamics.poses import poses_at
 from patagium.errors import ParameterError
 from patagium.identification.identify import flight_horizons
@@ -82,6 +81,7 @@ def replay(
     inside = frames - span[0]
     origin = position[:, 0]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
+    center = _center_of_mass(robot, position[inside], rotation[inside])
     return write_replay(
         path,
         Replay(
@@ -97,11 +97,12 @@ def replay(
             solids=[solid._asdict() for solid in solids(robot)],
             surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
             marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
-            arrows=_arrows(shown, robot, origin[inside], foreseen) if robot.strips else None,
+            arrows=_arrows(shown, origin[inside], center, foreseen) if robot.strips else None,
             series=_series(shown, robot, foreseen),
             notes=[
                 _sampling(robot, time[span], inside, position, rotation),
                 *_NOTES,
+                *_wind(shown),
                 *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
             ],
         ),
@@ -151,17 +152,24 @@ def _bytes_per_frame(robot: Robot, predicted: bool) -> int:
     return 8 * doubles + 4 * (bodies + strips + plots)
 
 
-def _arrows(shown: xr.Dataset, robot: Robot, origin: Array, foreseen: Foreseen | None) -> Arrows:
+def _arrows(shown: xr.Dataset, origin: Array, center: Array, foreseen: Foreseen | None) -> Arrows:
     force, point = (
         np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
         for name in ("strip_force", "strip_point")
     )
-    center = Dynamics(robot).batch.center_of_mass(np.asarray(shown["q"].values, float))
     guess = None if foreseen is None else foreseen.strips
     total = None if guess is None else guess.sum(axis=1)
     if foreseen is not None and guess is None and {"x", "y", "z"} <= set(foreseen.names):
         total = foreseen.generalized[:, [foreseen.names.index(k) for k in ("x", "y", "z")]]
     return Arrows(point - origin[:, None], force, guess, center - origin, force.sum(axis=1), total)
+
+
+def _center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
+    """Of the robot at many states, (N, 3) [m]."""
+    mass = np.array([float(body.mass) for body in robot.bodies])
+    offsets = np.array([body.center_of_mass for body in robot.bodies], float)
+    centers = position + np.einsum("nbij,bj->nbi", rotation, offsets)
+    return np.asarray(np.einsum("b,nbi->ni", mass / mass.sum(), centers))
 
 
 def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[Series]:
@@ -198,6 +206,15 @@ def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | Non
     beat = [] if period is None else [f"{1 / period:.3g} wingbeats a second"]
     model = [str(air["model"]).replace("_", " ")] if "model" in air else []
     return " · ".join([robot.name, *beat, f"{time[-1] - time[0]:.4g} s", *model])
+
+
+def _wind(shown: xr.Dataset) -> list[str]:
+    """What is said of air that moves."""
+    wind = np.asarray(shown["wind"].values, float)
+    if not wind.any():
+        return []
+    words = ", ".join(f"{k:.3g}" for k in wind[0])
+    return [f"Wind at the first frame: ({words}) m/s, world axes."]
 
 
 def _sampling(

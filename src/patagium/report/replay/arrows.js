@@ -77,16 +77,17 @@ class Forces {
 
   stripScale(reach) { return this.scaleOf(this.flight.arrows.force, this.strips, 0.8 * reach); }
 
-  // Meters a newton, round, such that the largest force but the top 2 % has a given length.
+  // Meters a newton, to one digit, such that the largest force but the top 2 % has about a length.
   scaleOf(values, count, length) {
     const sizes = [];
     const stride = Math.max(1, Math.floor(values.length / 3 / 20000));
     for (let i = 0; i < values.length / 3; i += stride) {
-      sizes.push(Math.hypot(values[3 * i], values[3 * i + 1], values[3 * i + 2]));
+      const size = Math.hypot(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
+      if (Number.isFinite(size)) sizes.push(size);
     }
     sizes.sort((a, b) => a - b);
     const large = sizes[Math.floor(0.98 * (sizes.length - 1))] || 1;
-    return length / large;
+    return Number((length / large).toPrecision(1));
   }
 
   show({ forces, predicted, total }) {

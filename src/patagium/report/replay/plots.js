@@ -151,9 +151,11 @@ class Plot {
 function valueRange({ values }) {
   let low = Infinity, high = -Infinity;
   for (const value of values) {
+    if (!Number.isFinite(value)) continue;
     low = Math.min(low, value);
     high = Math.max(high, value);
   }
+  if (low > high) return [-1, 1];
   const room = 0.12 * (high - low) || 0.1 * Math.abs(high) || 1;
   return [low - room, high + room];
 }
