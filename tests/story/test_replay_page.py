@@ -24,6 +24,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.identification import Identification
+from patagium.robot import load_robot_text
 from patagium.studies.reproduction_flights import corrected_flight
 
 from .chromium import Chromium, found
@@ -163,6 +164,41 @@ def test_the_command_writes_a_page_beside_the_flight(
     assert numbers(content(tmp_path / "short.html")["time"])[0] == pytest.approx(0.01)
 
 
+ARM = """
+name: arm
+gravity: 9.8 m/s^2
+bodies:
+  base:
+    mass: 1 kg
+    joints: [{name: turn, axis: z}]
+    shape: {type: box, size: [10 cm, 10 cm, 4 cm]}
+  ball:
+    parent: base
+    at: [0, 0, -5 cm]
+    joints: [{name: swing, axis: y, passive: true}]
+    mass: 0.1 kg
+    center_of_mass: [0, 0, -30 cm]
+    inertia: {xx: 1 g m^2, yy: 1 g m^2, zz: 1 g m^2}
+"""
+
+
+@pytest.fixture(scope="module")
+def wingless(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    robot = load_robot_text(ARM)
+    gait = pt.gaits.sinusoidal(robot, frequency=1.0, turn=0.5)
+    aero, start = pt.QuasiSteady(robot, pt.Air()), robot.coordinates(swing=0.5)
+    flight = pt.simulate(robot, aero, gait, duration=0.5, time_step=1e-3, q=start)
+    return pt.replay(flight, tmp_path_factory.mktemp("arm") / "arm.html")
+
+
+def test_a_robot_without_wings_is_shown_with_what_moves(wingless: Path) -> None:
+    words = content(wingless)
+    assert words["arrows"] is None and words["marks"] == []
+    shown = [(one["group"], one["name"]) for one in words["series"] if one["shown"]]
+    assert shown == [("Coordinates", "turn"), ("Coordinates", "swing")]
+    assert [(one["kind"], one["body"]) for one in words["solids"]] == [("box", 0), ("capsule", 1)]
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     if found() is None:
@@ -287,7 +323,9 @@ def test_a_browser_plays_the_page_from_disk_without_network(
     assert [u for u in browser.requests if not u.startswith(("file:", "data:", "blob:"))] == []
 
 
-def test_the_page_fits_a_phone(subject: Subject, browser: Chromium, artefacts: Path) -> None:
+def test_the_page_fits_a_phone_and_a_robot_without_wings(
+    subject: Subject, wingless: Path, browser: Chromium, artefacts: Path
+) -> None:
     browser.size(390, 700, touch=True)
     browser.go(f"{subject.page.as_uri()}#play=0&t=0.545")
     browser.ask(DRAWN)
@@ -297,4 +335,7 @@ def test_the_page_fits_a_phone(subject: Subject, browser: Chromium, artefacts: P
     assert high >= 40  # a finger
     browser.screenshot(artefacts / "replay-phone.png")
     browser.size(*SIZE)
+    browser.go(wingless.as_uri())
+    browser.ask(MOVED.replace("BEFORE", "0.0"))  # plays by itself
+    assert browser.ask(COLORS) > 20
     assert browser.complaints == []

@@ -22,7 +22,8 @@ from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, Ro
 Array = NDArray[np.float64]
 
 _BONE = 0.008  # radius of a bone over the span
-_LEAST_BONE = 0.002  # the same where there is no span [m]
+_STOUTNESS = 0.02  # the same over its own length, at least
+_LEAST_BONE = 0.002  # the same where there is no span, at least [m]
 
 
 class Solid(NamedTuple):
@@ -133,4 +134,5 @@ def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
 def _capsule(index: int, end: Array, radius: float) -> Solid:
     length = float(np.linalg.norm(end))
     axis = tuple(float(k) for k in end / length)
-    return Solid(index, "capsule", tuple(float(k) / 2 for k in end), axis, (radius, length))
+    size = (max(radius, _STOUTNESS * length), length)
+    return Solid(index, "capsule", tuple(float(k) / 2 for k in end), axis, size)

@@ -34,6 +34,8 @@ _LEAST_PER_BEAT = 24
 """Frames a wingbeat that a long flight keeps, whatever the page's size."""
 _PLOTTED = 5
 """Forces that are plotted when the page opens."""
+_SILENCE = 1e-12
+"""Forces that vary less are rounding [N, N m]."""
 
 
 def replay(
@@ -185,13 +187,16 @@ def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[
         found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen))
     for k, (name, unit) in enumerate(zip(robot.dof_names, robot.dof_units, strict=True)):
         values = q[:, k] if unit == "m" else np.degrees(q[:, k])
-        found.append(Series("Coordinates", name, "m" if unit == "m" else "deg", values))
+        moving = not chosen and bool(np.ptp(values) > 0) and k < _PLOTTED
+        found.append(
+            Series("Coordinates", name, "m" if unit == "m" else "deg", values, None, moving)
+        )
     return found
 
 
 def _chosen(robot: Robot, force: Array) -> list[str]:
     """Forces worth a first look: those that move, of mirrored joints the left ones."""
-    loud = force.std(axis=0) > 1e-6 * max(force.std(axis=0).max(), 1e-300)
+    loud = force.std(axis=0) > 1e-6 * max(force.std(axis=0).max(), _SILENCE)
     order = [*("x", "z", "pitch"), *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
     return [n for n in names if n not in _SIDEWAYS and not n.startswith("right_")][:_PLOTTED]

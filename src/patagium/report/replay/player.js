@@ -16,6 +16,7 @@ class Player {
       this.view = new View($("view"), flight);
     } catch (failure) {
       $("failure").hidden = false;
+      for (const part of document.querySelectorAll("#stage nav, #keys, #triad")) part.hidden = true;
       console.warn(`no WebGL: ${failure.message}`);
     }
     this.prepare();
@@ -38,6 +39,7 @@ class Player {
     $("predicted").hidden = !(arrows && (arrows.predicted || arrows.predicted_total));
     $("loop").hidden = !flight.period;
     for (const id of ["forces", "total"]) $(id).hidden = !arrows;
+    $("colors").hidden = !arrows;
     if (arrows && arrows.predicted_total && !arrows.predicted) this.shown.total = true;
     for (const value of SPEEDS) $("speed").add(new Option(value === 1 ? "1" : `1/${Math.round(1 / value)}`, value));
     // A wingbeat in about four seconds, or the flight in about ten.
