@@ -59,7 +59,7 @@ class Player {
     $("speed").onchange = () => this.setSpeed(+$("speed").value);
     $("loop").onclick = () => this.setLoop(!this.loop);
     $("zoom").onclick = () => this.setZoom(!this.zoomed);
-    $("follow").onclick = () => this.setFollow(!this.view.following);
+    $("follow").onclick = () => this.view && this.setFollow(!this.view.following);
     for (const name of Object.keys(this.shown)) $(name).onclick = () => this.toggle(name);
     for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => this.look(button.dataset.look);
     $("help").onclick = () => $("keyboard").showModal();
