@@ -8,6 +8,7 @@ import pytest
 import patagium as pt
 from patagium.dynamics.poses import poses_at
 from patagium.errors import ShapeError
+from patagium.robot import preset_names
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import solids, wing_tips
 
@@ -52,8 +53,15 @@ def test_a_body_without_shape_is_a_bone_to_its_joint() -> None:
     np.testing.assert_allclose(end, joint, atol=1e-12)  # rounding
 
 
+def test_a_mounted_robot_keeps_its_shapes() -> None:
+    robot = pt.load_robot("aerobat").mounted_on(pt.load_robot("ur5e"), "wrist_3")
+    kinds = {robot.bodies[solid.body].name: solid.kind for solid in solids(robot)}
+    assert kinds["body"] == "cylinder" and kinds["right_humerus"] == "cylinder"
+    assert kinds["arm_forearm"] == "capsule"
+
+
 def test_every_body_is_seen() -> None:
-    for name in ("aerobat", "aerobat-beta", "aerobat-published", "yeo-wing"):
+    for name in preset_names():
         robot = pt.load_robot(name)
         assert {solid.body for solid in solids(robot)} == set(range(len(robot.bodies)))
 

@@ -51,7 +51,7 @@ def solids(robot: Robot) -> list[Solid]:
     Args:
         robot: The machine, with numbers for parameters.
     """
-    shapes = _shapes(robot)
+    shapes = _shapes(_described(robot.source))
     radius = _BONE * wing_span(robot) or _LEAST_BONE
     found: list[Solid] = []
     for index, body in enumerate(robot.bodies):
@@ -64,11 +64,22 @@ def solids(robot: Robot) -> list[Solid]:
     return found
 
 
-def _shapes(robot: Robot) -> dict[str, Any]:
-    """Shapes by body, mirrored ones too, as far as the robot's source tells."""
+def _described(source: str) -> Any:
     try:
-        file = RobotFile.model_validate(yaml.safe_load(robot.source))
-    except (yaml.YAMLError, ValidationError):
+        return yaml.safe_load(source)
+    except yaml.YAMLError:  # not every robot comes from a robot file
+        return None
+
+
+def _shapes(described: Any) -> dict[str, Any]:
+    """Shapes by body, mirrored and mounted ones too, as far as the robot's source tells."""
+    if isinstance(described, dict) and "mounted_on" in described:
+        carrier = _shapes(described["mounted_on"]).items()
+        prefix = described.get("prefix", "")
+        return {prefix + name: k for name, k in carrier} | _shapes(described.get("robot"))
+    try:
+        file = RobotFile.model_validate(described)
+    except ValidationError:
         return {}
     written: Mapping[str, Any] = {k: b.shape for k, b in file.bodies.items() if b.shape is not None}
     found = dict(written)
