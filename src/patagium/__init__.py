@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from patagium.simulation import save_flight as save_flight
     from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
+    from patagium.viewer.replay import replay as replay
 
 _HOMES = {
     "errors": (
@@ -130,6 +131,7 @@ _HOMES = {
         "load_learner",
         "training_data",
     ),
+    "viewer": ("replay",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -67,6 +67,7 @@ PUBLIC = {
     "measured_section",
     "mounts",
     "paths",
+    "replay",
     "save_flight",
     "simulate",
     "simulate_published",

@@ -175,7 +175,9 @@ def identify(
         typer.echo(f"{file}: {table.describe_gaps()}", err=True)
     if result.outcome is Outcome.COMPLETED:
         keep_state(student, state)
-    _keep(result, file, None if is_flight else table.input_names, model, report, predictions)
+    _keep(result, file, None if is_flight else table.input_names, model, predictions)
+    if report is not None:
+        _report(result, file, flight if is_flight else None, report)
     show_scores(result.scores, as_json=as_json)
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)
@@ -249,7 +251,6 @@ def _keep(
     file: Path,
     inputs: tuple[str, ...] | None,
     model: Path | None,
-    report: Path | None,
     predictions: Path | None,
 ) -> None:
     from patagium.identification.model_file import model_of, save_model
@@ -257,9 +258,23 @@ def _keep(
     if model is not None:
         save_model(model, model_of(result.learner, inputs=inputs, source=file.name))
         typer.echo(f"The model is in {model}", err=True)
-    if report is not None:
-        result.report(report, f"Identification of {file.name}")
-        typer.echo(f"The report is in {report}", err=True)
     if predictions is not None:
         result.save(predictions)
         typer.echo(f"The predictions are in {predictions}", err=True)
+
+
+def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:
+    """The page, and beside it the flight in three dimensions, where there is one."""
+    from patagium.errors import Outcome
+
+    moving = None
+    if flight is not None and result.outcome is Outcome.COMPLETED:
+        from patagium.viewer import replay
+
+        title = f"Flight {file.stem}, as it was learned"
+        moving = replay(
+            flight, report.with_name(f"{report.stem}-replay.html"), predicted=result, title=title
+        ).name
+    result.report(report, f"Identification of {file.name}", moving)
+    beside = "" if moving is None else f"; the flight in three dimensions is in {moving}"
+    typer.echo(f"The report is in {report}{beside}", err=True)

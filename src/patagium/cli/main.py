@@ -31,6 +31,7 @@ from patagium.cli import (
     stress,
     tune,
     validate,
+    view,
 )
 from patagium.errors import PatagiumError, RobotFileWarning
 
@@ -47,7 +48,7 @@ app = typer.Typer(
 )
 for _verb in (
     reproduce, simulate, cycles, figures, identify, tune, evaluate, stream, send, bench, latency,
-    validate, stress, robots, check,
+    validate, stress, robots, check, view,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
     app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))

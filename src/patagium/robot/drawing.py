@@ -34,7 +34,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
     poses = _poses(robot, q)
     strips: dict[str, list[Array]] = {}
     for strip in robot.strips:
-        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], _corners(strip)))
+        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], strip_corners(strip)))
     jointed = [(b, pose) for b, pose in zip(robot.bodies, poses, strict=True) if b.joints]
     return machine(
         robot.name,
@@ -82,7 +82,7 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
 def wing_span(robot: Robot) -> float:
     """Tip to tip distance of the strips along y, at zero coordinates [m]."""
     poses = _poses(robot, None)
-    sides = [_placed(poses[s.body], _corners(s))[:, 1] for s in robot.strips]
+    sides = [_placed(poses[s.body], strip_corners(s))[:, 1] for s in robot.strips]
     return float(np.ptp(np.concatenate(sides))) if sides else 0.0
 
 
@@ -128,7 +128,7 @@ def _turn(axis: Array, angle: float) -> Array:
     return np.asarray(turned)
 
 
-def _corners(strip: Strip) -> Array:
+def strip_corners(strip: Strip) -> Array:
     """Corners of a strip in body axes, in order around it, (4, 3) [m]."""
     forward = np.array(strip.forward)
     half = np.cross(np.array(strip.normal), forward) * float(strip.width) / 2
