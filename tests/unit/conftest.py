@@ -7,6 +7,7 @@ axes, which are ours.
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -162,20 +163,42 @@ def write_json(file: Path, *, finish: bool = True) -> Path:
     return file
 
 
+def write_ulog(file: Path, count: int = 300) -> Path:
+    """A ULog file with a topic `imu` at 200 Hz: the body's rates and specific force, z down."""
+    fields = b"imu:uint64_t timestamp;float[3] gyro;float[3] accel;"
+    content = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)]
+    content.append(_part("B", bytes(40)))
+    content.append(_part("F", fields))
+    content.append(_part("A", struct.pack("<BH", 0, 0) + b"imu"))
+    for k in range(count):
+        t = k * STEP * 1e-9
+        x, y, z = specific_force(t)
+        row = struct.pack("<HQ6f", 0, k * STEP // 1000, rolling(t), 0.0, 0.0, x, -y, -z)
+        content.append(_part("D", row))
+    file.write_bytes(b"".join(content))
+    return file
+
+
+def _part(kind: str, content: bytes) -> bytes:
+    return struct.pack("<HB", len(content), ord(kind)) + content
+
+
 class Recordings(NamedTuple):
     """Writers of logs, and what the robot in them did."""
 
     ros1: Callable[..., Path] = write_ros1
     ros2: Callable[..., Path] = write_ros2
     json: Callable[..., Path] = write_json
+    ulog: Callable[..., Path] = write_ulog
     roll: Callable[[float], float] = roll
     climb: Callable[[float], float] = climb
     count: int = COUNT
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recordings() -> Recordings:
     """Writers of logs by the libraries of their formats."""
     pytest.importorskip("rosbags", reason="bags need the extra patagium[logs]")
     pytest.importorskip("mcap", reason="MCAP needs the extra patagium[logs]")
+    pytest.importorskip("pyulog", reason="ULog needs the extra patagium[logs]")
     return Recordings()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -224,7 +225,8 @@ def flight_network(
 
     robot = robot_of(flight)
     if kind is not NetworkKind.DENSE:
-        air = aero_of(flight).air if "aero" in flight.attrs else Air()  # logs do not say
+        logged = flight.attrs.get("air")  # of an imported log
+        air = aero_of(flight).air if logged is None else Air(**json.loads(logged))
         return winged_network(kind, robot, hidden, air, activation)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)

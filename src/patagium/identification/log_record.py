@@ -193,7 +193,12 @@ class LogRecord:
             part: (("time", "dof"), self.values(tuple(f"{part}.{k}" for k in robot.dof_names)))
             for part in PARTS
         }
-        attributes = {"robot": robot.source, "robot_name": robot.name, "gait": "{}"}
+        attributes = {
+            "robot": robot.source,
+            "robot_name": robot.name,
+            "air": str(self._file.air),
+            "gait": "{}",
+        }
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
         return xr.Dataset(record, coordinates, attributes)
 

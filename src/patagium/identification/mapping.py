@@ -159,6 +159,18 @@ class ValueColumn(_Words):
         return (self.label,)
 
 
+class AirWords(_Words):
+    """The air of a flight, for networks that compute the flow at the wings.
+
+    Attributes:
+        density: [kg/m^3].
+        wind: World axes (ours), (3,) [m/s].
+    """
+
+    density: Annotated[float, Field(gt=0.0)] = 1.225
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 class TableMapping(_Words):
     """What the columns of a table, or the fields of a log, mean.
 
@@ -170,6 +182,7 @@ class TableMapping(_Words):
         channels: What else to keep; `q.roll`, `v.roll`, `a.roll`, `u1.roll` ... of every
             coordinate make it a flight of the robot.
         robot: Robot, a preset or a file, of a flight.
+        air: Its air.
         gap: A time step longer than this many medians is a gap.
     """
 
@@ -179,6 +192,7 @@ class TableMapping(_Words):
     outputs: tuple[ValueColumn, ...] = ()
     channels: tuple[ValueColumn, ...] = ()
     robot: str | None = None
+    air: AirWords = AirWords()
     gap: Annotated[float, Field(gt=1.0)] = 3.0
 
     @model_validator(mode="after")

@@ -83,6 +83,13 @@ def consistency(
         a velocity in the world, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
         of the accelerometer, for one), its deviation about that, and its rms.
     """
+    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
+        return _looked_at(spool, base, gap)
+
+
+def _looked_at(
+    spool: Spool, base: TimeBase, gap: float
+) -> tuple[list[Finding], list[dict[str, Any]]]:
     items = spool.plan.items
     attitudes = [item for item in items if item.is_attitude]
     vectors = [item for item in items if item.column.frame and not item.is_attitude]

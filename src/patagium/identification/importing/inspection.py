@@ -157,9 +157,9 @@ def inspect_log(
             if topic.problem and topic.count
         ]
         _refuse_nothing(log, facts)
-        return Inspection(
-            str(log.path), log.format, tuple(facts), tuple(found), tuple(dict.fromkeys(log.notes))
-        )
+        guesses = [topic.guess for topic in readable if topic.guess]
+        notes = tuple(dict.fromkeys([*log.notes, *guesses]))
+        return Inspection(str(log.path), log.format, tuple(facts), tuple(found), notes)
     finally:
         log.close()
 

@@ -113,6 +113,14 @@ def resampled(
     Returns:
         Values, (k, 1), (k, 3) or (k, 4), and whether there is one, (k,).
     """
+    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
+        values, valid = _resampled(spool, item, stamps, gap)
+    return values, valid & np.isfinite(values).all(axis=1)
+
+
+def _resampled(
+    spool: Spool, item: Item, stamps: Stamps, gap: float
+) -> tuple[Array, NDArray[np.bool_]]:
     known = spool.stamps_of(item.stream)
     begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
     end = min(len(known), int(np.searchsorted(known, stamps[-1], "left")) + 1 + _MARGIN)

@@ -307,7 +307,8 @@ def _robot_attributes(mapping: TableMapping) -> dict[str, str]:
     from patagium.robot import load_robot
 
     robot = load_robot(mapping.robot)
-    return {"robot": robot.source, "robot_name": robot.name}
+    air = mapping.air.model_dump_json()
+    return {"robot": robot.source, "robot_name": robot.name, "air": air}
 
 
 def _check_target(target: Path, log: LogFile) -> None:

@@ -103,6 +103,7 @@ class Topic:
         problem: Why it cannot be read; empty if it can.
         aliases: Other ways to write a path.
         about: Rows, where they can only be estimated.
+        guess: What was guessed of its stamps, for want of a mapping.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Topic:
     problem: str = ""
     aliases: Mapping[str, str] = field(default_factory=dict)
     about: int = 0
+    guess: str = ""
 
 
 class LogFile(Protocol):
@@ -153,11 +155,11 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         kind: What it was taken for.
 
     Raises:
-        LogError: For anything but our own errors and lack of memory.
+        LogError: For anything but our own errors; damaged lengths may ask for all memory.
     """
     try:
         yield
-    except (PatagiumError, MemoryError):
+    except PatagiumError:
         raise
     except ModuleNotFoundError as problem:
         raise LogError(

@@ -54,6 +54,8 @@ class CsvFile:
         self._names = distinct(name.strip() for name in names)
         if not any(self._names) or "\x00" in header:
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
+        if not self._is_gzip() and not _ends_with_line(path):
+            self.notes.append("the last line has no end: it may be cut off")
         self._decimal = "," if self._separator == ";" and _comma_decimal(look) else "."
         self.topics: dict[str, Topic] = {"": self._table(look)}
 
@@ -116,7 +118,7 @@ class CsvFile:
             for name in self._names
             if not frames or _numeric(frames[0][name])
         }
-        topic = table_topic(types, None, self.notes)
+        topic = table_topic(types, None)
         return replace(topic, about=self._rows_about(look))
 
     def _rows_about(self, look: str) -> int:
@@ -131,6 +133,12 @@ class CsvFile:
     def _is_gzip(self) -> bool:
         with self.path.open("rb") as file:
             return file.read(2) == b"\x1f\x8b"
+
+
+def _ends_with_line(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 1))
+        return file.read() in (b"\n", b"\r")
 
 
 def _numeric(column: Any) -> bool:

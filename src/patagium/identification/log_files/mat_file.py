@@ -60,9 +60,7 @@ class MatFile:
             told = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
             self.notes.append(f"arrays of several lengths: {told}; each needs its own stamp")
         types = {name: str(column.dtype) for name, column in self._columns.items()}
-        self.topics: dict[str, Topic] = {
-            "": table_topic(types, lengths.most_common(1)[0][0], self.notes)
-        }
+        self.topics: dict[str, Topic] = {"": table_topic(types, lengths.most_common(1)[0][0])}
 
     def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
         """Rows of what is wanted, one pass for each."""

@@ -44,7 +44,7 @@ class ParquetFile:
         stamped = {name: 1.0 for name, kind, _ in leaves if types.is_timestamp(kind)}
         units = {name: unit for name, _, unit in leaves if unit}
         count = int(self._file.metadata.num_rows)
-        topic = table_topic({**stamped_as_text(stamped), **numbers}, count, self.notes, units,
+        topic = table_topic({**stamped_as_text(stamped), **numbers}, count, units,
                             stamped=stamped)  # fmt: skip
         self.topics: dict[str, Topic] = {"": topic}
 

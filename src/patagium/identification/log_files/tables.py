@@ -30,7 +30,6 @@ _SUFFIXES = {
 def table_topic(
     columns: Mapping[str, str],
     count: int | None,
-    notes: list[str],
     units: Mapping[str, str] | None = None,
     *,
     name: str = "",
@@ -41,7 +40,6 @@ def table_topic(
     Args:
         columns: Type of each column with numbers, by its name in the file.
         count: Rows, if known.
-        notes: Where a guess is told.
         units: Units the file states.
         name: Name of the topic.
         stamped: Columns that hold calendar time, and the nanoseconds of their unit.
@@ -57,8 +55,8 @@ def table_topic(
             aliases[plain] = column
         if match and bracketed:
             aliases.setdefault(match["name"], column)
-    base = _guessed_base(channels, stamped or {}, name, notes)
-    return Topic(name, "table", count, channels, base, aliases=aliases)
+    base, guess = _guessed_base(channels, stamped or {})
+    return Topic(name, "table", count, channels, base, aliases=aliases, guess=guess)
 
 
 def unit_of_suffix(name: str) -> str:
@@ -70,21 +68,18 @@ def unit_of_suffix(name: str) -> str:
 
 
 def _guessed_base(
-    channels: Mapping[str, Channel], stamped: Mapping[str, float], name: str, notes: list[str]
-) -> Base:
+    channels: Mapping[str, Channel], stamped: Mapping[str, float]
+) -> tuple[Base, str]:
     for column, factor in stamped.items():
-        return Base("column", column, factor)
+        return Base("column", column, factor), ""
     for column in channels:
         match = _TIME.match(column.strip().lower())
         if match:
             unit = match[2] or channels[column].unit or "s"
-            if not match[2] and unit == "s":
-                notes.append(f"column {column!r} taken for time in s; a mapping says it better")
-            return Base("column", column, _NANOSECONDS.get(unit, 1e9))
-    if channels:
-        where = f" of {name!r}" if name else ""
-        notes.append(f"no column{where} is named like time; rows are counted instead")
-    return Base("rows")
+            plain = not match[2] and unit == "s"
+            guess = f"column {column!r} taken for time in s; a mapping says it better"
+            return Base("column", column, _NANOSECONDS.get(unit, 1e9)), guess if plain else ""
+    return Base("rows"), "no column is named like time; rows are counted instead"
 
 
 def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:

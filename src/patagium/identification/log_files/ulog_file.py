@@ -41,7 +41,11 @@ class UlogFile:
         with reading(path, "ULog"), redirect_stdout(io.StringIO()):
             from pyulog import ULog
 
-            log = ULog(str(path))
+            with path.open("rb") as file:
+                watched = _Watched(file)
+                log = ULog(watched)
+            if watched.cut:
+                self.notes.append("the file ends within a record: it was cut off")
             self._parts: dict[str, Any] = {}
             for part in sorted(log.data_list, key=lambda p: (p.name, p.multi_id)):
                 name = f"{part.name}/{part.multi_id}" if part.multi_id else part.name
@@ -73,6 +77,19 @@ class UlogFile:
                 f"{len(lost)} dropout(s) of the logger, {sum(lost) / 1e3:.4g} s in all, "
                 f"the longest {max(lost) / 1e3:.4g} s"
             )
+
+
+class _Watched:
+    """A file that notes whether it ended where more was asked for."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self.cut = file, False
+        self.seek, self.tell, self.close = file.seek, file.tell, file.close
+
+    def read(self, size: int = -1) -> bytes:
+        content: bytes = self._file.read(size)
+        self.cut = 0 < len(content) < size
+        return content
 
 
 def _topic(name: str, columns: Any) -> Topic:
