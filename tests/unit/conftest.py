@@ -163,6 +163,55 @@ def write_json(file: Path, *, finish: bool = True) -> Path:
     return file
 
 
+def write_ros1_mcap(file: Path) -> Path:
+    """An MCAP file with the IMU as ROS 1 serializes it."""
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    definition, _ = types.generate_msgdef("sensor_msgs/msg/Imu")
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros1")
+        schema = writer.register_schema("sensor_msgs/Imu", "ros1msg", definition.encode())
+        channel = writer.register_channel("/imu", "ros1", schema)
+        for topic, kind, stamp, message in list(messages(types, ros1=True, tf=False))[:300]:
+            if topic == "/imu":
+                content = bytes(types.serialize_ros1(message, kind))
+                writer.add_message(channel, stamp, content, stamp)
+        writer.finish()
+    return file
+
+
+def write_protobuf(file: Path) -> Path:
+    """An MCAP file with points (t, 2 t, 3 t) as Protobuf."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap.writer import Writer
+
+    number, message = 1, 11  # of FieldDescriptorProto.Type: double, message
+    described = descriptor_pb2.FileDescriptorProto(name="p.proto", package="p", syntax="proto3")
+    inner = described.message_type.add(name="Point")
+    for index, name in enumerate("xyz", 1):
+        inner.field.add(name=name, number=index, type=number, label=1)
+    outer = described.message_type.add(name="Sample")
+    outer.field.add(name="point", number=1, type=message, label=1, type_name=".p.Point")
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(described)
+    make = message_factory.GetMessageClass(pool.FindMessageTypeByName("p.Sample"))
+    files = descriptor_pb2.FileDescriptorSet(file=[described])
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("p.Sample", "protobuf", files.SerializeToString())
+        channel = writer.register_channel("v", "protobuf", schema)
+        for k in range(100):
+            t = k * STEP * 1e-9
+            content = make(point={"x": t, "y": 2 * t, "z": 3 * t}).SerializeToString()
+            writer.add_message(channel, START + k * STEP, content, START)
+        writer.finish()
+    return file
+
+
 def write_ulog(file: Path, count: int = 300) -> Path:
     """A ULog file with a topic `imu` at 200 Hz: the body's rates and specific force, z down."""
     fields = b"imu:uint64_t timestamp;float[3] gyro;float[3] accel;"
@@ -190,6 +239,8 @@ class Recordings(NamedTuple):
     ros2: Callable[..., Path] = write_ros2
     json: Callable[..., Path] = write_json
     ulog: Callable[..., Path] = write_ulog
+    ros1_mcap: Callable[..., Path] = write_ros1_mcap
+    protobuf: Callable[..., Path] = write_protobuf
     roll: Callable[[float], float] = roll
     climb: Callable[[float], float] = climb
     count: int = COUNT

@@ -138,6 +138,32 @@ def test_json_in_mcap_and_a_recording_cut_off(recordings: Any, tmp_path: Path) -
     assert any("breaks off" in note for note in found.notes)
 
 
+def test_ros1_messages_in_mcap_and_protobuf(recordings: Any, tmp_path: Path) -> None:
+    ros = {"channels": [{**IMU["channels"][2], "frame": "frd"}]}
+    found = import_log(recordings.ros1_mcap(tmp_path / "a.mcap"), mapping(ros), tmp_path / "a.nc")
+    assert load_log(found.path)["force"].to_numpy()[0, 2] == pytest.approx(-10.80665, abs=1e-9)
+    pytest.importorskip("google.protobuf", reason="Protobuf needs the extra patagium[logs]")
+    proto = {"channels": [{"topic": "v", "field": "point", "frame": "frd", "unit": "m"}]}
+    path = recordings.protobuf(tmp_path / "b.mcap")
+    log = load_log(import_log(path, parse_mapping(proto), tmp_path / "b.nc").path)
+    t = log["time"].to_numpy()
+    np.testing.assert_allclose(log["point"].to_numpy(), np.outer(t, [1, -2, -3]), atol=1e-9)
+
+
+def test_a_bag_without_definitions_borrows_them(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag", part=slice(0, 300))
+    import sqlite3
+
+    with sqlite3.connect(bag / "bag.db3") as base:
+        base.execute("UPDATE message_definitions SET encoded_message_definition = ''")
+        base.execute("DELETE FROM message_definitions")
+    base.close()
+    one = {"channels": [IMU["channels"][1]]}
+    found = import_log(bag, mapping(one), tmp_path / "log.nc")
+    assert found.samples > 20
+    assert any("no definition of sensor_msgs/msg/Imu" in note for note in found.notes)
+
+
 def test_a_wrong_topic_or_field_names_what_there_is(recordings: Any, tmp_path: Path) -> None:
     bag = recordings.ros2(tmp_path / "bag")
     cases = {

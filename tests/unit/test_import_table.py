@@ -206,6 +206,14 @@ def test_semicolons_decimal_commas_and_units_in_headers(tmp_path: Path) -> None:
     assert any("the file or its definitions say [m/s^2]" in one.text for one in found.findings)
 
 
+def test_calendar_time_stamps_a_table(tmp_path: Path) -> None:
+    stamps = pd.Timestamp("2026-05-04T12:00:00.5") + pd.to_timedelta(2 * np.arange(300), "ms")
+    path = written(tmp_path, frame(t=stamps))
+    assert inspect_log(path).topics[0].rate == pytest.approx(500.0, rel=0.01)
+    with LogRecord(brought(path).path) as record:
+        np.testing.assert_allclose(record.time(), 2e-3 * np.arange(300), atol=1e-12)
+
+
 def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:
     stamps = frame()["t"].to_numpy().copy()
     stamps[100:] += 500.0

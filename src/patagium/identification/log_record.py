@@ -21,6 +21,7 @@ from patagium.robot import Robot, load_robot_text
 Array = NDArray[np.float64]
 
 FORMAT = "patagium log 1"
+_CACHE = 1 << 19  # B; the default is many times that for each number
 
 
 def is_log(path: str | Path) -> bool:
@@ -83,6 +84,8 @@ class LogRecord:
         except (AttributeError, KeyError, ValueError) as problem:
             self._file.close()
             raise LogError(f"{self.path}: no whole log: {problem}") from None
+        for variable in self._file.variables.values():
+            variable.set_var_chunk_cache(_CACHE, 3, 0.75)
         self.labels = tuple(self._columns)
         self.units = {name: str(column.units) for name, column in self._columns.items()}
 

@@ -44,6 +44,7 @@ class StampSurvey:
         self.last = NO_STAMP
         self.longest, self.longest_at = 0, 0
         self._bins = np.zeros(_BINS, np.int64)
+        self._sums = np.zeros(_BINS)
 
     def add(self, stamps: Stamps) -> NDArray[np.bool_]:
         """Count more stamps.
@@ -86,15 +87,16 @@ class StampSurvey:
             self.longest, self.longest_at = int(steps[place]), int(before[place])
         bins = np.minimum((np.log(steps) / _WIDTH).astype(np.int64), _BINS - 1)
         self._bins += np.bincount(bins, minlength=_BINS)
+        self._sums += np.bincount(bins, steps.astype(float), minlength=_BINS)
 
     @property
     def median(self) -> float:
-        """Median step [s], to 0.5 %; NaN with less than two stamps."""
+        """Median step [s]: the mean of its bin; NaN with less than two stamps."""
         total = int(self._bins.sum())
         if not total:
             return float("nan")
         place = int(np.searchsorted(np.cumsum(self._bins), (total + 1) // 2))
-        return float(np.exp((place + 0.5) * _WIDTH)) / SECOND
+        return float(self._sums[place] / self._bins[place]) / SECOND
 
     def gaps(self, factor: float) -> int:
         """How many steps are longer than so many medians."""
@@ -120,15 +122,16 @@ class StampSurvey:
 
     def state(self) -> dict[str, Any]:
         """All counts, JSON-able."""
-        held = {key: value for key, value in vars(self).items() if key != "_bins"}
+        held = {key: value for key, value in vars(self).items() if not key.startswith("_")}
         heard = np.flatnonzero(self._bins)
-        return {**held, "bins": [heard.tolist(), self._bins[heard].tolist()]}
+        bins = [heard.tolist(), self._bins[heard].tolist(), self._sums[heard].tolist()]
+        return {**held, "bins": bins}
 
     def resume(self, state: dict[str, Any]) -> None:
         """Go on from a state."""
-        places, counts = state["bins"]
-        self._bins[:] = 0
-        self._bins[places] = counts
+        places, counts, sums = state["bins"]
+        self._bins[:], self._sums[:] = 0, 0.0
+        self._bins[places], self._sums[places] = counts, sums
         for key, value in state.items():
             if key != "bins":
                 setattr(self, key, value)

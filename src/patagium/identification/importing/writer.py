@@ -80,6 +80,7 @@ class NetcdfWriter:
         variable = self._file.createVariable(
             name.replace("/", "|"), "f8", ("time",), chunksizes=(self._chunk,)
         )
+        variable.set_var_chunk_cache(8 * self._chunk, 3, 0.75)  # one chunk; the default is many
         variable.setncatts({"units": unit, "long_name": name, **facts})
         return variable
 

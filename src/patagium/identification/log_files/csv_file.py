@@ -87,6 +87,8 @@ class CsvFile:
         if wanted.base.kind == "rows":
             return np.arange(row, row + len(frame), dtype=np.int64) * 10**9
         column = frame[wanted.base.column]
+        if wanted.base.column in self._calendar:
+            return nanoseconds(_calendar(column).to_numpy(), 1.0)
         if column.dtype.kind in "iu":
             return nanoseconds(column.to_numpy(), wanted.base.factor)
         numbers = as_numbers(column, wanted.base.column, str(self.path), row)
@@ -118,7 +120,10 @@ class CsvFile:
             for name in self._names
             if not frames or _numeric(frames[0][name])
         }
-        topic = table_topic(types, None)
+        others = [name for name in self._names if name not in types]
+        self._calendar = [name for name in others if _is_calendar(frames[0][name])]
+        types.update(dict.fromkeys(self._calendar, "timestamp"))
+        topic = table_topic(types, None, stamped=dict.fromkeys(self._calendar, 1.0))
         return replace(topic, about=self._rows_about(look))
 
     def _rows_about(self, look: str) -> int:
@@ -146,6 +151,15 @@ def _numeric(column: Any) -> bool:
         return True
     numbers = pd.to_numeric(column, errors="coerce")
     return bool(numbers.notna().mean() > 0.5)
+
+
+def _calendar(column: Any) -> Any:
+    stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
+    return stamps.dt.tz_localize(None)
+
+
+def _is_calendar(column: Any) -> bool:
+    return bool(_calendar(column.astype(str)).notna().mean() > 0.5)
 
 
 def _comma_decimal(look: str) -> bool:

@@ -227,6 +227,8 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
 def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
     names = _names_beside(above, value) if len(value) else None
     numeric = isinstance(value, np.ndarray)
+    if numeric and value.dtype == np.uint8 and len(value) > _MOST_ENTRIES:
+        return  # an image, a cloud of points
     for index, entry in enumerate(value[: _MOST_ENTRIES if numeric else _MOST_PARTS]):
         key = names[index] if names is not None else _key_of(entry)
         own = f"{path}[{key if key else index}]"

@@ -35,6 +35,8 @@ class MessageTypes:
         Raises:
             LogError: If there is no definition, or it cannot be read.
         """
+        if kind.count("/") == 1:
+            kind = kind.replace("/", "/msg/")  # as ROS 1 has it
         key = (kind, definition)
         if key not in self._decoders:
             self._decoders[key] = self._make(kind, definition, language)

@@ -21,6 +21,7 @@ _BY_PATH = (
     ("angular_velocity", "rad/s"),
     ("position.", "m"),
     ("translation.", "m"),
+    ("point.", "m"),
     ("linear.", "m/s"),
     ("angular.", "rad/s"),
     ("force.", "N"),
