@@ -65,6 +65,8 @@ def test_body_acceleration_of_the_px4_log_is_recovered(ulog: None, tmp_path: Pat
         ({"rate": {"unit": "deg/s"}}, "unit"),
         ({"force": {"unit": "g_0"}}, "unit"),
         ({"attitude": {"body": "flu"}}, "axes"),
+        ({"attitude": {"order": "xyzw"}}, "axes"),
+        ({"attitude": {"frame": "nwu"}}, "axes"),
         ({"force": {"frame": "flu"}}, "axes"),
     ],
 )
@@ -141,6 +143,8 @@ def test_a_mapping_with_an_imported_log_is_refused(
     assert "carries its own" in capsys.readouterr().err
     assert say("identify", out, *deviations) == 2
     assert "named channels only: acc.x" in capsys.readouterr().err
+    assert say("check", out, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["numbers"] == ["acc.x [m/s^2]"]
 
 
 def say(*words: object) -> int:

@@ -174,7 +174,8 @@ def _compare(looked: _Stretches, place: Item, rate: Item, *, turning: bool) -> l
         if abs(correlation) > _SURE and 1 / 1.3 < ratio / factor < 1.3:
             text = f"do not agree ({facts}): {words}"
             return [Finding("warning", names, "unit", text)]
-    if correlation < -_SURE or (abs(correlation) < 0.3 and 0.5 < ratio < 2.0):
+    # of the same motion, noise makes the derived one larger: the correlation is 1 / ratio
+    if correlation < -_SURE or (correlation < 0.4 and 0.5 < ratio < 2.0):
         text = f"do not agree ({facts}): check frame, body, order, inverted and the time base"
         return [Finding("warning", names, "axes", text)]
     return []
@@ -186,9 +187,9 @@ _SLIPS = {
         (180 / np.pi, "is the rate in rad/s?"),
     ),
     False: (
-        (1e3, "is the position in mm, or the velocity in km/s?"),
-        (1e-3, "is the position in km, or the velocity in mm/s?"),
-        (1e2, "is the position in cm?"),
+        (1e3, "position too large or velocity too small by 1000: mm for m?"),
+        (1e-3, "position too small or velocity too large by 1000: mm for m?"),
+        (1e2, "position too large or velocity too small by 100: cm for m?"),
     ),
 }
 
