@@ -152,7 +152,6 @@ class _Course:
             self.gaps += 1
         self.gaps += len(gaps)
         x, y = table.x[rows], table.y[rows]
-        x = self.learner.network.remember(time[rows], x, gaps)
         run = StreamRun(self.learner, time[rows], x, y, self.every, self.horizons, gaps)
         run.go(None if progress is None else lambda done, _: progress(begin + done, total))
         self.totals.add(run, begin, total)
