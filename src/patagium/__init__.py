@@ -54,7 +54,10 @@ if TYPE_CHECKING:
     from patagium.identification import Screening as Screening
     from patagium.identification import StripNetwork as StripNetwork
     from patagium.identification import evaluate as evaluate
+    from patagium.identification import import_log as import_log
+    from patagium.identification import inspect_log as inspect_log
     from patagium.identification import load_learner as load_learner
+    from patagium.identification import load_log as load_log
     from patagium.identification.identify import identify as identify
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
@@ -128,7 +131,10 @@ _HOMES = {
         "StripNetwork",
         "evaluate",
         "identify",
+        "import_log",
+        "inspect_log",
         "load_learner",
+        "load_log",
         "training_data",
     ),
     "viewer": ("replay",),

@@ -60,8 +60,11 @@ PUBLIC = {
     "evaluate",
     "gaits",
     "identify",
+    "import_log",
+    "inspect_log",
     "load_flight",
     "load_learner",
+    "load_log",
     "load_robot",
     "load_urdf",
     "measured_section",
@@ -118,12 +121,14 @@ def third_party_imports(path: Path) -> set[str]:
 def test_every_import_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     rivals = project["optional-dependencies"]["bench"]
+    formats = project["optional-dependencies"]["logs"]
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
     for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
-        allowed = core | (
-            {canonical(line) for line in rivals} if "studies" in path.parts else set()
+        extra = (rivals if "studies" in path.parts else []) + (
+            formats if "log_files" in path.parts else []
         )
+        allowed = core | {canonical(line) for line in extra}
         for name in third_party_imports(path):
             owners = {canonical(owner) for owner in distributions[name]}
             assert owners & allowed, f"{path.name} imports {name} of {owners}, not declared"

@@ -9,9 +9,12 @@ from patagium.identification.flow import FlowNetwork
 from patagium.identification.gradient import GradientLearner
 from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.identify import evaluate, identify
+from patagium.identification.importing.inspection import inspect_log
+from patagium.identification.importing.run import import_log
 from patagium.identification.learner_description import learner_from_description
 from patagium.identification.learner_file import load_learner, save_learner
 from patagium.identification.linear import LinearLearner
+from patagium.identification.log_record import load_log
 from patagium.identification.logs import evaluate_table, identify_table, network_for
 from patagium.identification.mapping import TableMapping, load_mapping
 from patagium.identification.model_file import Model, load_model, model_of, save_model
@@ -52,9 +55,12 @@ __all__ = [
     "evaluate_table",
     "identify",
     "identify_table",
+    "import_log",
+    "inspect_log",
     "learner_from_description",
     "load_identification",
     "load_learner",
+    "load_log",
     "load_mapping",
     "load_model",
     "load_settings",

@@ -80,7 +80,7 @@ def stream(
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
     """
-    run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
+    run = StreamRun(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
     measures = tuple(units) if units is not None else ("1",) * len(labels)
     for word, given in (("names", labels), ("units", measures)):
@@ -92,8 +92,18 @@ def stream(
     return result
 
 
-class _Stream:
-    """The state of a run: what was predicted so far, and what the learner said of itself."""
+class StreamRun:
+    """The state of a run: what was predicted so far, and what the learner said of itself.
+
+    Args:
+        learner: What learns.
+        time: Increasing, (N,) [s].
+        x: What the network sees, (N, n_x).
+        y: What it predicts, (N, n_y).
+        every: One sample in so many is used.
+        durations: Label and length [s] of the spans to predict with frozen weights.
+        gaps: First sample after each gap in time.
+    """
 
     def __init__(
         self,
@@ -123,6 +133,7 @@ class _Stream:
         self.outcome, self.message = Outcome.COMPLETED, ""
 
     def go(self, progress: Progress | None) -> None:
+        """All samples in order, or up to where the learner diverged."""
         intervals = list(holds(self.used, len(self.time)))
         checks = check_samples(intervals)
         starts = {h.label: set(h.begins.tolist()) for h in self.horizons}
@@ -185,6 +196,7 @@ class _Stream:
         )
 
     def result(self, names: tuple[str, ...]) -> Identification:
+        """Scores and predictions of the samples so far."""
         held = persistence(self.y, self.used)
         span = slice(0, self.reached)
         truth, guess = self.y[span], self.prediction[span]
