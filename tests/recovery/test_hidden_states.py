@@ -81,7 +81,9 @@ def test_a_lifting_line_is_learned_by_a_network_with_lags_and_not_without(robot)
     unseen = pupil.evaluate(pupil.recall(weights, time[:400], other)[0], weights)
     assert nmse(flown(truth, time[:400], other)[50:], unseen[50:]) < 1e-2
     before, after = pupil.constants(pupil.initial(0)), pupil.constants(weights)
-    assert abs(after["section.lift_slope"] - 2 * np.pi) < abs(before["section.lift_slope"] - 2 * np.pi)
+    assert abs(after["section.lift_slope"] - 2 * np.pi) < abs(
+        before["section.lift_slope"] - 2 * np.pi
+    )
 
 
 def test_attached_air_with_the_true_numbers_is_that_of_the_lifting_line(robot):

@@ -125,9 +125,7 @@ def test_slopes_are_those_of_differences_through_all_that_was_recalled(network, 
     for k in [*range(9), *range(9, network.size, 7)]:
         moved = weights[None] + step * np.outer([1.0, -1.0], np.arange(network.size) == k)
         at = network.values(sample, moved)
-        whole = [
-            network(recalled(network, w, time[:40], state[:40])[39], w) for w in moved
-        ]
+        whole = [network(recalled(network, w, time[:40], state[:40])[39], w) for w in moved]
         for high, low in (at, whole):
             close = 1e-7 * np.abs(slope).max()  # step^2
             assert np.allclose(slope[:, k], (high - low) / (2 * step), rtol=0, atol=close)

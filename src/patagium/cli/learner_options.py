@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification import FlowNetwork, StripNetwork
+    from patagium.identification import FlowNetwork, HiddenStripNetwork, StripNetwork
     from patagium.robot import Robot
 
 

@@ -10,22 +10,27 @@ number, camber in the normalwash, separation with a memory of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import log, pi, radians, sin
+from math import pi, radians
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
-from patagium.aerodynamics.indicial import Indicial, fitted_indicial, indicial_from_description
+from patagium.aerodynamics.indicial import Indicial, indicial_from_description
 from patagium.errors import ParameterError
 from patagium.identification.dense import described
 from patagium.identification.hidden_equations import (
     COEFFICIENTS,
     FEATURES,
-    coded_size,
     hidden_functions,
+)
+from patagium.identification.hidden_numbers import (
+    coded_reach,
+    coded_size,
+    coded_start,
     learned_air,
+    starting_lags,
 )
 from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
@@ -36,10 +41,7 @@ from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
 
-_SLOWEST, _FASTEST = 0.05, 0.8  # rates of lags asked for by number [1/semichord]
-_REACH = {"lags": 5.0, "lift_slope": 1.0, "stall": 3.0}  # of logarithms, for a weight of one
 _LAST = 0.05  # of the usual size: at first the section is that of theory
-_STALL_SLOPE = 8.75  # widths of the logistic function in a smooth step of the same slope
 
 
 class Remembered(NamedTuple):
@@ -128,7 +130,7 @@ class HiddenStripNetwork(Network):
         if not 0 < stall_begins < stall_complete <= pi / 2:
             angles = (stall_begins, stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
-        self.lags = _lags(lags)
+        self.lags = starting_lags(lags)
         self.lift_slope = positive("lift_slope", lift_slope)
         self.stall_begins, self.stall_complete = float(stall_begins), float(stall_complete)
         self.coefficient_scale = positive("coefficient_scale", coefficient_scale)
@@ -136,7 +138,9 @@ class HiddenStripNetwork(Network):
         self._perceptron = Perceptron((FEATURES, *hidden, COEFFICIENTS), activation)
         self._numbers, self._remembered = coded_size(self.lags.size)
         self._states = len(robot.strips) * self.lags.size
-        self._prior, self._reach = self._start(), _reach(self.lags.size)
+        stall = (self.stall_begins, self.stall_complete)
+        self._prior = coded_start(self.lags, self.lift_slope, stall)
+        self._reach = coded_reach(self.lags.size)
         constants = [*self.air.wind, self.air.density, self.coefficient_scale]
         self._constants = np.array([*constants, *robot.parameters])
         symbolic, _ = robot.symbolic()
@@ -262,7 +266,7 @@ class HiddenStripNetwork(Network):
                 found = begin(*known)
             else:
                 found = step(*known, stamp - carried.time, *carried[1:-1])
-            carried = Remembered(stamp, *found, own)
+            carried = Remembered._make([stamp, *found, own])
             slopes = (carried.slopes * reach).ravel()
             rows[k] = np.concatenate([sample, carried.state, slopes, own])
         return rows, carried
@@ -391,40 +395,5 @@ class HiddenStripNetwork(Network):
         features, readout = self._functions["encode"].batch(measured, state, coded, self._constants)
         return features.transpose(0, 2, 1), readout
 
-    def _start(self) -> Array:
-        """Coded numbers before any sample."""
-        lags = self.lags
-        low, high = (sin(angle) ** 2 for angle in (self.stall_begins, self.stall_complete))
-        stall = [log((low + high) / 2), log((high - low) / _STALL_SLOPE)]
-        parts = [np.log(lags.rate), _logarithms(lags.circulation), [log(self.lift_slope)]]
-        return np.concatenate([*parts, _logarithms(lags.lift), stall])
-
 
 _NUMBERS = ("lift_slope", "stall_begins", "stall_complete", "coefficient_scale")
-
-
-def _lags(lags: int | Indicial) -> Indicial:
-    if isinstance(lags, Indicial):
-        found = lags
-    elif isinstance(lags, int) and lags > 0:
-        found = fitted_indicial(np.geomspace(_SLOWEST, _FASTEST, lags).tolist())
-    else:
-        raise ParameterError("lags", "a positive number, or an Indicial", lags)
-    parts = (found.rate, found.lift, found.circulation)
-    if not all(part and min(part) > 0 and (part is found.rate or sum(part) < 1) for part in parts):
-        expected = "at least one lag, amplitudes above 0 that sum to less than 1"
-        raise ParameterError("lags", expected, found.describe())
-    return found
-
-
-def _logarithms(shares: Sequence[float]) -> Array:
-    """Of positive numbers over what their sum leaves of one."""
-    return np.asarray(np.log(shares) - np.log(1.0 - sum(shares)))
-
-
-def _reach(lags: int) -> Array:
-    """What a weight of one adds to each coded number."""
-    of_lags = [_REACH["lags"]]
-    return np.array(
-        [*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *[_REACH["stall"]] * 2]
-    )

@@ -1,14 +1,12 @@
 """Equations of strips with memory whose numbers are learned: Sigma'_Aero as CasADi functions.
 
 The physics is that of `LiftingLine`, from the same functions: normalwashes, lags and lift of all
-strips; learned are its numbers, `LearnedAir`, and what a perceptron says of each section.
+strips; learned are its numbers, `hidden_numbers`, and what a perceptron says of each section.
 Neglected: camber in the normalwash (the perceptron sees it), separation with a memory of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -30,6 +28,7 @@ from patagium.aerodynamics.wash import (
 )
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
+from patagium.identification.hidden_numbers import coded_size, learned_air
 from patagium.identification.strip import parted
 from patagium.robot.model import Robot
 
@@ -37,49 +36,6 @@ COEFFICIENTS = 8
 """Outputs of the perceptron a strip; see `_wrench`."""
 FEATURES = 4
 """Its inputs: direction of the effective and of the geometric flow."""
-
-
-@dataclass(frozen=True)
-class LearnedAir:
-    """Numbers of the air that are learned, as symbols or values.
-
-    Whatever the coded numbers are, rates are positive, amplitudes positive with sums below one.
-
-    Attributes:
-        lags: Memory of a section.
-        lift_slope: Of attached flow [1/rad].
-        stall: sin^2 of the effective incidence at which half of the flow is separated.
-        stall_width: How far from there in sin^2 the attached share falls by e.
-    """
-
-    lags: Lags
-    lift_slope: Any
-    stall: Any
-    stall_width: Any
-
-
-def learned_air(coded: Any, lags: int) -> LearnedAir:
-    """The numbers behind their code, which may be any real numbers.
-
-    Args:
-        coded: Logarithms of the rates, of the circulation's amplitudes over what they leave of
-            one, of the lift slope, of the lift's amplitudes likewise, of stall and its width.
-        lags: How many a strip.
-    """
-    rate = [ca.exp(coded[k]) for k in range(lags)]
-    circulation = _shares([coded[lags + k] for k in range(lags)])
-    lift = _shares([coded[2 * lags + 1 + k] for k in range(lags)])
-    slope, stall, width = (ca.exp(coded[k]) for k in (2 * lags, 3 * lags + 1, 3 * lags + 2))
-    return LearnedAir(Lags(rate, lift, circulation), slope, stall, width)
-
-
-def coded_size(lags: int) -> tuple[int, int]:
-    """How many coded numbers there are, and on how many of them, the first, memory depends.
-
-    Args:
-        lags: How many a strip.
-    """
-    return 3 * lags + 3, 2 * lags + 1
 
 
 def hidden_functions(machine: Robot, lags: int) -> list[ca.Function]:
@@ -119,9 +75,7 @@ class _Air:
     def wash(self, state: ca.SX, lags: Lags) -> Wash:
         """Normalwashes of all strips with lags in a state."""
         slope = self.numbers.lift_slope
-        return solve_wash(
-            self.chains, self.net, self.motions, self.geometric, state, lags, slope
-        )
+        return solve_wash(self.chains, self.net, self.motions, self.geometric, state, lags, slope)
 
     def reached(self, state: ca.SX, step: Any, before: Relaxation) -> tuple[ca.SX, ca.SX]:
         """Lags and effective normalwashes at the end of a step."""
@@ -276,13 +230,6 @@ def _wrench(
 
 def _direction(flow: SectionFlow) -> ca.SX:
     return parted(ca.vertcat(flow.forward, flow.normal) / flow.speed)
-
-
-def _shares(logarithms: Sequence[Any]) -> list[Any]:
-    """Positive numbers whose sum is below one; what is missing counts as exp(0)."""
-    parts = [ca.exp(value) for value in logarithms]
-    total = 1.0 + sum(parts)
-    return [part / total for part in parts]
 
 
 def _forward(value: ca.SX, variables: ca.SX, seeds: ca.SX) -> ca.SX:
