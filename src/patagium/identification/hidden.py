@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import pi, radians
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,6 +24,7 @@ from patagium.identification.dense import described
 from patagium.identification.hidden_equations import (
     COEFFICIENTS,
     FEATURES,
+    Remembered,
     hidden_functions,
 )
 from patagium.identification.hidden_numbers import (
@@ -42,28 +44,6 @@ from patagium.robot.model import Robot
 Array = NDArray[np.float64]
 
 _LAST = 0.05  # of the usual size: at first the section is that of theory
-
-
-class Remembered(NamedTuple):
-    """What strips remember at a sample; slopes are for the coded numbers memory depends on.
-
-    Attributes:
-        time: Of the sample [s].
-        state: Lags z, strip by strip, (n_z,) [m/s].
-        slopes: Of the lags, (n_z, n_m).
-        effective: Normalwash of each strip, (n_strips,) [m/s].
-        effective_slopes: Of these, (n_strips, n_m).
-        semichords: That each strip flies in a second, (n_strips,) [1/s].
-        weights: W_m that all this was found at, (n_m,).
-    """
-
-    time: float
-    state: Array
-    slopes: Array
-    effective: Array
-    effective_slopes: Array
-    semichords: Array
-    weights: Array
 
 
 class HiddenStripNetwork(Network):
@@ -225,12 +205,10 @@ class HiddenStripNetwork(Network):
         """
         coded = self._coded(np.asarray(weights, float)[: self._numbers])
         found = learned_air(coded.tolist(), self.lags.size)
-        lags = {"rate": found.lags.rate, "lift": found.lags.lift}
-        lags["circulation"] = found.lags.circulation
-        named = {f"lags.{part}[{k}]": x for part, all_ in lags.items() for k, x in enumerate(all_)}
-        named |= {"section.lift_slope": found.lift_slope}
+        parts = {name: getattr(found.lags, name) for name in ("rate", "lift", "circulation")}
+        named = {f"lags.{part}[{k}]": x for part, all_ in parts.items() for k, x in enumerate(all_)}
+        named |= {"section.lift_slope": found.lift_slope, "stall_width": found.stall_width}
         named |= {"stall": np.arcsin(np.sqrt(min(found.stall, 1.0)))}
-        named |= {"stall_width": found.stall_width}
         return {name: float(value) for name, value in named.items()}
 
     def recall(
@@ -347,6 +325,16 @@ class HiddenStripNetwork(Network):
             of_air[:, k] = (of_y + through @ of_features) * self._reach[k]
         of_weights = readout @ inner.reshape(-1, len(rest))
         return readout @ out.ravel(), np.hstack([of_air, of_weights])
+
+    def encoding(self, x: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Features, (n_in, m), and readout, (n_y, m n_out), as expressions of x and weights."""
+        n, n_z, n_m = self.measured_inputs, self._states, self._remembered
+        slopes = ca.reshape(x[n + n_z : -n_m], n_m, n_z).T
+        state = x[n : n + n_z] + slopes @ (weights[:n_m] - x[-n_m:])
+        coded = self._prior + self._reach * weights[: self._numbers]
+        encode = self._functions["encode"].expression
+        features, readout = encode(x[:n], state, coded, self._constants)
+        return features, readout
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""

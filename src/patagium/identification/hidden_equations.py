@@ -7,9 +7,11 @@ Neglected: camber in the normalwash (the perceptron sees it), separation with a 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from patagium.aerodynamics.horseshoes import Lattice, lattice, strip_chains
 from patagium.aerodynamics.local_flow import strip_motions
@@ -32,10 +34,34 @@ from patagium.identification.hidden_numbers import coded_size, learned_air
 from patagium.identification.strip import parted
 from patagium.robot.model import Robot
 
+Array = NDArray[np.float64]
+
 COEFFICIENTS = 8
 """Outputs of the perceptron a strip; see `_wrench`."""
 FEATURES = 4
 """Its inputs: direction of the effective and of the geometric flow."""
+
+
+class Remembered(NamedTuple):
+    """What strips remember at a sample; slopes are for the coded numbers memory depends on.
+
+    Attributes:
+        time: Of the sample [s].
+        state: Lags z, strip by strip, (n_z,) [m/s].
+        slopes: Of the lags, (n_z, n_m).
+        effective: Normalwash of each strip, (n_strips,) [m/s].
+        effective_slopes: Of these, (n_strips, n_m).
+        semichords: That each strip flies in a second, (n_strips,) [1/s].
+        weights: W_m that all this was found at, (n_m,).
+    """
+
+    time: float
+    state: Array
+    slopes: Array
+    effective: Array
+    effective_slopes: Array
+    semichords: Array
+    weights: Array
 
 
 def hidden_functions(machine: Robot, lags: int) -> list[ca.Function]:
