@@ -39,6 +39,7 @@ from patagium.aerodynamics.wash import (
     Relaxation,
     Wash,
     airspeed,
+    attached_lift,
     lag_relaxation,
     normalwash,
     solve_wash,
@@ -309,15 +310,8 @@ def _load(
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
     normal = motion.normal_ahead(ahead)
 
-    # wind at the force: undisturbed, induced by all legs, and by the wake shed across the span
     flow = section_flow(forward, normal)
-    shed = sign * (lagged - wash.effective[i]) / flow.speed
-    induced = wash.induced[:, i]
-    wind_forward = -forward + gain * ca.dot(net.forwards[:, i], induced) - shed * normal
-    wind_normal = -normal + gain * ca.dot(net.normals[:, i], induced) + shed * forward
-    wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
-    lift = attached * sign * gain * net.shares[i] * _pressure(motion, p) * lagged / wind
-
+    lift = attached_lift(motion, net, wash, i, gain, _pressure(motion, p), normal)
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
@@ -326,15 +320,15 @@ def _load(
     pressure = separated * density_area * flow.speed / 2
     return StripLoad(
         motion=motion,
-        forward=lift * wind_normal
+        forward=attached * lift[0]
         - pressure * (across * normal + along * forward)
         - friction * forward,
-        normal=-lift * wind_forward
+        normal=attached * lift[1]
         + pressure * (across * forward - along * normal)
         - friction * normal,
         ahead=ahead,
         angle_of_attack=effective.angle_of_attack,
         spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
-        downwash=-gain * ca.dot(net.normals[:, i], induced),
+        downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),
     )
