@@ -13,7 +13,6 @@ from patagium.cli.main import run
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
 from patagium.identification.air_force import packet_columns
 from patagium.identification.live_record import StreamFile
-from patagium.identification.memory import StripMemory
 from patagium.identification.sender import flight_packets
 from patagium.report.views import flight_overview
 from patagium.robot import load_robot_text, preset_text
@@ -347,12 +346,6 @@ def test_packets_hold_q_as_it_is(flight, pair, tmp_path):
 def test_training_data_names_what_it_lacks(flight, pair):
     with pytest.raises(FlightError, match=r"q: expected \(time, dof\), found"):
         pt.training_data(flight, pair[0])
-
-
-def test_strip_memory_takes_the_longer_state(pair):
-    memory = StripMemory(pair[1], pt.Air(), (0.1,))
-    with pytest.raises(ShapeError, match=r"\(17,\)"):
-        memory.advance(np.zeros(memory.size), np.zeros(16), np.zeros(16), 1e-3)
 
 
 def test_the_command_line_flies_straight_up(pair, tmp_path, capsys):
