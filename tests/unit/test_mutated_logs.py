@@ -66,7 +66,7 @@ def table(count: int = 200) -> pd.DataFrame:
 def originals(recordings: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Whole logs of each format with their mappings."""
     folder = tmp_path_factory.mktemp("originals")
-    part = slice(0, 400)
+    part = slice(0, 200)
     table().to_csv(folder / "log.csv", index=False)
     table().to_csv(folder / "log.csv.gz", index=False)
     table().to_parquet(folder / "log.parquet")

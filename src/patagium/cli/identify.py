@@ -184,7 +184,8 @@ def identify(
         keep_state(result.learner, state)
     _keep(result, file, None if table is None else table.input_names, model, predictions)
     if report is not None:
-        _report(result, file, flight, report)
+        flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
+        _report(result, file, flown, report)
     show_scores(result.scores, as_json=as_json)
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)

@@ -14,9 +14,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import FlightError, LogError
-from patagium.identification.air_force import PARTS
+from patagium.identification.air_force import PARTS, packet_columns
 from patagium.identification.table import Table, find_gaps
 from patagium.robot import Robot, load_robot_text
+from patagium.simulation.flight import quantities
 
 Array = NDArray[np.float64]
 
@@ -168,9 +169,7 @@ class LogRecord:
     def is_flight(self) -> bool:
         """Whether it holds q, v, a and u1 of every coordinate of its robot."""
         robot = self.robot
-        return robot is not None and all(
-            f"{part}.{dof}" in self._columns for part in PARTS for dof in robot.dof_names
-        )
+        return robot is not None and not self._missing(robot)
 
     def flight(self) -> xr.Dataset:
         """Its q, v, a and u1 as a flight that a learner can be taught from.
@@ -181,21 +180,17 @@ class LogRecord:
         robot = self.robot
         if robot is None:
             raise FlightError(f"{self.path}: expected a mapping with `robot`, found none")
-        missing = [
-            f"{part}.{dof}"
-            for part in PARTS
-            for dof in robot.dof_names
-            if f"{part}.{dof}" not in self._columns
-        ]
+        missing = self._missing(robot)
         if missing:
             raise FlightError(
                 f"{self.path}: expected q, v, a and u1 of each coordinate of {robot.name}, "
                 f"found no {', '.join(missing[:6])}"
             )
-        record = {
-            part: (("time", "dof"), self.values(tuple(f"{part}.{k}" for k in robot.dof_names)))
-            for part in PARTS
-        }
+        names = {"q": robot.coordinate_names}
+        record = {}
+        for part in PARTS:
+            labels = tuple(f"{part}.{name}" for name in names.get(part, robot.dof_names))
+            record[part] = (("time", *quantities(robot)[part].dims), self.values(labels))
         attributes = {
             "robot": robot.source,
             "robot_name": robot.name,
@@ -204,6 +199,10 @@ class LogRecord:
         }
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
         return xr.Dataset(record, coordinates, attributes)
+
+    def _missing(self, robot: Robot) -> list[str]:
+        wanted = [column.name for column in packet_columns(robot)[1:]]
+        return [name for name in wanted if name not in self._columns]
 
 
 def load_log(path: str | Path) -> xr.Dataset:
