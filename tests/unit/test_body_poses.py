@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,17 @@ from patagium.errors import ShapeError
 from patagium.robot import preset_names
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import solids, wing_tips
+
+
+@pytest.mark.parametrize("attitude", ["euler", "quaternion"])
+def test_poses_take_either_attitude(attitude: Literal["euler", "quaternion"]) -> None:
+    angles = {"x": 1.0, "roll": 0.3, "pitch": -0.4, "yaw": 0.5, "left_plunge": 0.6}
+    robot = pt.load_robot("aerobat")
+    turned = robot.with_attitude(attitude)
+    expected = poses_at(robot, robot.coordinates(**angles)[None])
+    found = poses_at(turned, turned.coordinates(**angles)[None])
+    for mine, theirs in zip(found, expected, strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-14)  # rounding
 
 
 @pytest.mark.parametrize("name", ["aerobat", "aerobat-beta", "yeo-wing"])

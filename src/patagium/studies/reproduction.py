@@ -262,15 +262,16 @@ def _draw(
 
 
 def _replay(out: Path, name: str, flight: xr.Dataset, runs: list[Run]) -> str:
-    """A flight in three dimensions, with the forces that the strip network foresaw."""
-    best = subjects.STRIPS[name][0]
-    found = next(
+    """A flight in three dimensions, with the forces that a strip network foresaw, if one did."""
+    best = subjects.STRIPS.get(name, ("",))[0]
+    found = [
         Identification(run.scores, run.record, run.model)
         for run in runs
         if (run.trial.flight, run.trial.network) == (name, best) and run.record is not None
-    )
-    title = f"The {name} flight, and its forces as foreseen"
-    return replay(flight, out / f"{name}.html", predicted=found, title=title).name
+    ]
+    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as foreseen" * bool(found))
+    predicted = found[0] if found else None
+    return replay(flight, out / f"{name}.html", predicted=predicted, title=title).name
 
 
 def _brief(run: Run, within: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def _experiments(metrics: Metrics, pictures: Pictures) -> Section:
             "feathering, in free flight.",
             flight_table(metrics),
             *(
-                Link(f"The {name} flight in three dimensions", address)
+                Link(f"The {name.replace('_', ' ')} flight in three dimensions", address)
                 for name, address in metrics["replays"].items()
             ),
             *_present(pictures, "published_flight", "corrected_flight"),
