@@ -153,7 +153,7 @@ class HiddenStripNetwork(Network):
 
     @property
     def size(self) -> int:
-        """Number of weights, n: of the air, then of the perceptron."""
+        """How many weights, n, those of the air before those of the perceptron."""
         return self._numbers + self._perceptron.size
 
     @property
