@@ -21,17 +21,17 @@ def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (N, n) [m, rad].
+        q: Generalized coordinates, (N, n_q) [m, rad, 1].
 
     Returns:
         p, (N, n_bodies, 3) [m], and R, body axes to world axes, (N, n_bodies, 3, 3).
 
     Raises:
-        ShapeError: If `q` is not (N, n).
+        ShapeError: If `q` is not (N, n_q).
     """
     states = np.asarray(q, float)
-    if states.ndim != 2 or states.shape[1] != robot.dof or not len(states):
-        raise ShapeError("q", ("N", robot.dof), states.shape)
+    if states.ndim != 2 or states.shape[1] != robot.coordinate_count or not len(states):
+        raise ShapeError("q", ("N", robot.coordinate_count), states.shape)
     key, label = f"{robot.structure} poses", f"poses of {robot.name}"
     function = load_functions(key, lambda: [_poses(robot)], label=label)["poses"]
     position, rotation = function.batch(states, robot.parameters)
@@ -42,7 +42,7 @@ def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
 
 def _poses(robot: Robot) -> ca.Function:
     machine, parameters = robot.symbolic()
-    q = ca.SX.sym("q", robot.dof)
+    q = ca.SX.sym("q", robot.coordinate_count)
     poses = body_poses(machine, q)
     position = ca.horzcat(*[pose.position for pose in poses])
     rotation = ca.horzcat(*[pose.rotation for pose in poses])
