@@ -211,7 +211,7 @@ def test_flights_agree_away_from_the_singularity(pair) -> None:
         gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.5, right_plunge=0.45)
         air = pt.Air(wind=(-1.0, 0.3, 0.0))
         return pt.simulate(
-            robot, pt.LiftingLine(robot, air), gait, duration=0.1, time_step=0.1 / steps,
+            robot, pt.QuasiSteady(robot, air), gait, duration=0.1, time_step=0.1 / steps,
             added_mass=pt.AddedMass(robot, air), v=robot.velocities(x=-5.0, y=4.0),
             q=robot.coordinates(roll=0.3, pitch=-0.4, yaw=2.5),
         )  # fmt: skip

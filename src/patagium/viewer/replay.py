@@ -185,14 +185,11 @@ def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[
             guess = foreseen.generalized[:, foreseen.names.index(name)]
         measure = "N" if unit == "m" else "N m"
         found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen))
-    for k, (name, unit) in enumerate(
-        zip(robot.coordinate_names, robot.coordinate_units, strict=True)
-    ):
-        values = np.degrees(q[:, k]) if unit == "rad" else q[:, k]
+    units = zip(robot.coordinate_names, robot.coordinate_units, strict=True)
+    for k, (name, unit) in enumerate(units):
+        values, shown_in = (np.degrees(q[:, k]), "deg") if unit == "rad" else (q[:, k], unit)
         moving = not chosen and bool(np.ptp(values) > 0) and k < _PLOTTED
-        found.append(
-            Series("Coordinates", name, "deg" if unit == "rad" else unit, values, None, moving)
-        )
+        found.append(Series("Coordinates", name, shown_in, values, None, moving))
     return found
 
 
