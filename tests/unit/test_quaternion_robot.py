@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from patagium.identification.memory import StripMemory
 
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
 from patagium.identification.air_force import packet_columns
 from patagium.identification.live_record import StreamFile
-from patagium.identification.memory import StripMemory
 from patagium.identification.sender import flight_packets
 from patagium.report.views import flight_overview
 from patagium.robot import load_robot_text, preset_text
