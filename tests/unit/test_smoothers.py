@@ -75,8 +75,8 @@ def test_its_errors_are_as_large_as_it_says_and_the_density_is_found(rng) -> Non
     for filtered in (False, True):
         found = smooth_chain(time, values, noise, density, order=order, filtered=filtered)
         error = found.state - truth
-        nees = np.einsum("nbi,nbij,nbj->nb", error, np.linalg.inv(found.covariance), error)
-        assert 0.85 < nees.mean() / order < 1.15  # some 8 x 50 independent stretches
+        squared = np.einsum("nbi,nbij,nbj->nb", error, np.linalg.inv(found.covariance), error)
+        assert 0.85 < squared.mean() / order < 1.15  # some 8 x 50 independent stretches
     assert 0.9 < np.nanvar(found.normalized) < 1.1
 
 

@@ -6,8 +6,8 @@ are estimated with it. Extended Kalman filter, iterated where a measurement move
 Rauch-Tung-Striebel smoother. Neglected: what resets do to the covariance, of second order.
 
 References:
-    Markley (2003), Attitude error representations for Kalman filtering; Rauch, Tung & Striebel
-    (1965), Maximum likelihood estimates of linear dynamic systems.
+    Markley (2003), Attitude error representations for Kalman filtering; Rauch (1965),
+    Maximum likelihood estimates of linear dynamic systems.
 """
 
 from __future__ import annotations
