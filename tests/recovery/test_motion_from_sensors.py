@@ -21,12 +21,12 @@ SENSORS = (
 
 @pytest.fixture(scope="module")
 def flight() -> xr.Dataset:
-    """Half a second that begins with the nose to the rear, so that yaw passes 180 degrees."""
+    """A quarter of a second, nose to the rear at first, so that yaw passes 180 degrees."""
     robot = pt.load_robot("aerobat")
     aero = pt.QuasiSteady(robot, pt.Air())
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, feather=0.2)
     start = {"q": robot.coordinates(yaw=np.pi - 1e-3), "v": robot.coordinates(x=-3.0)}
-    return pt.simulate(robot, aero, gait, duration=0.4, time_step=2e-4, **start)
+    return pt.simulate(robot, aero, gait, duration=0.25, time_step=2e-4, **start)
 
 
 def errors(motion: xr.Dataset, flight: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +53,7 @@ def motion(flight: xr.Dataset) -> xr.Dataset:
 
 def test_errors_are_of_the_size_stated(motion: xr.Dataset, flight: xr.Dataset) -> None:
     ratio = normalized(motion, flight)
-    # single quantities over half a second have few independent errors
+    # single quantities over so short a time have few independent errors
     assert ratio.max() < 8 and 0.1 < ratio.mean() < 1.8
     robot = pt.load_robot("aerobat")
     error, _ = errors(motion, flight)
@@ -95,7 +95,7 @@ def test_accelerations_converge_as_noise_falls(flight: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     columns = [robot.index(name) + 2 * robot.dof for name in ("z", "left_plunge")]
     sizes = []
-    for factor in (4.0, 1.0, 0.1):
+    for factor in (4.0, 1.0, 0.1):  # so that 1 is that of the data sheets
         log = pt.sense(flight, [sensor.scaled(factor) for sensor in SENSORS])
         sizes.append(errors(pt.estimate_motion(log), flight)[0][:, columns].std(axis=0))
     assert (sizes[1] < 0.7 * sizes[0]).all() and (sizes[2] < 0.5 * sizes[1]).all()

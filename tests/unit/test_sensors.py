@@ -173,10 +173,10 @@ def test_a_bias_walks_as_far_as_stated() -> None:
     imu = S.Imu(body="body", rate=50.0, gyroscope_walk=0.02)
     ends = [
         pt.sense(at_rest(4.0), [imu], seed=seed)["imu"]["angular_rate"].values[-1]
-        for seed in range(30)
+        for seed in range(16)
     ]
-    # 90 ends: 7 % is one deviation of their own
-    assert np.std(ends) == pytest.approx(0.02 * np.sqrt(4.0), rel=0.25)
+    # 48 ends: 10 % is one deviation of their own
+    assert np.std(ends) == pytest.approx(0.02 * np.sqrt(4.0), rel=0.3)
 
 
 def test_lost_frames_come_in_runs(flight: xr.Dataset) -> None:

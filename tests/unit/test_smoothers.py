@@ -83,7 +83,7 @@ def test_its_errors_are_as_large_as_it_says_and_the_density_is_found(rng) -> Non
 @pytest.mark.parametrize("method", METHODS)
 def test_noise_comes_through_as_stated(method, rng) -> None:
     time, noise = np.arange(300) * 1e-3, 2e-3
-    truth = 0.3 * np.sin(2 * np.pi * 5 * time)[:, None] * np.ones(20)
+    truth = 0.3 * np.sin(2 * np.pi * 5 * time)[:, None] * np.ones(8)
     rates = [truth, np.gradient(truth[:, 0], time)[:, None], -((2 * np.pi * 5) ** 2) * truth]
     values = truth + noise * rng.standard_normal(truth.shape)
     values[50:53, ::2] = np.nan

@@ -159,7 +159,7 @@ class _Search:
     def _seen_by(self, unit: Stream) -> list[str]:
         """Sensors that see coordinates which move a unit."""
         rng = np.random.default_rng(0)
-        motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), Rotation.identity())
+        motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), np.eye(3))
         slope = np.abs(unit.channel.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
         moving = set(np.flatnonzero(slope > 0).tolist())
         return [name for name, track in self.tracks.items() if moving & set(track.part.columns)]

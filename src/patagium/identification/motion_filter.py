@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.spatial.transform import Rotation
 
 from patagium.errors import FilterDiverged, Outcome
+from patagium.identification.attitude import rotation_of, vector_of
 from patagium.identification.chains import added_covariance, transition
 from patagium.identification.motion_model import Base, Motion, base_of
 from patagium.identification.motion_sensors import Channel, Observation
@@ -111,12 +111,9 @@ class MotionFilter:
         motion, step = self._moved(belief.motion, span)
         forth = self.advance(belief.covariance, step)
         covariance = self.advance(forth.T, step)
-        n, (_, added) = len(self.columns), self._blocks(span)
-        for i in range(self.order):
-            for j in range(self.order):
-                rows, others = i * n + np.arange(n), j * n + np.arange(n)
-                covariance[rows, others] += added[i, j] * self.density
-        rows = self.order * n + np.arange(len(self._walk))
+        main = self.order * len(self.columns)
+        covariance[:main, :main] += self._blocks(span)[1]
+        rows = main + np.arange(len(self._walk))
         covariance[rows, rows] += self._walk * span
         return Belief(motion, belief.biases, _even(covariance)), step
 
@@ -184,7 +181,7 @@ class MotionFilter:
         attitude = belief.motion.attitude
         if self._turn is not None:
             turned = self.columns[self._turn]
-            attitude = attitude * Rotation.from_rotvec(levels[0, turned])
+            attitude = attitude @ rotation_of(levels[0, turned])
             levels[0, turned] = 0.0
         biases = belief.biases + change[self.order * n :]
         return Belief(Motion(levels, attitude), biases, belief.covariance)
@@ -193,8 +190,7 @@ class MotionFilter:
         """The error-state that moves the other to the one, (s,)."""
         levels = one.motion.levels[:, self.columns] - other.motion.levels[:, self.columns]
         if self._turn is not None:
-            between = other.motion.attitude.inv() * one.motion.attitude
-            levels[0, self._turn] = between.as_rotvec()
+            levels[0, self._turn] = vector_of(other.motion.attitude.T @ one.motion.attitude)
         return np.concatenate([levels.ravel(), one.biases - other.biases])
 
     def advance(self, matrix: Array, step: Step) -> Array:
@@ -203,7 +199,7 @@ class MotionFilter:
         moved = np.array(matrix)
         half = None
         if self._turn is not None:
-            half = Rotation.from_rotvec(-0.5 * step.turned).as_matrix()
+            half = rotation_of(-0.5 * step.turned)
             moved[self._turn] = half @ moved[self._turn]
         move, _ = self._blocks(step.span)
         main = moved[: self.order * n].reshape(self.order, -1)
@@ -237,7 +233,7 @@ class MotionFilter:
             if self.order > 2:  # body axes turn while they turn
                 spin, bend = motion.levels[1, columns], motion.levels[2, columns]
                 turned += span**3 / 12 * np.cross(spin, bend)
-            attitude = attitude * Rotation.from_rotvec(turned)
+            attitude = attitude @ rotation_of(turned)
             levels[0, columns] = 0.0
         return Motion(levels, attitude), Step(span, turned)
 
@@ -253,11 +249,12 @@ class MotionFilter:
         return whole
 
     def _blocks(self, span: float) -> tuple[Array, Array]:
-        key = round(span, 12)
+        key = round(span, 10)
         if key not in self._cached:
-            if len(self._cached) > 10000:
+            if len(self._cached) > 1000:
                 self._cached.clear()
-            self._cached[key] = transition(self.order, span), added_covariance(self.order, span)
+            added = np.kron(added_covariance(self.order, span), np.diag(self.density))
+            self._cached[key] = transition(self.order, span), np.asarray(added, float)
         return self._cached[key]
 
 

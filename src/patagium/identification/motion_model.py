@@ -46,11 +46,11 @@ class Motion:
         levels: Position, velocity, acceleration (, jerk) of each coordinate, (m, n); those of
             attitude are, level by level, zero, angular velocity in body axes [rad/s], and its
             derivatives.
-        attitude: Body axes to world axes; the identity without a floating body.
+        attitude: Body axes to world axes, (3, 3); the identity without a floating body.
     """
 
     levels: Array
-    attitude: Rotation
+    attitude: Array
 
 
 def base_of(robot: Robot) -> Base | None:
@@ -81,6 +81,7 @@ class FrameModel:
         self.robot, self.base = robot, base_of(robot)
         self.offset = np.asarray(position, float)
         self.mount = np.asarray(orientation, float)
+        self._both = np.kron(np.eye(2), self.mount.T)
         index = robot.body_index(body)
         functions = load_functions(
             f"motion of body {index} {robot.structure}",
@@ -106,8 +107,7 @@ class FrameModel:
         value, slope = self._inertial(*seen, up, self.offset, self._parameters)
         n = self.robot.dof
         jacobian = self._to_world(slope.reshape(6, 3, n), turn)
-        both = np.kron(np.eye(2), self.mount.T)
-        return both @ value, np.einsum("ij,jkn->ikn", both, jacobian)
+        return self._both @ value, np.tensordot(self._both, jacobian, axes=1)
 
     def expected(self, levels: Array, attitude: Rotation) -> Array:
         """Specific force and angular rate in the frame's axes at many instants, (N, 6).
@@ -125,27 +125,27 @@ class FrameModel:
         shown = np.array(value).reshape(-1, 2, 3) @ self.mount
         return np.asarray(shown.reshape(-1, 6))
 
-    def pose(self, motion: Motion) -> tuple[Array, Rotation, Array]:
+    def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Where the frame is in the world, and how that changes with the positions.
 
         Args:
             motion: Of the robot.
 
         Returns:
-            Position (3,) [m]; the frame's axes to world axes; derivatives of the position in
-            world axes and of the attitude in the frame's axes, (6, n).
+            Position (3,) [m]; the frame's axes to world axes, (3, 3); derivatives of position in
+            world axes and of attitude in the frame's axes, (6, n).
         """
         seen, turn = self._from_reference(motion)
         position, rotation, moved, turned = self._pose(seen[0], self.offset, self._parameters)
         slope = np.vstack([turn @ moved, self.mount.T @ turned])
         jacobian = self._to_world(slope.reshape(6, 1, -1), turn)[:, 0]
-        return turn @ position, Rotation.from_matrix(turn @ rotation @ self.mount), jacobian
+        return turn @ position, turn @ rotation @ self.mount, jacobian
 
     def _from_reference(self, motion: Motion) -> tuple[list[Array], Array]:
         levels = [level.copy() for level in motion.levels[:3]]
         if self.base is None:
             return levels, np.eye(3)
-        turn = motion.attitude.as_matrix()
+        turn = motion.attitude
         place = list(self.base.place)
         for level in levels:
             level[place] = turn.T @ level[place]

@@ -78,7 +78,7 @@ def by_kalman(
         among = [s for s in streams if not _alone(s, columns)]
         run = _Run(robot, among, times, columns, density[columns], order)
         beliefs = run.forwards(filtered) if filtered else run.both_ways()
-        attitude = Rotation.concatenate([belief.motion.attitude for belief in beliefs])
+        attitude = Rotation.from_matrix(np.array([belief.motion.attitude for belief in beliefs]))
         places = np.concatenate([np.array(columns) + level * n for level in range(3)])
         kept = 3 * len(columns)
         for k, belief in enumerate(beliefs):
@@ -92,7 +92,7 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     base = base_of(robot)
     found = set() if base is None else {*base.place, *base.turn}
     rng = np.random.default_rng(0)
-    motion = Motion(rng.uniform(0.1, 1.0, (3, robot.dof)), Rotation.identity())
+    motion = Motion(rng.uniform(0.1, 1.0, (3, robot.dof)), np.eye(3))
     seen: list[int] = []
     for s in streams:
         if isinstance(s.channel, EncoderChannel):
@@ -212,7 +212,7 @@ class _Run:
 def start(motion_filter: MotionFilter, streams: Sequence[Stream]) -> Belief:
     """What is known before the first event: first samples, and otherwise next to nothing."""
     robot, order = motion_filter.robot, motion_filter.order
-    levels, attitude = np.zeros((order, robot.dof)), Rotation.identity()
+    levels, attitude = np.zeros((order, robot.dof)), np.eye(3)
     for column, (s, k) in encoded(streams).items():
         seen = s.rows[np.isfinite(s.rows[:, k]), k]
         if len(seen) and column in motion_filter.columns:
@@ -221,7 +221,7 @@ def start(motion_filter: MotionFilter, streams: Sequence[Stream]) -> Belief:
     if camera is not None and base is not None and isinstance(camera.channel, CaptureChannel):
         row = camera.rows[np.isfinite(camera.rows).all(axis=1)][0]
         _, guessed, _ = camera.channel.frame.pose(Motion(levels, attitude))
-        attitude = from_quaternion(row[3:]) * guessed.inv()
+        attitude = from_quaternion(row[3:]).as_matrix() @ guessed.T
         place, _, _ = camera.channel.frame.pose(Motion(levels, attitude))
         levels[0, list(base.place)] += row[:3] - place
     biases = [s.channel.bias_deviation for s in streams if s.channel.biases]

@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
+from patagium.identification.attitude import vector_of
 from patagium.identification.motion_model import FrameModel, Motion
 from patagium.robot import Robot
 from patagium.simulation.sensors import Encoder, Imu, MotionCapture, from_quaternion
@@ -156,8 +157,8 @@ class CaptureChannel(_NoBias):
     ) -> tuple[Array, Array, Array]:
         """Residual, slope and variance of what was shown."""
         position, attitude, slope = self.frame.pose(motion)
-        shown = from_quaternion(observation.values[3:])
-        turned = (attitude.inv() * shown).as_rotvec()
+        shown = from_quaternion(observation.values[3:]).as_matrix()
+        turned = vector_of(attitude.T @ shown)
         residual = np.concatenate([observation.values[:3] - position, turned])
         return residual, slope[:, None, :], self.variance
 

@@ -151,7 +151,7 @@ class MotionTracker:
         n = self._filter.robot.dof
         found = Found(
             belief.motion.levels[None, :3],
-            Rotation.concatenate([belief.motion.attitude]),
+            Rotation.from_matrix(belief.motion.attitude[None]),
             belief.covariance[None, : 3 * n, : 3 * n],
         )
         levels, covariance = in_coordinates(self._filter.robot, found)
