@@ -101,6 +101,17 @@ def test_accelerations_converge_as_noise_falls(flight: xr.Dataset) -> None:
     assert (sizes[1] < 0.7 * sizes[0]).all() and (sizes[2] < 0.5 * sizes[1]).all()
 
 
+def test_a_robot_by_quaternion_is_found_by_its_angles(
+    flight: xr.Dataset, motion: xr.Dataset
+) -> None:
+    log = pt.sense(flight, SENSORS).without_truth()
+    turned = replace(log, robot=log.robot.with_attitude("quaternion"))
+    found = pt.estimate_motion(turned, smoother=pt.Spline(0.02))
+    assert found["q"].shape == motion["q"].shape
+    apart = np.exp(1j * found["q"].values) / np.exp(1j * motion["q"].values)  # but whole turns
+    np.testing.assert_allclose(np.angle(apart), 0, atol=0.05)
+
+
 def test_what_comes_later_helps(flight: xr.Dataset, motion: xr.Dataset) -> None:
     log = pt.sense(flight, SENSORS)
     online = pt.estimate_motion(log, filtered=True)

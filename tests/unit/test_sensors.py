@@ -278,6 +278,22 @@ def test_shapes_bodies_and_names_are_checked(flight: xr.Dataset) -> None:
         pt.sense(flight, [S.Encoder(rate=100.0)])["imu"]
 
 
+def test_a_robot_by_quaternion_shows_the_same() -> None:
+    robot = pt.load_robot("aerobat")
+    shown = []
+    for machine in (robot, robot.with_attitude("quaternion")):
+        aero = pt.QuasiSteady(machine, pt.Air())
+        gait = pt.gaits.sinusoidal(machine, frequency=5.0, plunge=0.5)
+        start = {"q": machine.coordinates(pitch=0.3, yaw=2.0), "v": machine.velocities(z=1.0)}
+        flown = pt.simulate(machine, aero, gait, duration=0.02, time_step=1e-4, **start)
+        sensors = (P.icm_42688_p("body"), P.as5600(), P.prime_x_13("body"))
+        log = pt.sense(flown, [sensor.scaled(0.0) for sensor in sensors])
+        shown.append([log[s.name][name].values for s in sensors for name in log[s.name]])
+    for one, other in zip(*shown, strict=True):
+        # two integrations at 0.1 ms that agree to their own error
+        np.testing.assert_allclose(one, other, atol=1e-5 * (1 + np.abs(one).max()))
+
+
 def test_attitude_noise_turns_about_the_frames_own_axes() -> None:
     camera = S.MotionCapture(body="body", rate=50.0, attitude_deviation=(0.0, 0.0, 0.01))
     flight = at_rest(20.0, (0.0, 0.5, 0.3))

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.errors import LogError, ParameterError
-from patagium.identification.motion_model import Motion
+from patagium.identification.motion_model import Motion, by_angles
 from patagium.identification.motion_runs import Part, smoothed_stream
 from patagium.identification.motion_sensors import ImuChannel
 from patagium.identification.motion_streams import Stream, streams_of
@@ -74,7 +74,7 @@ def estimate_shifts(
         ParameterError: If the reference is not among the sensors that are tied together.
     """
     positive("largest", largest)
-    machine = log.robot if robot is None else robot
+    machine = by_angles(log.robot if robot is None else robot)
     streams = streams_of(log, machine, {})
     units = [s for s in streams if isinstance(s.channel, ImuChannel)]
     if not units:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import ParameterError
 from patagium.identification.chains import MOTION_ORDERS
-from patagium.identification.motion_model import base_of, euler_function
+from patagium.identification.motion_model import base_of, by_angles, euler_function
 from patagium.identification.motion_runs import Found, by_kalman, by_smoother
 from patagium.identification.motion_streams import common_times, drive_of, streams_of
 from patagium.identification.smoothers import Smoother
@@ -55,14 +55,14 @@ def estimate_motion(
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
         [q, v, a], (time, 3 n, 3 n), and what it was made with as attributes; it carries the
-        robot, as a flight does.
+        robot, as a flight does, with roll, pitch and yaw if its attitude is a quaternion.
 
     Raises:
         LogError: If a coordinate is seen by no sensor, or readings cannot be used.
         ParameterError: If an argument is out of its range.
         ShapeError: If `density` is not (n,).
     """
-    machine = log.robot if robot is None else robot
+    machine = by_angles(log.robot if robot is None else robot)
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})

@@ -53,6 +53,11 @@ class Motion:
     attitude: Array
 
 
+def by_angles(robot: Robot) -> Robot:
+    """The same robot with roll, pitch and yaw for a floating body's attitude."""
+    return robot if robot.coordinate_count == robot.dof else robot.with_attitude("euler")
+
+
 def base_of(robot: Robot) -> Base | None:
     """The floating body's coordinates; None where there is none.
 

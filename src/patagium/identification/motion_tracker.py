@@ -19,6 +19,7 @@ from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.identification.chains import MOTION_ORDERS
 from patagium.identification.motion import in_coordinates
 from patagium.identification.motion_filter import Belief, MotionFilter
+from patagium.identification.motion_model import by_angles
 from patagium.identification.motion_runs import Found, start
 from patagium.identification.motion_sensors import Observation, channels_of
 from patagium.identification.motion_streams import Stream
@@ -60,7 +61,7 @@ class MotionTracker:
     It begins when every encoder and camera has shown something.
 
     Args:
-        robot: The machine.
+        robot: The machine; roll, pitch and yaw stand for a quaternion of its.
         sensors: Encoders, inertial units and cameras by name; others are left aside.
         density: Of the white noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
         order: Levels of each coordinate: 3 for white jerk, 4 for white snap.
@@ -83,7 +84,7 @@ class MotionTracker:
         shifts: Mapping[str, float] | None = None,
         memory: float = 0.1,
     ) -> None:
-        drive = np.array(density, float)
+        robot, drive = by_angles(robot), np.array(density, float)
         if drive.shape != (robot.dof,):
             raise ShapeError("density", (robot.dof,), drive.shape)
         if not (np.isfinite(drive).all() and (drive > 0).all()):

@@ -57,7 +57,9 @@ class Encoder(Sensor):
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
         """What it shows of a scene at given times, (N,) [s]."""
         joints = joint_names(self.joints, scene.robot)
-        truth = scene.coordinates(times)[0][:, [scene.robot.index(name) for name in joints]]
+        places = scene.robot.coordinate_indices
+        columns = [places[scene.robot.index(name)] for name in joints]
+        truth = scene.coordinates(times)[0][:, columns]
         zero = self.zero_deviation * rng.standard_normal(len(joints))
         white = self.deviation * rng.standard_normal(truth.shape)
         shown = stepped(truth + zero + white, self.resolution)

@@ -59,7 +59,8 @@ class Scene:
         if len(self.time) < 4:
             raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")
         q, v, a = (self.values(name) for name in ("q", "v", "a"))
-        self._q = CubicHermiteSpline(self.time, q, v)
+        alike = q.shape == v.shape  # but for a quaternion, whose rates are no velocities
+        self._q = CubicHermiteSpline(self.time, q, v) if alike else make_interp_spline(self.time, q)
         self._v = CubicHermiteSpline(self.time, v, a)
         self._a = make_interp_spline(self.time, a, k=3)
 
@@ -81,7 +82,7 @@ class Scene:
         return values
 
     def coordinates(self, times: Array) -> tuple[Array, Array, Array]:
-        """q, v and a at given times, (N, n) each [m, rad and their rates]."""
+        """q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
         return tuple(np.asarray(part(times)) for part in (self._q, self._v, self._a))  # type: ignore[return-value]
 
     def signal(
@@ -138,7 +139,8 @@ def frame_function(robot: Robot, body: int) -> NativeFunction:
 
     def build() -> list[ca.Function]:
         machine, p = robot.symbolic()
-        q, v, a = (ca.SX.sym(name, robot.dof) for name in ("q", "v", "a"))
+        q = ca.SX.sym("q", robot.coordinate_count)
+        v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)
         offset = ca.SX.sym("offset", 3)
         pose = body_poses(machine, q)[body]
         w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(machine.gravity))[body]
