@@ -152,3 +152,22 @@ def second_moment(body: Body) -> ca.SX:
     )
     center = vector(body.center_of_mass)
     return ca.SX(central) + (center * body.mass) @ center.T
+
+
+def body_accelerations(
+    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Angular velocity and acceleration of every body, and what an accelerometer feels.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        gravity: Acceleration of free fall along -z, scalar [m/s^2].
+
+    Returns:
+        For each body, in body axes: angular velocity (3, 1) [rad/s], angular acceleration
+        (3, 1) [rad/s^2], acceleration of the origin less that of free fall (3, 1) [m/s^2].
+    """
+    return _accelerations(robot, q, v, a, gravity)
