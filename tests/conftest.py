@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import random
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -15,6 +15,8 @@ for _threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from patagium.robot import Robot, load_robot_text
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=25)
 settings.load_profile("repeatable")
@@ -41,6 +43,68 @@ def no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 def rng() -> np.random.Generator:
     """A generator of random numbers with a fixed seed."""
     return np.random.default_rng(20240607)
+
+
+GLIDER = """
+name: glider
+gravity: 9.8 m/s^2
+bodies:
+  hub:
+    floating: true
+    mass: 20 g
+    inertia: {{xx: 4e-5 kg m^2, yy: 4e-5 kg m^2, zz: 4e-5 kg m^2}}
+  frame:
+    parent: hub
+    orientation: [0, 0, {heading} deg]
+    mass: 10 g
+    center_of_mass: [4 cm, 0, 0]
+    shape: {{type: box, size: [10 cm, 2 cm, 1 cm]}}
+  tail:
+    parent: frame
+    at: [-15 cm, 0, 0]
+    mass: 1 g
+    shape: {{type: box, size: [3 cm, 10 cm, 1 mm]}}
+  left_wing:
+    parent: frame
+    at: [0, 1 cm, 0]
+    joints:
+      - {{name: left_plunge, axis: x}}
+    mass: 2 g
+    center_of_mass: [0, 8 cm, 0]
+    shape: {{type: plate, axis: y, chord: 8 cm, span: 16 cm, thickness: 1 mm}}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_wing
+        strips: 2
+        stations:
+          - {{span: 0 cm, leading: 4 cm, trailing: -4 cm}}
+          - {{span: 16 cm, leading: 4 cm, trailing: -4 cm}}
+  - name: tail
+    segments:
+      - body: tail
+        strips: 1
+        at: [0, -5 cm, 0]
+        stations:
+          - {{span: 0 cm, leading: 2 cm, trailing: -2 cm, incidence: -20 deg}}
+          - {{span: 10 cm, leading: 2 cm, trailing: -2 cm, incidence: -20 deg}}
+mirror:
+  - {{from: left, to: right}}
+"""
+
+
+@pytest.fixture(scope="session")
+def glider() -> Callable[..., Robot]:
+    """An undamped glider with two hinged wings, its tail set for loops.
+
+    Its frame is turned by `heading` on a hub as round as a ball: the machine stays the same,
+    but its attitude is that of other axes, so that angles are singular elsewhere.
+    """
+
+    def made(attitude: str = "euler", heading: int = 0) -> Robot:
+        return load_robot_text(GLIDER.format(heading=heading)).with_attitude(attitude)
+
+    return made
 
 
 @pytest.fixture(autouse=True)

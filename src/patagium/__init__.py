@@ -45,29 +45,51 @@ if TYPE_CHECKING:
     from patagium.identification import DenseNetwork as DenseNetwork
     from patagium.identification import ExtendedLearner as ExtendedLearner
     from patagium.identification import FlowNetwork as FlowNetwork
+    from patagium.identification import ForceSamples as ForceSamples
     from patagium.identification import GradientLearner as GradientLearner
     from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.identification import Kalman as Kalman
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
+    from patagium.identification import MomentumObserver as MomentumObserver
+    from patagium.identification import MotionTracker as MotionTracker
     from patagium.identification import NoiseEstimation as NoiseEstimation
     from patagium.identification import Pipeline as Pipeline
+    from patagium.identification import SavitzkyGolay as SavitzkyGolay
     from patagium.identification import Screening as Screening
+    from patagium.identification import Spline as Spline
     from patagium.identification import StripNetwork as StripNetwork
+    from patagium.identification import cell_wrench as cell_wrench
+    from patagium.identification import estimate_motion as estimate_motion
+    from patagium.identification import estimate_shifts as estimate_shifts
     from patagium.identification import evaluate as evaluate
+    from patagium.identification import import_log as import_log
+    from patagium.identification import inspect_log as inspect_log
+    from patagium.identification import inverse_dynamics_force as inverse_dynamics_force
+    from patagium.identification import load_cell_force as load_cell_force
     from patagium.identification import load_learner as load_learner
+    from patagium.identification import load_log as load_log
+    from patagium.identification import momentum_force as momentum_force
+    from patagium.identification import motor_forces as motor_forces
     from patagium.identification.identify import identify as identify
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
     from patagium.robot import load_urdf as load_urdf
+    from patagium.simulation import SensorLog as SensorLog
     from patagium.simulation import cycle_statistics as cycle_statistics
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
+    from patagium.simulation import load_sensor_log as load_sensor_log
     from patagium.simulation import mounts as mounts
     from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
+    from patagium.simulation import save_sensor_log as save_sensor_log
+    from patagium.simulation import sense as sense
+    from patagium.simulation import sensors as sensors
     from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
+    from patagium.viewer.replay import replay as replay
 
 _HOMES = {
     "errors": (
@@ -103,11 +125,16 @@ _HOMES = {
     ),
     "simulation": (
         "cycle_statistics",
+        "SensorLog",
         "gaits",
         "load_flight",
+        "load_sensor_log",
         "mounts",
         "paths",
         "save_flight",
+        "save_sensor_log",
+        "sense",
+        "sensors",
         "simulate",
         "simulate_published",
     ),
@@ -126,10 +153,27 @@ _HOMES = {
         "Pipeline",
         "StripNetwork",
         "evaluate",
+        "ForceSamples",
+        "Kalman",
+        "MomentumObserver",
+        "MotionTracker",
+        "SavitzkyGolay",
+        "Spline",
+        "cell_wrench",
+        "estimate_motion",
+        "estimate_shifts",
+        "inverse_dynamics_force",
+        "load_cell_force",
+        "momentum_force",
+        "motor_forces",
         "identify",
+        "import_log",
+        "inspect_log",
         "load_learner",
+        "load_log",
         "training_data",
     ),
+    "viewer": ("replay",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -50,6 +50,7 @@ PUBLIC = {
     "RobotFileError",
     "RobotFileWarning",
     "Section",
+    "SensorLog",
     "ShapeError",
     "SimulationFailed",
     "StallDelay",
@@ -58,16 +59,37 @@ PUBLIC = {
     "__version__",
     "cycle_statistics",
     "evaluate",
+    "ForceSamples",
+    "Kalman",
+    "MomentumObserver",
+    "MotionTracker",
+    "SavitzkyGolay",
+    "Spline",
+    "cell_wrench",
+    "estimate_motion",
+    "estimate_shifts",
+    "inverse_dynamics_force",
+    "load_cell_force",
+    "momentum_force",
+    "motor_forces",
     "gaits",
     "identify",
+    "import_log",
+    "inspect_log",
     "load_flight",
     "load_learner",
+    "load_log",
     "load_robot",
     "load_urdf",
+    "load_sensor_log",
     "measured_section",
     "mounts",
     "paths",
+    "replay",
     "save_flight",
+    "save_sensor_log",
+    "sense",
+    "sensors",
     "simulate",
     "simulate_published",
     "training_data",
@@ -117,12 +139,14 @@ def third_party_imports(path: Path) -> set[str]:
 def test_every_import_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     rivals = project["optional-dependencies"]["bench"]
+    formats = project["optional-dependencies"]["logs"]
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
     for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
-        allowed = core | (
-            {canonical(line) for line in rivals} if "studies" in path.parts else set()
+        extra = (rivals if "studies" in path.parts else []) + (
+            formats if "log_files" in path.parts else []
         )
+        allowed = core | {canonical(line) for line in extra}
         for name in third_party_imports(path):
             owners = {canonical(owner) for owner in distributions[name]}
             assert owners & allowed, f"{path.name} imports {name} of {owners}, not declared"

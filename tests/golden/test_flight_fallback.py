@@ -52,6 +52,20 @@ def test_flight_is_the_same(both, mount):
     )
 
 
+def test_flight_with_a_quaternion_is_the_same(both, glider):
+    robot = glider("quaternion")
+    aero, start = pt.QuasiSteady(robot), robot.coordinates(pitch=-1.5)
+    gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.4, right_plunge=0.3)
+    v = robot.velocities(z=2.0, pitch=-4.0)
+    compared(
+        *both(
+            lambda: pt.simulate(
+                robot, aero, gait, duration=STEPS * TIME_STEP, time_step=TIME_STEP, q=start, v=v
+            )
+        )
+    )
+
+
 @pytest.mark.parametrize("kind", ["strips", "stall delay"])
 def test_flight_in_air_with_memory_is_the_same(both, kind):
     robot = pt.load_robot("aerobat")

@@ -26,6 +26,7 @@ parameters: {tail.mass: 3.1e-3}
 bodies:
   hull:
     floating: true
+    attitude: quaternion
     mass: 20 g
     center_of_mass: [1 mm, 2 mm, 3 mm]
     inertia: {xx: 2e-5, yy: 3e-5, zz: 4e-5, xy: 1e-6, xz: 2e-6, yz: 3e-6}
@@ -166,7 +167,8 @@ class _Outputs:
         if not robot.floating:  # the reaction of the ground is an output of every flight
             symbolic = on_massless_mount(symbolic)
         rng = np.random.default_rng(5)
-        q, v, a = (ca.SX(rng.uniform(0.3, 1.0, symbolic.dof)) for _ in range(3))
+        q = ca.SX(rng.uniform(0.3, 1.0, symbolic.coordinate_count))
+        v, a = (ca.SX(rng.uniform(0.3, 1.0, symbolic.dof)) for _ in range(2))
         poses = kinematics.body_poses(symbolic, q)
         points = [
             poses[s.body].position + poses[s.body].rotation @ ca.vertcat(*s.quarter_chord)

@@ -17,19 +17,9 @@ from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
 VERBS = (
-    *(
-        "reproduce",
-        "simulate",
-        "cycles",
-        "figures",
-        "identify",
-        "tune",
-        "evaluate",
-        "stream",
-        "send",
-        "bench",
-    ),
-    *("latency", "validate", "stress", "robots", "check"),
+    *("reproduce", "simulate", "cycles", "figures", "view", "inspect", "import", "identify"),
+    *("tune", "evaluate", "stream", "send", "bench", "latency", "validate", "stress", "robots"),
+    "check",
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
@@ -206,6 +196,11 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
     scores = json.loads(answer.out)
     assert scores["updates"] == 101
     assert page.stat().st_size > 10_000 and kept.is_file()
+    assert 'href="r-replay.html"' in page.read_text("utf-8")
+    assert (tmp_path / "r-replay.html").is_file()
+    assert speak("view", flight, "--predictions", kept, "-o", tmp_path / "v.html").code == 0
+    refused = speak("view", flight, "--predictions", kept, "--model", model)
+    assert refused.code == 2 and "either a model or predictions" in refused.err
     frozen = speak("evaluate", model, flight, "--json")
     assert frozen.code == 0, frozen.err
     after = json.loads(frozen.out)

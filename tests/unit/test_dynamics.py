@@ -69,6 +69,7 @@ def test_batches_equal_single_calls(dyn, states):
         "momentum": (q, v),
         "angular_momentum": (q, v),
         "center_of_mass": (q,),
+        "coordinate_rates": (q, v),
     }
     assert set(calls) == set(dyn.functions)
     for name, arguments in calls.items():

@@ -1,4 +1,4 @@
-"""A strip network with memory: its lags, what they may do, and who fills them in."""
+"""A strip network with memory: its lags, what they may do, and what it says of the air."""
 
 import pickle
 
@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.aerodynamics.indicial import NO_STATE, TWO_STATE
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification import network_from_description, stream
 from patagium.identification.identify import compare
-from patagium.identification.memory import StripMemory
 from patagium.robot import load_robot_text
-
-LAGS = (0.1, 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +21,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def network(robot):
-    return pt.HiddenStripNetwork(robot, (4,), LAGS)
+    return pt.HiddenStripNetwork(robot, (4,))
 
 
 @pytest.fixture(scope="module")
@@ -37,79 +35,70 @@ def log(robot):
     return time, state
 
 
-def recalled(network, time, state):
-    """[q, v, xi] of a log."""
-    return network.recall(network.initial(0), time, state)[0]
+@pytest.fixture(scope="module")
+def weights(network):
+    return network.initial(3) + 0.05 * np.random.default_rng(4).standard_normal(network.size)
 
 
-def test_memory_does_not_know_the_future(network, log):
+def recalled(network, weights, time, state, **options):
+    return network.recall(weights, time, state, **options)[0]
+
+
+def test_memory_does_not_know_the_future(network, weights, log):
     time, state = log
     changed = state.copy()
     changed[40:] += 1.0
-    whole, other = recalled(network, time, state), recalled(network, time, changed)
+    whole, other = (recalled(network, weights, time, x) for x in (state, changed))
     assert np.array_equal(whole[:40], other[:40])
-    assert not np.allclose(whole[45], other[45])
-    assert np.array_equal(recalled(network, time[:40], state[:40]), whole[:40])
+    assert not np.allclose(whole[45, 2 * network.robot.dof :], other[45, 2 * network.robot.dof :])
 
 
-def test_memory_of_a_log_is_that_of_its_samples_one_by_one(network, log):
+def test_blocks_make_up_the_whole_and_gaps_part_it(network, weights, log):
     time, state = log
-    memory = network.memory
-    lags = memory.start(state[0])
-    whole = memory.states(time, state)
-    for k in range(1, len(time)):
-        lags = memory.advance(lags, state[k - 1], state[k], time[k] - time[k - 1])
-        assert np.allclose(lags, whole[k], rtol=0, atol=1e-13)  # rounding
+    whole, carried, rows = recalled(network, weights, time, state), None, []
+    for part in (slice(0, 1), slice(1, 30), slice(30, 60)):
+        block, carried = network.recall(weights, time[part], state[part], carried)
+        rows.append(block)
+    assert np.array_equal(np.vstack(rows), whole)
+    broken = recalled(network, weights, time, state, gaps=[30])
+    assert np.array_equal(broken[:30], whole[:30])
+    assert np.array_equal(broken[30:], recalled(network, weights, time[30:], state[30:]))
 
 
-def test_memory_begins_anew_after_a_gap(network, log):
+def test_a_flow_that_was_always_there_stays(network, weights, log):
     time, state = log
-    broken = network.memory.states(time, state, gaps=[30])
-    assert np.array_equal(broken[:30], network.memory.states(time, state)[:30])
-    assert np.array_equal(broken[30:], network.memory.states(time[30:], state[30:]))
+    x = recalled(network, weights, time, np.repeat(state[7:8], len(time), axis=0))
+    assert np.allclose(x, x[0], rtol=0, atol=1e-12)  # rounding
 
 
-def test_lags_follow_their_equation(network, log, robot):
-    """Halving the step of a steady flow changes nothing: exp(-2 U b t / c) holds at any step."""
-    state = log[1][7]
-    memory, start = network.memory, np.zeros(network.memory.size)
-    once = memory.advance(start, state, state, 0.02)
-    half = memory.advance(start, state, state, 0.01)
-    assert np.allclose(memory.advance(half, state, state, 0.01), once, rtol=1e-12)  # rounding
-    # rates of one strip: ln(1 - xi/w) in proportion to b
-    left = np.log(1 - once / memory.start(state)).reshape(-1, len(LAGS))
-    assert np.allclose(left[:, 1] / left[:, 0], LAGS[1] / LAGS[0], rtol=1e-10)  # rounding
-
-
-@pytest.mark.parametrize("rate", [1e-6, 0.3, 1e6])
-def test_lags_stay_within_what_was_met_at_any_rate_and_step(robot, log, rate):
+@pytest.mark.parametrize("size", [0.3, 3.0])
+def test_lags_stay_bounded_at_any_weights_and_step(network, log, size):
+    """Rates from 1e-6 to 1e6 a semichord, steps from 2 ms to 20 s."""
     time, state = log
-    memory = StripMemory(robot, pt.Air(), [rate])
-    steady = np.array([memory.start(row) for row in state])
-    for stretch in (1.0, 1e4):
-        lags = memory.states(stretch * time, state)
-        assert (lags >= steady.min(0) - 1e-12).all()
-        assert (lags <= steady.max(0) + 1e-12).all()
+    for seed in range(4):
+        weights = size * np.random.default_rng(seed).standard_normal(network.size)
+        constants = network.constants(weights)
+        assert min(value for name, value in constants.items() if "rate" in name) > 0
+        for part in ("lift", "circulation"):
+            assert sum(v for name, v in constants.items() if f"lags.{part}" in name) < 1
+        for stretch in (1.0, 1e4):
+            x = recalled(network, weights, stretch * time, state)
+            lags = x[:, 2 * network.robot.dof :][:, : 4 * 2]
+            assert np.abs(lags).max() < 100.0  # the fastest strip meets 60 m/s
 
 
-def test_without_weights_on_memory_the_network_is_static(network, log):
-    time, state = log
-    x = recalled(network, time, state)
-    weights = network.initial(0)
-    first = weights[: 4 * network.perceptron.widths[0]].reshape(4, -1)
-    first[:, 3:5] = 0.0  # lags of strips themselves
-    first[:, 6:] = 0.0  # and as induced
-    below, above = network.perceptron.widths[-2:]
-    last = weights[-(below + 1) * above :][: below * above].reshape(above, below)
-    last[6:] = 0.0  # coefficients times lags
-    other = x.copy()
-    other[:, 2 * network.robot.dof :] += 3.0
-    assert np.allclose(network.evaluate(x, weights), network.evaluate(other, weights), atol=1e-14)
-    remembering = network.initial(0)
-    assert not np.allclose(network.evaluate(x, remembering), network.evaluate(other, remembering))
+def test_weights_of_nothing_are_the_prior(network):
+    found = network.constants(np.zeros(network.size))
+    assert found["lags.rate[0]"] == pytest.approx(network.lags.rate[0])
+    assert found["lags.lift[1]"] == pytest.approx(network.lags.lift[1])
+    assert found["lags.circulation[0]"] == pytest.approx(network.lags.circulation[0])
+    assert found["section.lift_slope"] == pytest.approx(2 * np.pi)
+    assert np.radians(15) < found["stall"] < np.radians(35)
+    from_two = pt.HiddenStripNetwork(network.robot, (4,), TWO_STATE)
+    assert from_two.constants(from_two.initial(0))["lags.rate[1]"] == pytest.approx(0.3)
 
 
-def test_mirrored_flight_makes_mirrored_forces(network, log, robot):
+def test_mirrored_flight_makes_mirrored_forces(network, weights, log, robot):
     time, state = log
     n = robot.dof
     mirror, sign = np.arange(n), np.ones(n)
@@ -120,55 +109,66 @@ def test_mirrored_flight_makes_mirrored_forces(network, log, robot):
             left, right = robot.index(name), robot.index(name.replace("left", "right"))
             mirror[left], mirror[right] = right, left
     reflected = np.hstack([state[:, :n][:, mirror] * sign, state[:, n:][:, mirror] * sign])
-    weights = network.initial(1)
-    y = network.evaluate(recalled(network, time, state), weights)
-    seen = network.evaluate(recalled(network, time, reflected), weights)
+    y, seen = (
+        network.evaluate(recalled(network, weights, time, x), weights) for x in (state, reflected)
+    )
     assert np.allclose(seen, y[:, mirror] * sign, rtol=0, atol=1e-11 * np.abs(y).max())  # rounding
 
 
-def test_slopes_are_those_of_differences(network, log):
-    x = recalled(network, *log)[20]
-    weights, step = network.initial(3), 1e-6
-    _, slope = network.linearized(network.encode_one(x), weights)
-    for k in range(0, network.size, 7):
-        moved = np.zeros(network.size)
-        moved[k] = step
-        difference = (network(x, weights + moved) - network(x, weights - moved)) / (2 * step)
-        assert np.allclose(slope[:, k], difference, atol=1e-8 * np.abs(slope).max())  # step^2
+def test_slopes_are_those_of_differences_through_all_that_was_recalled(network, weights, log):
+    """At the same lags moved along their slopes, and with the whole log recalled anew."""
+    time, state = log
+    sample = network.encode_one(recalled(network, weights, time[:40], state[:40])[39])
+    y, slope = network.linearized(sample, weights)
+    assert np.allclose(network.values(sample, weights[None])[0], y, rtol=0, atol=1e-14)  # rounding
+    step = 1e-5
+    for k in [*range(9), *range(9, network.size, 7)]:
+        moved = weights[None] + step * np.outer([1.0, -1.0], np.arange(network.size) == k)
+        at = network.values(sample, moved)
+        whole = [network(recalled(network, w, time[:40], state[:40])[39], w) for w in moved]
+        for high, low in (at, whole):
+            close = 1e-7 * np.abs(slope).max()  # step^2
+            assert np.allclose(slope[:, k], (high - low) / (2 * step), rtol=0, atol=close)
 
 
-def test_it_comes_back_from_its_description(network, log):
-    x = recalled(network, *log)
-    weights = network.initial(0)
+def test_an_update_moves_lags_as_if_the_new_weights_had_always_held(network, weights, log):
+    time, state = log
+    change = 1e-5 * np.random.default_rng(1).standard_normal(network.size)
+    _, carried = network.recall(weights, time[:30], state[:30])
+    corrected = network.corrected(carried, change)
+    moved, _ = network.recall(weights + change, time[30:], state[30:], corrected)
+    always = recalled(network, weights + change, time, state)[30:]
+    never = network.recall(weights + change, time[30:], state[30:], carried)[0]
+    lags = slice(2 * network.robot.dof, 2 * network.robot.dof + 8)
+    assert np.abs(moved - always)[:, lags].max() < 1e-7  # change squared
+    assert np.abs(never - always)[:, lags].max() > 1e-6
+
+
+def test_it_comes_back_from_its_description(network, weights, log):
+    x = recalled(network, weights, *log)
     y = network.evaluate(x, weights)
     again = network_from_description(network.describe())
     assert np.array_equal(again.evaluate(x, weights), y)
     assert np.array_equal(pickle.loads(pickle.dumps(network)).evaluate(x, weights), y)
 
 
-def test_what_it_cannot_be_is_refused(robot, network, log):
-    time, state = log
-    for lags in (-1, (0.1, -0.2), (np.nan,)):
-        with pytest.raises(ParameterError):
+def test_what_it_cannot_be_is_refused(robot):
+    for lags in (0, -1, NO_STATE, (0.1, 0.2)):
+        with pytest.raises(ParameterError, match="lags"):
             pt.HiddenStripNetwork(robot, lags=lags)
-    with pytest.raises(ParameterError):
-        network.memory.advance(network.memory.start(state[0]), state[0], state[1], 0.0)
-    with pytest.raises(ShapeError):
-        network.memory.advance(np.zeros(1), state[0], state[1], 1e-3)
-    with pytest.raises(ShapeError):
-        network.memory.start(state[0][:-1])
+    with pytest.raises(ParameterError, match="stall"):
+        pt.HiddenStripNetwork(robot, stall_begins=0.6, stall_complete=0.5)
+    with pytest.raises(ParameterError, match="lift_slope"):
+        pt.HiddenStripNetwork(robot, lift_slope=0.0)
 
 
-def test_streams_and_comparisons_fill_memory_in(network, log):
+@pytest.mark.parametrize("kind", [pt.ExtendedLearner, pt.CubatureLearner])
+def test_streams_and_comparisons_recall(network, weights, log, kind):
     time, state = log
-    full = recalled(network, time, state)
-    y = network.evaluate(full, network.initial(4))
-    results = []
-    for x in (state, full):
-        learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=0.003)
-        results.append(stream(learner, time, x, y, every=5).prediction["prediction"])
-        results.append(compare(learner, time, x, y).prediction["prediction"])
-    assert results[0].equals(results[2])
-    assert results[1].equals(results[3])
-    with pytest.raises(ShapeError):
+    y = network.evaluate(recalled(network, weights, time, state), weights)
+    learner = kind(network, prior_deviation=0.1, measurement_deviation=1e-3 * np.abs(y).max())
+    before = compare(learner, time, state, y).prediction["prediction"].values
+    found = stream(learner, time, state, y, every=2).prediction["prediction"].values
+    assert np.abs(found - y)[-5:].max() < 0.5 * np.abs(before - y)[-5:].max()
+    with pytest.raises(ShapeError, match="x"):
         stream(learner, time, state[:, 1:], y, every=5)

@@ -160,9 +160,3 @@ def test_what_cannot_be_is_refused(aerobat: Robot, aero: LiftingLine) -> None:
     words["section"] = {"lift_slope": 6.0}
     with pytest.raises(ParameterError, match="section"):
         aero_from_description(aerobat, words)
-    inner = ca.Function("stranger", [ca.SX.sym("x")], [ca.SX(1)], {"never_inline": True})
-    x = ca.SX.sym("x")
-    with pytest.raises(ParameterError, match="kernel"):
-        from patagium.native.emit import emit
-
-        emit(ca.Function("outer", [x], [inner(x)]))

@@ -104,7 +104,7 @@ class AddedMass:
 
         Args:
             robot: The model's robot, its numbers floats or symbols.
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             wind: Velocity of the air, world axes, (3,) [m/s].
             parameters: Density [kg/m^3] and factor, (2,).
@@ -128,10 +128,10 @@ class AddedMass:
         """Generalized inertia of the air carried along, (n, n) [kg, kg m, kg m^2].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
 
         Raises:
-            ShapeError: If q is not (n,).
+            ShapeError: If q is not (n_q,).
         """
         matrix = self._functions["added_mass_matrix"](*self._checked(q=q), *self._constants)
         return np.asarray(matrix, float).reshape(self.robot.dof, self.robot.dof)
@@ -142,7 +142,7 @@ class AddedMass:
         """Kirchhoff's force of the air carried along on the robot, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
             wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
@@ -166,9 +166,10 @@ class AddedMass:
     def _checked(self, **arguments: ArrayLike) -> list[Array]:
         arrays = []
         for name, value in arguments.items():
+            size = self.robot.coordinate_count if name == "q" else self.robot.dof
             arrays.append(np.asarray(value, float))
-            if arrays[-1].shape != (self.robot.dof,):
-                raise ShapeError(name, (self.robot.dof,), arrays[-1].shape)
+            if arrays[-1].shape != (size,):
+                raise ShapeError(name, (size,), arrays[-1].shape)
         return arrays
 
     @property
@@ -188,7 +189,8 @@ def added_mass_functions(model: AddedMass) -> list[ca.Function]:
         model: The added mass.
     """
     robot, robot_parameters = model.robot.symbolic()
-    q, v, a = (ca.SX.sym(name, robot.dof) for name in "qva")
+    q = ca.SX.sym("q", robot.coordinate_count)
+    v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)
     wind, parameters = ca.SX.sym("wind", 3), ca.SX.sym("c", 2)
     added = model.inertia(robot, wind, parameters)
     names = ["robot_parameters", "aero_parameters"]

@@ -70,7 +70,7 @@ def strip_chains(robot: Robot) -> tuple[Chain, ...]:
     Args:
         robot: The machine, in numbers.
     """
-    poses = body_poses(robot, ca.SX.zeros(robot.dof, 1))
+    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
     chains: list[Chain] = []
     for index in range(len(robot.strips)):
         new = Chain((index,), (_order(robot, index),))
@@ -160,7 +160,7 @@ def lattice(robot: Robot, chains: Sequence[Chain], q: ca.SX, v: ca.SX, wind: ca.
     Args:
         robot: The machine.
         chains: Which strips share legs.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
     """
@@ -181,9 +181,11 @@ def lattice(robot: Robot, chains: Sequence[Chain], q: ca.SX, v: ca.SX, wind: ca.
 
 def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
     """Coordinates with the floating body at the world's origin, if there is one and only one."""
-    floating = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
-    held = set(floating[0]) if len(floating) == 1 and robot.bodies[0].floating_dofs else set()
-    return ca.vertcat(*[ca.SX(0) if i in held else q[i] for i in range(robot.dof)])
+    floating = [body for body in robot.bodies if body.floating_dofs is not None]
+    alone = len(floating) == 1 and robot.bodies[0] is floating[0]
+    held = robot.floating_coordinates(floating[0]) if alone else ()
+    origin = robot.coordinates()
+    return ca.vertcat(*[ca.SX(origin[i]) if i in held else q[i] for i in range(len(origin))])
 
 
 def _place(poses: Sequence[Pose], strip: Strip, offset: ca.SX) -> ca.SX:

@@ -39,6 +39,7 @@ from patagium.aerodynamics.wash import (
     Relaxation,
     Wash,
     airspeed,
+    attached_lift,
     lag_relaxation,
     normalwash,
     solve_wash,
@@ -189,7 +190,7 @@ class LiftingLine(Aerodynamics):
         """The attached flow's matrices at a state of the robot.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
                 default.
@@ -198,7 +199,7 @@ class LiftingLine(Aerodynamics):
             ShapeError: If an argument has another shape.
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
-        sizes = {"q": self.robot.dof, "v": self.robot.dof, "wind": 3}
+        sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
         arrays = [np.asarray(value, float) for value in (q, v, given)]
         for (name, size), array in zip(sizes.items(), arrays, strict=True):
             if array.shape != (size,):
@@ -209,7 +210,8 @@ class LiftingLine(Aerodynamics):
     @cached_property
     def _state_space(self) -> ca.Function:
         robot, p = self.robot, _Numbers(self, ca.SX(ca.DM(self.parameters)))
-        q, v, wind = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof), ca.SX.sym("wind", 3)
+        q, v = ca.SX.sym("q", robot.coordinate_count), ca.SX.sym("v", robot.dof)
+        wind = ca.SX.sym("wind", 3)
         count = len(robot.strips)
         state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
         motions = strip_motions(robot, q, v, wind)
@@ -308,15 +310,8 @@ def _load(
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
     normal = motion.normal_ahead(ahead)
 
-    # wind at the force: undisturbed, induced by all legs, and by the wake shed across the span
     flow = section_flow(forward, normal)
-    shed = sign * (lagged - wash.effective[i]) / flow.speed
-    induced = wash.induced[:, i]
-    wind_forward = -forward + gain * ca.dot(net.forwards[:, i], induced) - shed * normal
-    wind_normal = -normal + gain * ca.dot(net.normals[:, i], induced) + shed * forward
-    wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
-    lift = attached * sign * gain * net.shares[i] * _pressure(motion, p) * lagged / wind
-
+    lift = attached_lift(motion, net, wash, i, gain, _pressure(motion, p), normal)
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
@@ -325,15 +320,15 @@ def _load(
     pressure = separated * density_area * flow.speed / 2
     return StripLoad(
         motion=motion,
-        forward=lift * wind_normal
+        forward=attached * lift[0]
         - pressure * (across * normal + along * forward)
         - friction * forward,
-        normal=-lift * wind_forward
+        normal=attached * lift[1]
         + pressure * (across * forward - along * normal)
         - friction * normal,
         ahead=ahead,
         angle_of_attack=effective.angle_of_attack,
         spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
-        downwash=-gain * ca.dot(net.normals[:, i], induced),
+        downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),
     )

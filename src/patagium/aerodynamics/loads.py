@@ -89,7 +89,7 @@ def assemble(
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         loads: One load a strip, in the order of `robot.strips`.
         state_derivative: Rate of the model's own states, (n_z, 1).
         memory: What they follow.

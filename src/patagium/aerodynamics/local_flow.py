@@ -63,7 +63,7 @@ def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
     """
@@ -88,7 +88,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
 
@@ -120,7 +120,7 @@ def strip_flow(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, chord_fraction: An
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
         chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
@@ -140,7 +140,7 @@ def strip_points(robot: Robot, q: ca.SX) -> ca.SX:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
     poses = body_poses(robot, q)
     columns = [
@@ -171,7 +171,7 @@ class LocalFlow:
         """Forward, spanwise and normal velocity, (n_strips, 3) [m/s], strip axes.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             wind: Velocity of the air, world axes, (3,) [m/s].
             chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
@@ -188,7 +188,7 @@ class LocalFlow:
 
     def _build(self) -> list[ca.Function]:
         robot, parameters = self._robot.symbolic()
-        q, v = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)
+        q, v = ca.SX.sym("q", robot.coordinate_count), ca.SX.sym("v", robot.dof)
         wind, fraction = ca.SX.sym("wind", 3), ca.SX.sym("chord_fraction")
         inputs = [q, v, wind, fraction, parameters]
         names = ["q", "v", "wind", "chord_fraction", "robot_parameters"]

@@ -67,7 +67,7 @@ class Aerodynamics(Protocol):
 
         Args:
             robot: The model's robot, its numbers floats or symbols.
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             state: The model's own states, (n_z,).
             wind: Velocity of the air, world axes, (3,) [m/s].
@@ -81,7 +81,7 @@ class Aerodynamics(Protocol):
         """Generalized aerodynamic force B2 u2, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             state: The model's own states, (n_z,); zero by default.
             wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0
@@ -169,7 +169,7 @@ class CompiledAero:
 
     def _call(self, name: str, q: Any, v: Any, state: Any, wind: Any) -> Any:
         arguments = {
-            "q": (q, self._model.robot.dof),
+            "q": (q, self._model.robot.coordinate_count),
             "v": (v, self._model.robot.dof),
             "state": (self._state if state is None else state, self._model.state_size),
             "wind": (self._wind if wind is None else wind, 3),
@@ -211,7 +211,7 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     """The same as CasADi functions, not compiled."""
     robot, robot_parameters = model.robot.symbolic()
     inputs = {
-        "q": ca.SX.sym("q", robot.dof),
+        "q": ca.SX.sym("q", robot.coordinate_count),
         "v": ca.SX.sym("v", robot.dof),
         "state": ca.SX.sym("state", model.state_size),
         "wind": ca.SX.sym("wind", 3),

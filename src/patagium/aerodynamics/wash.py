@@ -113,27 +113,125 @@ def solve_wash(
         lags: Numbers of the memory.
         lift_slope: Of a section, or of each strip in turn [1/rad].
     """
+    bound = [
+        lags.first_circulation * geometric[i] + lags.lagged(lags.circulation, state, i)
+        for i in range(len(motions))
+    ]
+    feedthrough = lags.first_circulation
+    signed, induced = _vortices(chains, net, motions, bound, 1.0, feedthrough, lift_slope)
+    effective = geometric + ca.sum1(net.normals * induced).T
+    lagged = [
+        lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i)
+        for i in range(len(motions))
+    ]
+    return Wash(effective, ca.vertcat(*lagged), signed, induced)
+
+
+def lags_reached(
+    chains: Sequence[Chain],
+    net: Lattice,
+    motions: Sequence[StripMotion],
+    geometric: ca.SX,
+    state: ca.SX,
+    step: Any,
+    before: Relaxation,
+    lags: Lags,
+    lift_slope: Any,
+) -> tuple[ca.SX, ca.SX]:
+    """Lags one step later and the effective normalwashes there, found together.
+
+    The step of `lag_step` in which lags and vortices at its end feel each other: still one
+    linear system, and where the vortices turn the flow against what makes them, bounded at
+    any step.
+
+    Args:
+        chains: Which strips share trailing vortices.
+        net: Where the vortices are at the end of the step.
+        motions: How each strip moves there.
+        geometric: Undisturbed normalwash of each strip there, (n, 1) [m/s].
+        state: Lags strip by strip at the beginning, (n_z, 1) [m/s].
+        step: Its length [s].
+        before: What the lags follow at the beginning.
+        lags: Numbers of the memory.
+        lift_slope: Of a section [1/rad].
+
+    Returns:
+        (n_z, 1) and (n, 1) [m/s].
+    """
+    count, still = len(lags.rate), ca.SX.zeros(len(motions), 1)
+    after = lag_relaxation(motions, still, lags)
+    fixed = lag_step(state, step, before, after)
+    alone = Relaxation(before.rate, 0 * before.target), Relaxation(after.rate, 1 + after.target)
+    share = lag_step(0 * state, step, *alone)  # of the effective normalwash at the end
+    bound, feedthrough = [], []
+    for i in range(len(motions)):
+        through = lags.first_circulation + lags.lagged(lags.circulation, share, i)
+        held = lags.lagged(lags.circulation, fixed, i)
+        feedthrough.append(through)
+        bound.append(geometric[i] + held / through)
+    _, induced = _vortices(chains, net, motions, bound, feedthrough, 1.0, lift_slope)
+    effective = geometric + ca.sum1(net.normals * induced).T
+    reached = fixed + share * ca.vec(ca.repmat(effective.T, count, 1))
+    return reached, effective
+
+
+def _vortices(
+    chains: Sequence[Chain],
+    net: Lattice,
+    motions: Sequence[StripMotion],
+    bound: Sequence[Any],
+    shares: Any,
+    feedthrough: Any,
+    lift_slope: Any,
+) -> tuple[ca.SX, ca.SX]:
+    """Circulation along forward x normal, (n, 1), and velocity induced, (3, n).
+
+    c = 1/2 chord a0 share (bound + feedthrough n . induced) of each strip.
+    """
     sizes = tuple(len(chain.strips) for chain in chains)
     order = [i for chain in chains for i in chain.strips]
     right = [sign for chain in chains for sign in chain.right]
-    gain, wash = [], []
+    gain = []
     for i, along in zip(order, right, strict=True):
         sign = along * smooth_sign(motions[i].forward)
-        gain.append(sign * motions[i].strip.chord * lift_slope / 2)
-        wash.append(lags.first_circulation * geometric[i] + lags.lagged(lags.circulation, state, i))
+        share = shares[i] if isinstance(shares, list) else shares
+        gain.append(sign * motions[i].strip.chord * lift_slope / 2 * share)
     circulation, induced = horseshoe_function(sizes)(
         *(net.points[:, order], net.normals[:, order]),
         *(net.edges, net.directions, net.core_squares),
-        *(ca.vertcat(*gain), ca.vertcat(*wash), lags.first_circulation),
+        *(ca.vertcat(*gain), ca.vertcat(*[bound[i] for i in order]), feedthrough),
     )
     of_strip = [order.index(i) for i in range(len(order))]
-    induced = induced[:, of_strip]
-    effective = geometric + ca.sum1(net.normals * induced).T
-    lagged = [
-        lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i) for i in range(len(order))
-    ]
     signed = [circulation[k] * right[k] for k in of_strip]
-    return Wash(effective, ca.vertcat(*lagged), ca.vertcat(*signed), induced)
+    return ca.vertcat(*signed), induced[:, of_strip]
+
+
+def attached_lift(
+    motion: StripMotion, net: Lattice, wash: Wash, strip: int, gain: Any, pressure: Any, normal: Any
+) -> tuple[Any, Any]:
+    """Lift of attached flow along the strip's forward and normal axes [N].
+
+    L = pressure W, perpendicular to the wind at the force: undisturbed, induced by all legs, and
+    by the wake shed across the span, (W - w_e) along the lift. Induced drag is the tilt.
+
+    Args:
+        motion: How the strip moves.
+        net: Where the vortices are.
+        wash: Of all strips.
+        strip: Which one.
+        gain: Of the lifting surface over the line.
+        pressure: Lift per normalwash, 1/2 rho c ds a0 U [N s/m].
+        normal: Normal velocity of the strip where the force acts [m/s].
+    """
+    forward, sign = motion.forward, smooth_sign(motion.forward)
+    speed = smooth_norm(forward * forward + normal * normal)
+    shed = sign * (wash.lagged[strip] - wash.effective[strip]) / speed
+    induced = wash.induced[:, strip]
+    wind_forward = -forward + gain * ca.dot(net.forwards[:, strip], induced) - shed * normal
+    wind_normal = -normal + gain * ca.dot(net.normals[:, strip], induced) + shed * forward
+    wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
+    lift = sign * gain * net.shares[strip] * pressure * wash.lagged[strip] / wind
+    return lift * wind_normal, -lift * wind_forward
 
 
 def lag_relaxation(motions: Sequence[StripMotion], effective: ca.SX, lags: Lags) -> Relaxation:

@@ -30,6 +30,7 @@ def check(
     """
     from patagium.cli.words import answer
     from patagium.errors import ParameterError
+    from patagium.identification.log_record import is_log
     from patagium.robot import preset_names
 
     ending = file.suffix.lower()
@@ -38,7 +39,7 @@ def check(
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
-        facts = _flight_facts(file)
+        facts = _log_facts(file) if is_log(file) else _flight_facts(file)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = _robot_facts(file)
     else:
@@ -61,6 +62,21 @@ def _flight_facts(file: Path) -> dict[str, Any]:
     from patagium.simulation import load_flight
 
     return {"kind": "flight", **flight_facts(load_flight(existing(file)))}
+
+
+def _log_facts(file: Path) -> dict[str, Any]:
+    from patagium.identification.log_record import LogRecord
+
+    with LogRecord(file) as record:
+        time = record.time()
+        return {
+            "kind": "imported log",
+            "samples": record.count,
+            "duration [s]": float(time[-1] - time[0]),
+            "numbers": [f"{name} [{unit}]" for name, unit in record.units.items()],
+            "a flight": record.is_flight,
+            "findings": [f"{one['where']}: {one['kind']}" for one in record.findings],
+        }
 
 
 def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:

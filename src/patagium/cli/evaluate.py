@@ -15,7 +15,9 @@ EXAMPLES = (
 
 def evaluate(
     model: Annotated[Path, typer.Argument(help="What patagium identify --model wrote (.json).")],
-    file: Annotated[Path, typer.Argument(help="A flight (.nc) or a table (.csv, .parquet).")],
+    file: Annotated[
+        Path, typer.Argument(help="A flight or an imported log (.nc), or another log.")
+    ],
     mapping: Annotated[
         Path | None, typer.Option(help="What the columns of a table mean (YAML).")
     ] = None,
@@ -27,23 +29,17 @@ def evaluate(
 ) -> None:
     """Score a learned model, its weights frozen, where it has not been."""
     from patagium.cli.identify import show_scores
+    from patagium.cli.logs import flight_or_table
     from patagium.cli.words import existing
-    from patagium.errors import ParameterError
     from patagium.identification import evaluate as evaluate_flight
-    from patagium.identification import read_table
     from patagium.identification.logs import evaluate_table
     from patagium.identification.model_file import load_model
-    from patagium.simulation import load_flight
 
     learned = load_model(existing(model))
-    if file.suffix.lower() == ".nc":
-        if mapping is not None:
-            raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-        result = evaluate_flight(load_flight(existing(file)), learned, every=every)
-    elif mapping is None:
-        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+    flight, table = flight_or_table(file, mapping)
+    if table is None:
+        result = evaluate_flight(flight, learned, every=every)
     else:
-        table = read_table(existing(file), existing(mapping))
         result = evaluate_table(table, learned, every=every)
     if report is not None:
         result.report(report, f"{model.name} against {file.name}")

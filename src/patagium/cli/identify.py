@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -62,9 +63,11 @@ EXAMPLES = (
 
 def identify(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(help="A flight (.nc) or a table (.csv, .parquet).")],
+    file: Annotated[
+        Path, typer.Argument(help="A flight or an imported log (.nc), or another log.")
+    ],
     mapping: Annotated[
-        Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+        Path | None, typer.Option(help="What the columns or fields of another log mean (YAML).")
     ] = None,
     settings: SettingsOption = None,
     network: NetworkOption = None,
@@ -115,13 +118,13 @@ def identify(
     With --state the learner goes on where it stood, with the centers and scales it began
     with; everything else must be said alike. A learner that diverged is not kept.
     """
+    from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state, resumed
-    from patagium.cli.words import existing, progress_bar
-    from patagium.errors import Outcome, ParameterError
+    from patagium.cli.words import progress_bar
+    from patagium.errors import Outcome
     from patagium.identification import identify as identify_flight
-    from patagium.identification import read_table
     from patagium.identification.logs import identify_table
-    from patagium.simulation import load_flight
+    from patagium.identification.long_log import identify_record
 
     watching = watched(
         outlier_deviation,
@@ -147,35 +150,42 @@ def identify(
     asked = Asked(learner, options, network, hidden, activation, every, seed)
     learner, options, network, hidden, activation, every, seed = completed(context, asked, settings)
     kind, layers = network_shape(network, hidden, learner)
-    is_flight = file.suffix.lower() == ".nc"
-    if is_flight and mapping is not None:
-        raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-    if not is_flight and mapping is None:
-        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
-    if mapping is None:
-        flight = load_flight(existing(file))
+    long = long_record(file, mapping)
+    flight: Any
+    flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
+    if table is None:
         net = flight_network(flight, kind, layers, activation.value)
     else:
-        table = read_table(existing(file), existing(mapping))
         net = table_network(table, kind, layers, activation.value)
     student = resumed(make_learner(learner, net, options, seed), state)
+    course = None if state is None else state.with_name(f"{state.name}.course")
     try:
         with (
             progress_bar(f"Learning from {file.name}") as bar,
             interrupted_between_samples(bar) if state else nullcontext(bar) as progress,
         ):
-            if mapping is None:
+            if long is not None:
+                result = identify_record(
+                    long, student, every=every, progress=progress, course=course
+                )
+            elif table is None:
                 result = identify_flight(flight, student, every=every, progress=progress)
             else:
                 result = identify_table(table, student, every=every, progress=progress)
     except Interrupted:
-        keep_state(student, state)
+        if long is None:
+            keep_state(student, state)
+        else:
+            typer.echo(f"The same command goes on from {course}", err=True)
         raise typer.Exit(130) from None
-    if mapping is not None:
-        typer.echo(f"{file}: {table.describe_gaps()}", err=True)
+    if table is not None:
+        typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
-        keep_state(student, state)
-    _keep(result, file, None if is_flight else table.input_names, model, report, predictions)
+        keep_state(result.learner, state)
+    _keep(result, file, None if table is None else table.input_names, model, predictions)
+    if report is not None:
+        flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
+        _report(result, file, flown, report)
     show_scores(result.scores, as_json=as_json)
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)
@@ -212,12 +222,15 @@ def flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
+    from patagium.aerodynamics import Air
     from patagium.identification import training_data
     from patagium.simulation import aero_of, robot_of
 
     robot = robot_of(flight)
     if kind is not NetworkKind.DENSE:
-        return winged_network(kind, robot, hidden, aero_of(flight).air, activation)
+        logged = flight.attrs.get("air")  # of an imported log
+        air = aero_of(flight).air if logged is None else Air(**json.loads(logged))
+        return winged_network(kind, robot, hidden, air, activation)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
     return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])
@@ -249,7 +262,6 @@ def _keep(
     file: Path,
     inputs: tuple[str, ...] | None,
     model: Path | None,
-    report: Path | None,
     predictions: Path | None,
 ) -> None:
     from patagium.identification.model_file import model_of, save_model
@@ -257,9 +269,23 @@ def _keep(
     if model is not None:
         save_model(model, model_of(result.learner, inputs=inputs, source=file.name))
         typer.echo(f"The model is in {model}", err=True)
-    if report is not None:
-        result.report(report, f"Identification of {file.name}")
-        typer.echo(f"The report is in {report}", err=True)
     if predictions is not None:
         result.save(predictions)
         typer.echo(f"The predictions are in {predictions}", err=True)
+
+
+def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:
+    """The page, and beside it the flight in three dimensions, where there is one."""
+    from patagium.errors import Outcome
+
+    moving = None
+    if flight is not None and result.outcome is Outcome.COMPLETED:
+        from patagium.viewer import replay
+
+        title = f"Flight {file.stem}, as it was learned"
+        moving = replay(
+            flight, report.with_name(f"{report.stem}-replay.html"), predicted=result, title=title
+        ).name
+    result.report(report, f"Identification of {file.name}", moving)
+    beside = "" if moving is None else f"; the flight in three dimensions is in {moving}"
+    typer.echo(f"The report is in {report}{beside}", err=True)

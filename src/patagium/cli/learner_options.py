@@ -19,19 +19,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification import FlowNetwork, StripNetwork
+    from patagium.identification import FlowNetwork, HiddenStripNetwork, StripNetwork
     from patagium.robot import Robot
 
 
 class NetworkKind(StrEnum):
-    """Networks: of each strip, of the flow at all wings, of anything."""
+    """Networks: of each strip, of each with memory, of the flow at all wings, of anything."""
 
     STRIP = "strip"
+    HIDDEN_STRIP = "hidden_strip"
     FLOW = "flow"
     DENSE = "dense"
 
 
-WINGED = (NetworkKind.STRIP, NetworkKind.FLOW)
+WINGED = (NetworkKind.STRIP, NetworkKind.HIDDEN_STRIP, NetworkKind.FLOW)
 """Networks of a robot with wings; they see q and v."""
 
 
@@ -333,10 +334,12 @@ def network_shape(
 
 def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
-) -> FlowNetwork | StripNetwork:
+) -> FlowNetwork | HiddenStripNetwork | StripNetwork:
     """The network that knows the wings; the one of strips unless asked."""
-    from patagium.identification import FlowNetwork, StripNetwork
+    from patagium.identification import FlowNetwork, HiddenStripNetwork, StripNetwork
 
+    if kind is NetworkKind.HIDDEN_STRIP:
+        return HiddenStripNetwork(robot, hidden, air=air, activation=activation)
     make = FlowNetwork if kind is NetworkKind.FLOW else StripNetwork
     return make(robot, hidden, air, activation)
 

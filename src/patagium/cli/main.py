@@ -22,6 +22,8 @@ from patagium.cli import (
     evaluate,
     figures,
     identify,
+    import_log,
+    inspect,
     latency,
     reproduce,
     robots,
@@ -31,6 +33,7 @@ from patagium.cli import (
     stress,
     tune,
     validate,
+    view,
 )
 from patagium.errors import PatagiumError, RobotFileWarning
 
@@ -46,11 +49,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 for _verb in (
-    reproduce, simulate, cycles, figures, identify, tune, evaluate, stream, send, bench, latency,
-    validate, stress, robots, check,
+    reproduce, simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
+    stream, send, bench, latency, validate, stress, robots, check,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
-    app.command(_name, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))
+    _word = getattr(_verb, "NAME", _name)  # `import` names no function
+    app.command(_word, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))
 
 
 def _say_version(wanted: bool) -> None:

@@ -29,6 +29,13 @@ class AirModel(StrEnum):
     PUBLISHED = "published"
 
 
+class AttitudeKind(StrEnum):
+    """Coordinates of a floating body's attitude."""
+
+    EULER = "euler"
+    QUATERNION = "quaternion"
+
+
 class Stepping(StrEnum):
     """How joints follow the gait: exactly, or overwritten as in the published experiment."""
 
@@ -107,6 +114,10 @@ def simulate(
     pitch: Annotated[
         float, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
     ] = 0.0,
+    attitude: Annotated[
+        AttitudeKind | None,
+        typer.Option(help="quaternion: through loops and vertical climbs; else as the file says."),
+    ] = None,
     mount: Annotated[
         MountKind | None, typer.Option(help="What holds the body; free when it can float.")
     ] = None,
@@ -174,6 +185,8 @@ def simulate(
     from patagium.robot import load_robot
 
     machine = load_robot(robot)
+    if attitude is not None:
+        machine = machine.with_attitude(attitude.value)
     air = Air(density=density, wind=wind or (0.0, 0.0, 0.0))
     model = _air_model(aero, machine, air)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
@@ -305,17 +318,16 @@ def _fly(
     speed: float,
     pitch: float,
 ) -> Any:
-    import numpy as np
-
     from patagium import simulation
     from patagium.cli.words import progress_bar
     from patagium.errors import ParameterError
     from patagium.simulation import mounts
 
-    q, v = np.zeros(machine.dof), np.zeros(machine.dof)
+    q, v = machine.coordinates(), machine.velocities()
     base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
     if base is not None:
-        v[base[0]], q[base[4]] = speed, pitch
+        ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
+        q, v = machine.coordinates(**{nose: pitch}), machine.velocities(**{ahead: speed})
     elif speed or pitch:
         raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
     with progress_bar(f"Flying {machine.name}") as progress:

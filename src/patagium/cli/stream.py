@@ -76,7 +76,10 @@ _NOW_AND_THEN = 5.0  # s
 def stream(
     context: typer.Context,
     source: Annotated[
-        str, typer.Argument(help="A CSV file, - for standard input, or udp://ADDRESS:PORT.")
+        str,
+        typer.Argument(
+            help="A CSV file, an imported log, - for standard input, or udp://ADDRESS:PORT."
+        ),
     ],
     robot: Annotated[str, typer.Option(help="A preset's name or a robot file.")],
     settings: SettingsOption = None,

@@ -82,25 +82,19 @@ def tune(
     Trials are kept beside the result as they end: the same command goes on where it stopped.
     """
     from patagium.cli.identify import flight_network, table_network
-    from patagium.cli.words import existing, progress_bar, say_json
-    from patagium.errors import ParameterError
-    from patagium.identification import read_table
+    from patagium.cli.logs import flight_or_table
+    from patagium.cli.words import progress_bar, say_json
     from patagium.identification import tune as tune_learner
     from patagium.identification.structure import described_structure
-    from patagium.simulation import load_flight
 
-    is_flight = file.suffix.lower() == ".nc"
-    if is_flight and mapping is not None:
-        raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-    if not is_flight and mapping is None:
-        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
     layers = list(dict.fromkeys(tuple(one) for one in hidden or [WholeNumbers((8, 8))]))
     learned: Any
-    if mapping is None:
-        learned = load_flight(existing(file))
+    flight, table = flight_or_table(file, mapping)
+    if table is None:
+        learned = flight
         networks = [flight_network(learned, network, one, activation.value) for one in layers]
     else:
-        learned = read_table(existing(file), existing(mapping))
+        learned = table
         networks = [table_network(learned, network, one, activation.value) for one in layers]
     journal = out.with_suffix(".trials.jsonl")
     if journal.exists():

@@ -186,8 +186,8 @@ def json_text(value: Any) -> str:
     return json.dumps(_finite(value), indent=2, ensure_ascii=False)
 
 
-def show_table(table: Table) -> None:
-    """A table on stdout, as wide as its text when stdout is no terminal."""
+def show_table(table: Table, *, err: bool = False) -> None:
+    """A table on stdout, or stderr, as wide as its text when that is no terminal."""
     from rich.console import Console
     from rich.table import Table as RichTable
 
@@ -196,8 +196,9 @@ def show_table(table: Table) -> None:
         shown.add_column(column, justify="right" if table.numeric(index) else "left")
     for row in table.texts():
         shown.add_row(*row)
-    wide = None if sys.stdout.isatty() else 200
-    Console(file=sys.stdout, width=wide, highlight=False, markup=False).print(shown)
+    place = sys.stderr if err else sys.stdout
+    wide = None if place.isatty() else 200
+    Console(file=place, width=wide, highlight=False, markup=False).print(shown)
 
 
 def existing(path: Path) -> Path:

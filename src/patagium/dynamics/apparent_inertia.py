@@ -109,7 +109,7 @@ def apparent_wrenches(
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         accelerations: For a body's index the acceleration of its origin and its angular
             acceleration, body axes, (3, 1) each.
@@ -139,7 +139,7 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         added: What the bodies carry along.
     """

@@ -1,46 +1,89 @@
-"""Every joint as a chain of one-coordinate steps, and how each step turns and shifts.
+"""Every joint as a chain of steps, and how each step turns and shifts.
 
-A floating body is the chain x, y, z, yaw, pitch, roll; a fixed one the empty
-chain. With that, each recursive algorithm knows only two kinds of step.
+A floating body is the chain x, y, z, yaw, pitch, roll, or x, y, z and one turn by a
+quaternion; a fixed one the empty chain. With that, each recursive algorithm knows only two
+kinds of step: one that slides, one that turns.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
-from patagium.robot.model import Axis, Body, Joint, Robot
+from patagium.robot.model import Axis, Body, Robot
 
-_FLOATING: tuple[tuple[str, int, Axis], ...] = (
-    ("prismatic", 0, (1.0, 0.0, 0.0)),
-    ("prismatic", 1, (0.0, 1.0, 0.0)),
-    ("prismatic", 2, (0.0, 0.0, 1.0)),
-    ("revolute", 5, (0.0, 0.0, 1.0)),
-    ("revolute", 4, (0.0, 1.0, 0.0)),
-    ("revolute", 3, (1.0, 0.0, 0.0)),
-)
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def joint_chain(body: Body) -> tuple[Joint, ...]:
-    """Steps from the parent to the body, in order; six for a floating body."""
+@dataclass(frozen=True)
+class Step:
+    """One step of a chain.
+
+    Attributes:
+        turns: Whether it turns; else it slides.
+        axes: The unit axis of each of its velocities, in the axes after the step.
+        dofs: Places of the velocities in v: one, or the three of a quaternion.
+        coordinates: Places of the coordinates in q: one, or the four of a quaternion.
+    """
+
+    turns: bool
+    axes: tuple[Axis, ...]
+    dofs: tuple[int, ...]
+    coordinates: tuple[int, ...]
+
+    def turn(self, q: ca.SX) -> Turn:
+        """The rotation that a step which turns makes."""
+        if len(self.coordinates) == 1:
+            return Turn(self.axes[0], q[self.coordinates[0]])
+        return QuaternionTurn(q[list(self.coordinates)])
+
+    def slide(self, q: ca.SX) -> ca.SX:
+        """The displacement of a step which slides, (3, 1) [m]."""
+        return vector(self.axes[0]) * q[self.coordinates[0]]
+
+    def along(self, v: ca.SX) -> ca.SX:
+        """Velocities, accelerations or forces of the step as one vector, (3, 1)."""
+        if len(self.dofs) == 1:
+            return vector(self.axes[0]) * v[self.dofs[0]]
+        return v[list(self.dofs)]
+
+
+def chain_of(robot: Robot, body: Body) -> tuple[Step, ...]:
+    """Steps from the parent to the body, in order.
+
+    Args:
+        robot: The machine.
+        body: One of its bodies.
+    """
     if body.floating_dofs is None:
-        return body.joints
-    return tuple(
-        Joint(f"{body.name}.{k}", kind, axis, body.floating_dofs[k])  # type: ignore[arg-type]
-        for kind, k, axis in _FLOATING
-    )
+        places = robot.coordinate_indices
+        return tuple(
+            Step(joint.kind == "revolute", (joint.axis,), (joint.dof,), (places[joint.dof],))
+            for joint in body.joints
+        )
+    dofs, coordinates = body.floating_dofs, robot.floating_coordinates(body)
+    slides = [Step(False, (axis,), (dofs[k],), (coordinates[k],)) for k, axis in _SLIDES]
+    if body.by_quaternion:
+        return (*slides, Step(True, (_X, _Y, _Z), dofs[3:], coordinates[3:]))
+    turns = [Step(True, (axis,), (dofs[k],), (coordinates[k],)) for k, axis in _TURNS]
+    return (*slides, *turns)
+
+
+_SLIDES = ((0, _X), (1, _Y), (2, _Z))
+_TURNS = ((5, _Z), (4, _Y), (3, _X))
 
 
 def parent_coordinates(robot: Robot) -> tuple[int, ...]:
-    """For each coordinate the coordinate before it on the way to the root, -1 at the root, (n,)."""
+    """For each entry of v the one before it on the way to the root, -1 at the root, (n,)."""
     parents = [-1] * robot.dof
     last: list[int] = []
     for body in robot.bodies:
         previous = last[body.parent] if body.parent >= 0 else -1
-        for joint in joint_chain(body):
-            parents[joint.dof] = previous
-            previous = joint.dof
+        for dof in (dof for step in chain_of(robot, body) for dof in step.dofs):
+            parents[dof] = previous
+            previous = dof
         last.append(previous)
     return tuple(parents)
 
@@ -104,6 +147,31 @@ class Turn:
         out[i, k] = out[k, i] = c * inertia[i, k] - s * inertia[j, k]
         out[j, k] = out[k, j] = s * inertia[i, k] + c * inertia[j, k]
         return out
+
+
+class QuaternionTurn(Turn):
+    """A rotation by a quaternion of any length but zero, scalar first.
+
+    R = 1 + 2 (w [u] + [u]^2) / |q|^2, with q = (w, u): a rotation also where an integrator's
+    stage has left the unit sphere by a little.
+
+    Args:
+        quaternion: qw, qx, qy, qz, (4, 1).
+    """
+
+    def __init__(self, quaternion: ca.SX) -> None:
+        w, x, y, z = ca.vertsplit(quaternion)
+        s = 2 / (w * w + x * x + y * y + z * z)
+        sx, sy, sz = s * x, s * y, s * z
+        xx, yy, zz = sx * x, sy * y, sz * z
+        xy, xz, yz = sx * y, sx * z, sy * z
+        wx, wy, wz = sx * w, sy * w, sz * w
+        self.cyclic = None
+        self.matrix = ca.vertcat(
+            ca.horzcat(1 - (yy + zz), xy - wz, xz + wy),
+            ca.horzcat(xy + wz, 1 - (xx + zz), yz - wx),
+            ca.horzcat(xz - wy, yz + wx, 1 - (xx + yy)),
+        )
 
 
 def rotation(axis: Axis, angle: ca.SX) -> ca.SX:

@@ -12,9 +12,9 @@ import casadi as ca
 from patagium.dynamics.apparent_inertia import ApparentInertia, CarriedFluid
 from patagium.dynamics.chain import (
     Turn,
+    chain_of,
     cross,
     is_identity,
-    joint_chain,
     orientation_matrix,
     symmetric,
     vector,
@@ -106,7 +106,7 @@ def mass_matrix(robot: Robot, q: ca.SX, added: ApparentInertia | None = None) ->
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         added: Fluid that moves with the bodies, sum_b J_b^T M_b J_b; None for a vacuum.
 
     Returns:
@@ -123,18 +123,18 @@ def mass_matrix(robot: Robot, q: ca.SX, added: ApparentInertia | None = None) ->
         composite.add_body(body)
         if added is not None and index in added.matrices:
             composite.carry(added.matrices[index])
-        for joint in reversed(joint_chain(body)):
-            axis = vector(joint.axis)
-            revolute = joint.kind == "revolute"
-            composite.momenta.append((joint.dof, *composite.unit_momenta(axis, revolute)))
-            for k, p, h in composite.momenta:
-                entry = ca.dot(axis, h if revolute else p)
-                if not entry.is_zero():
-                    matrix[joint.dof, k] = matrix[k, joint.dof] = entry
-            if revolute:
-                composite.turn(Turn(joint.axis, q[joint.dof]))
+        for step in reversed(chain_of(robot, body)):
+            for unit, dof in zip(step.axes, step.dofs, strict=True):
+                axis = vector(unit)
+                composite.momenta.append((dof, *composite.unit_momenta(axis, step.turns)))
+                for k, p, h in composite.momenta:
+                    entry = ca.dot(axis, h if step.turns else p)
+                    if not entry.is_zero():
+                        matrix[dof, k] = matrix[k, dof] = entry
+            if step.turns:
+                composite.turn(step.turn(q))
             else:
-                composite.shift(axis * q[joint.dof])
+                composite.shift(step.slide(q))
         if body.parent < 0:
             continue
         if not is_identity(body):

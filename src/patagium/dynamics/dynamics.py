@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 def _build(robot: Robot) -> list[ca.Function]:
     machine, p = robot.symbolic()
     n, n_a = robot.dof, len(robot.actuated)
-    q, v, a, f = (ca.SX.sym(name, n) for name in ("q", "v", "a", "f"))
+    q = ca.SX.sym("q", robot.coordinate_count)
+    v, a, f = (ca.SX.sym(name, n) for name in ("v", "a", "f"))
     a_a = ca.SX.sym("a_actuated", n_a)
     mass, bias = equations.mass_matrix(machine, q), equations.bias(machine, q, v)
     a_all, u = equations.forward_prescribed(machine, q, v, a_a, f)
@@ -45,6 +46,10 @@ def _build(robot: Robot) -> list[ca.Function]:
             {"momentum": equations.angular_momentum(machine, q, v)},
         ),
         "center_of_mass": ({"q": q}, {"position": equations.center_of_mass(machine, q)}),
+        "coordinate_rates": (
+            {"q": q, "v": v},
+            {"rates": kinematics.coordinate_rates(machine, q, v)},
+        ),
     }
     return [
         ca.Function(name, [*i.values(), p], [*o.values()], [*i, "parameters"], [*o])
@@ -62,7 +67,7 @@ class _Methods:
         """Generalized inertia D(q), (n, n) [kg, kg m, kg m^2]; symmetric, positive definite.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         return self._call("mass_matrix", q)  # type: ignore[no-any-return]
 
@@ -70,7 +75,7 @@ class _Methods:
         """Coriolis and centrifugal force C(q, v) v, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("coriolis", q, v)  # type: ignore[no-any-return]
@@ -79,7 +84,7 @@ class _Methods:
         """Gravity force G(q) = dU/dq, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         return self._call("gravity", q)  # type: ignore[no-any-return]
 
@@ -87,7 +92,7 @@ class _Methods:
         """C v + G, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("bias", q, v)  # type: ignore[no-any-return]
@@ -96,7 +101,7 @@ class _Methods:
         """D, (n, n), and C v + G, (n,), in one call that shares their common terms.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("mass_matrix_and_bias", q, v)  # type: ignore[no-any-return]
@@ -105,7 +110,7 @@ class _Methods:
         """Generalized force of a motion, D a + C v + G, (n,) [N, N m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         """
@@ -115,7 +120,7 @@ class _Methods:
         """Acceleration of the free robot, D^-1 (f - C v - G), (n,) [m/s^2, rad/s^2].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             f: Every generalized force but inertia and gravity, (n,) [N, N m].
         """
@@ -127,7 +132,7 @@ class _Methods:
         """Acceleration and joint forces where the actuated joints follow a motion exactly.
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             a_actuated: Accelerations of the actuated coordinates, (n_a,).
             f: Aerodynamic, damping and other given forces, (n,) [N, N m].
@@ -141,7 +146,7 @@ class _Methods:
         """Kinetic energy, 1/2 v^T D v, scalar [J].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("kinetic_energy", q, v)
@@ -150,7 +155,7 @@ class _Methods:
         """Potential energy of gravity, zero at the world's origin, scalar [J].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         return self._call("potential_energy", q)
 
@@ -158,7 +163,7 @@ class _Methods:
         """Linear momentum, world axes, (3,) [kg m/s].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("momentum", q, v)  # type: ignore[no-any-return]
@@ -167,7 +172,7 @@ class _Methods:
         """Angular momentum about the world's origin, world axes, (3,) [kg m^2/s].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
         return self._call("angular_momentum", q, v)  # type: ignore[no-any-return]
@@ -176,15 +181,26 @@ class _Methods:
         """Center of mass of the robot, world axes, (3,) [m].
 
         Args:
-            q: Generalized coordinates, (n,) [m, rad].
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         return self._call("center_of_mass", q)  # type: ignore[no-any-return]
+
+    def coordinate_rates(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Rates of the coordinates, dq/dt = N(q) v, (n_q,) [m/s, rad/s, 1/s].
+
+        v itself, but for the quaternion of a robot that has one.
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        return self._call("coordinate_rates", q, v)  # type: ignore[no-any-return]
 
 
 class Dynamics(_Methods):
     """Equations of motion of a robot, compiled and cached.
 
-    D(q) a + C(q, v) v + G(q) = u1 + Q. Every method takes one state; `batch` has
+    D(q) a + C(q, v) v + G(q) = u1 + Q, dq/dt = N(q) v. Every method takes one state; `batch` has
     the same methods over a leading axis of N states (eight at a time).
     The symbolic functions are in `expressions`.
 
@@ -268,7 +284,8 @@ class Point:
 
         def build() -> list[ca.Function]:
             machine, p = robot.symbolic()
-            q, v, r = (ca.SX.sym(s, k) for s, k in (("q", robot.dof), ("v", robot.dof), ("r", 3)))
+            sizes = {"q": robot.coordinate_count, "v": robot.dof, "r": 3}
+            q, v, r = (ca.SX.sym(name, size) for name, size in sizes.items())
             position = kinematics.point_position(machine, q, body, r)
             velocity = kinematics.point_velocity(machine, q, v, body, r)
             jacobian = kinematics.point_jacobian(machine, q, body, r)
@@ -296,5 +313,5 @@ class Point:
         return self._functions["velocity"](q, v, self.offset, self._parameters)  # type: ignore[no-any-return]
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Jacobian of the position with respect to q, (3, n) [1, m]."""
+        """Jacobian J of the position: its velocity is J v, (3, n) [1, m]."""
         return self._functions["jacobian"](q, self.offset, self._parameters)  # type: ignore[no-any-return]

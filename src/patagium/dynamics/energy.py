@@ -1,10 +1,11 @@
 """Equations of motion by differentiating the energies: the oracle of the recursive ones.
 
-K(q, v) and U(q) are written body by body, then D = d^2 K / d v^2,
-C v = (d(D v)/dq) v - dK/dq and G = dU/dq by algorithmic differentiation. Poses are
-multiplied out from the world here; only the order of a body's joints is shared with
-the recursive algorithms. Symbols may be SX (short C) or MX (as the published experiment did it;
-long C). Slow: about ten times the arithmetic. Neglected: what `Robot` neglects.
+K(q, v) and U(q) are written body by body, then D = d^2 K / d v^2, C v = d(D v)/dt - dK/dq and G =
+dU/dq by algorithmic differentiation, with dq/dt = N(q) v: where the velocities are not rates of
+coordinates, the equations of Boltzmann and Hamel. Poses are multiplied out from the world here;
+only the order of a body's joints and N are shared with the recursive algorithms. Symbols may be
+SX (short C) or MX (as the published experiment did it; long C). Slow: about ten times the
+arithmetic. Neglected: what `Robot` neglects.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 
-from patagium.dynamics.chain import joint_chain
+from patagium.dynamics.chain import chain_of
+from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot.model import Axis, Body, Robot
 
 Symbol: TypeAlias = "ca.SX | ca.MX"
@@ -27,7 +29,7 @@ def energy_mass_matrix(robot: Robot, q: Symbol) -> Symbol:
 
     Args:
         robot: Machine whose bodies carry the inertia.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
 
     Returns:
         D, (n, n) [kg, kg m, kg m^2]: symmetric, positive definite.
@@ -40,34 +42,43 @@ def energy_mass_matrix(robot: Robot, q: Symbol) -> Symbol:
 def energy_coriolis(robot: Robot, q: Symbol, v: Symbol) -> Symbol:
     """Coriolis and centrifugal force from the gradients of the kinetic energy.
 
-    C(q, v) v = (d(D v)/dq) v - dK/dq, with D v = dK/dv.
+    C(q, v) v = (dp/dq) N v - N^T dK/dq, with p = D v = dK/dv; on the rates w of a
+    quaternion w x p_w besides.
 
     Args:
         robot: Machine whose bodies carry the inertia.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
 
     Returns:
         C v, (n,) [N, N m].
+
+    References:
+        Hamel (1904), Die Lagrange-Eulerschen Gleichungen der Mechanik.
     """
-    kinetic = energy_kinetic(robot, q, v)
+    kinetic, rates = energy_kinetic(robot, q, v), coordinate_rates(robot, q, v)
     momentum = ca.gradient(kinetic, v)
-    return ca.densify(ca.jtimes(momentum, q, v) - ca.gradient(kinetic, q))
+    force = ca.jtimes(momentum, q, rates) - _along_velocities(robot, kinetic, q)
+    for body in robot.bodies:
+        if body.by_quaternion and body.floating_dofs is not None:
+            turns = list(body.floating_dofs[3:])
+            force[turns] += ca.cross(v[turns], momentum[turns])
+    return ca.densify(force)
 
 
 def energy_gravity(robot: Robot, q: Symbol) -> Symbol:
     """Gravity force as the gradient of the potential energy.
 
-    G(q) = dU/dq.
+    G(q) = N^T dU/dq.
 
     Args:
         robot: Machine whose bodies carry the mass.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
 
     Returns:
         G, (n,) [N, N m].
     """
-    return ca.densify(ca.gradient(energy_potential(robot, q), q))
+    return ca.densify(_along_velocities(robot, energy_potential(robot, q), q))
 
 
 def energy_kinetic(robot: Robot, q: Symbol, v: Symbol) -> Symbol:
@@ -78,7 +89,7 @@ def energy_kinetic(robot: Robot, q: Symbol, v: Symbol) -> Symbol:
 
     Args:
         robot: Machine whose bodies carry the inertia.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
 
     Returns:
@@ -86,7 +97,7 @@ def energy_kinetic(robot: Robot, q: Symbol, v: Symbol) -> Symbol:
     """
     kinetic: Any = 0
     for body, center, turned in _walk(robot, q, v):
-        velocity = ca.jtimes(center, q, v)
+        velocity = ca.jtimes(center, q, coordinate_rates(robot, q, v))
         kinetic += body.mass * ca.dot(velocity, velocity) / 2
         kinetic += ca.dot(turned, _inertia(body, q) @ turned) / 2
     return kinetic
@@ -99,13 +110,22 @@ def energy_potential(robot: Robot, q: Symbol) -> Symbol:
 
     Args:
         robot: Machine whose bodies carry the mass.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
 
     Returns:
         U, scalar [J].
     """
     bodies = _walk(robot, q, type(q)(robot.dof, 1))
     return sum((robot.gravity * body.mass * center[2] for body, center, _ in bodies), type(q)(0))
+
+
+def _along_velocities(robot: Robot, energy: Symbol, q: Symbol) -> Symbol:
+    """N(q)^T dE/dq: how an energy changes with what each velocity moves, (n, 1)."""
+    slope = ca.gradient(energy, q)
+    if robot.coordinate_count == robot.dof:
+        return slope
+    v = type(q).sym("v", robot.dof)
+    return ca.gradient(ca.dot(coordinate_rates(robot, q, v), slope), v)
 
 
 def _walk(robot: Robot, q: Symbol, v: Symbol) -> Iterator[tuple[Body, Symbol, Symbol]]:
@@ -117,14 +137,19 @@ def _walk(robot: Robot, q: Symbol, v: Symbol) -> Iterator[tuple[Body, Symbol, Sy
         orientation = ca.sparsify(ca.DM(body.orientation))
         position = position + rotation @ ca.vertcat(*body.position)
         rotation, turned = rotation @ orientation, orientation.T @ turned
-        for joint in joint_chain(body):
-            axis = ca.sparsify(ca.DM(joint.axis))
-            if joint.kind == "prismatic":
-                position = position + rotation @ (axis * q[joint.dof])
+        for step in chain_of(robot, body):
+            if len(step.dofs) > 1:
+                turn = _quaternion_turn(q[list(step.coordinates)])
+                rotation = rotation @ turn
+                turned = turn.T @ turned + v[list(step.dofs)]
                 continue
-            turn = _turn(joint.axis, q[joint.dof])
+            axis, coordinate = ca.sparsify(ca.DM(step.axes[0])), q[step.coordinates[0]]
+            if not step.turns:
+                position = position + rotation @ (axis * coordinate)
+                continue
+            turn = _turn(step.axes[0], coordinate)
             rotation = rotation @ turn
-            turned = turn.T @ turned + axis * v[joint.dof]
+            turned = turn.T @ turned + axis * v[step.dofs[0]]
         frames.append((position, rotation, turned))
         yield body, position + rotation @ ca.vertcat(*body.center_of_mass), turned
 
@@ -135,6 +160,14 @@ def _turn(axis: Axis, angle: Symbol) -> Symbol:
     across, skew = ca.DM.eye(3) - along, ca.skew(ca.DM(axis))
     along, across, skew = (ca.sparsify(m) for m in (along, across, skew))
     return along + ca.cos(angle) * across + ca.sin(angle) * skew
+
+
+def _quaternion_turn(quaternion: Symbol) -> Symbol:
+    """Rotation by a quaternion (w, u): ((w^2 - u.u) 1 + 2 u u^T + 2 w [u]) / (w^2 + u.u)."""
+    w, u = quaternion[0], quaternion[1:]
+    square = ca.dot(u, u)
+    turn = (w * w - square) * ca.DM.eye(3) + 2 * (u @ u.T) + 2 * w * ca.skew(u)
+    return turn / (w * w + square)
 
 
 def _inertia(body: Body, q: Symbol) -> Symbol:

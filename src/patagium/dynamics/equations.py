@@ -46,7 +46,7 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
     """
@@ -79,7 +79,7 @@ def forward(
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         f: Every generalized force but inertia and gravity, (n,) [N, N m].
         added: Fluid that moves with the bodies; None for a vacuum.
@@ -104,7 +104,7 @@ def forward_prescribed(
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a_prescribed: Accelerations of the prescribed coordinates, (n_a,).
         f: Every generalized force but inertia, gravity and the constraint's, (n,).

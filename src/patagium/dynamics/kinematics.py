@@ -1,7 +1,8 @@
 """Where every body is and how it moves, as CasADi expressions.
 
 Poses in world axes, velocities in body axes, points, Jacobians, and the
-transposed Jacobian that maps forces on bodies to the coordinates of q.
+transposed Jacobian that maps forces on bodies to generalized ones. dq/dt = N(q) v is
+here, for everything that differentiates by q or integrates it.
 Observer: the inertial world.
 """
 
@@ -9,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
 from patagium.dynamics.chain import (
-    Turn,
+    chain_of,
     cross,
     is_identity,
-    joint_chain,
     orientation_matrix,
     vector,
 )
@@ -49,12 +50,42 @@ class Twist:
     angular: ca.SX
 
 
+def coordinate_rates(robot: Robot, q: Any, v: Any) -> Any:
+    """Rates of the coordinates, dq/dt = N(q) v, (n_q, 1) [m/s, rad/s, 1/s].
+
+    v itself, but for a quaternion: dq/dt = 1/2 q (0, w), with w in body axes. That keeps the
+    length of any quaternion, and turns one of any length alike.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1]; SX or MX, as v.
+        v: Generalized velocities, (n,) [m/s, rad/s].
+    """
+    if robot.coordinate_count == robot.dof:
+        return v
+    rates: list[Any] = [None] * robot.coordinate_count
+    for dof, place in enumerate(robot.coordinate_indices):
+        rates[place] = v[dof]
+    for body in robot.bodies:
+        if not body.by_quaternion or body.floating_dofs is None:
+            continue
+        places = robot.floating_coordinates(body)[3:]
+        (w, x, y, z), (a, b, c) = (q[k] for k in places), (v[k] / 2 for k in body.floating_dofs[3:])
+        turned = (
+            *(-(x * a + y * b + z * c), w * a + y * c - z * b),
+            *(w * b + z * a - x * c, w * c + x * b - y * a),
+        )
+        for place, rate in zip(places, turned, strict=True):
+            rates[place] = rate
+    return ca.vertcat(*rates)
+
+
 def body_poses(robot: Robot, q: ca.SX) -> list[Pose]:
     """Origin and axes of every body in the world.
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
 
     Returns:
         One pose a body; the rotations are proper.
@@ -68,11 +99,11 @@ def body_poses(robot: Robot, q: ca.SX) -> list[Pose]:
         position = position + rotation @ vector(body.position)
         if not is_identity(body):
             rotation = rotation @ orientation_matrix(body)
-        for joint in joint_chain(body):
-            if joint.kind == "revolute":
-                rotation = rotation @ Turn(joint.axis, q[joint.dof]).matrix
+        for step in chain_of(robot, body):
+            if step.turns:
+                rotation = rotation @ step.turn(q).matrix
             else:
-                position = position + rotation @ (vector(joint.axis) * q[joint.dof])
+                position = position + rotation @ step.slide(q)
         poses.append(Pose(position, rotation))
     return poses
 
@@ -82,7 +113,7 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
 
     Returns:
@@ -98,14 +129,13 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
         if not is_identity(body):
             turn = orientation_matrix(body).T
             linear, angular = turn @ linear, turn @ angular
-        for joint in joint_chain(body):
-            axis = vector(joint.axis)
-            if joint.kind == "revolute":
-                turned = Turn(joint.axis, q[joint.dof])
+        for step in chain_of(robot, body):
+            if step.turns:
+                turned = step.turn(q)
                 linear = turned.outward(linear)
-                angular = turned.outward(angular) + axis * v[joint.dof]
+                angular = turned.outward(angular) + step.along(v)
             else:
-                linear = linear + cross(angular, axis * q[joint.dof]) + axis * v[joint.dof]
+                linear = linear + cross(angular, step.slide(q)) + step.along(v)
         twists.append(Twist(linear, angular))
     return twists
 
@@ -115,7 +145,7 @@ def in_body_axes(robot: Robot, q: ca.SX, direction: ca.SX) -> list[ca.SX]:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         direction: The vector in world axes, (3, 1).
     """
     turned: list[ca.SX] = []
@@ -123,9 +153,9 @@ def in_body_axes(robot: Robot, q: ca.SX, direction: ca.SX) -> list[ca.SX]:
         local = turned[body.parent] if body.parent >= 0 else direction
         if not is_identity(body):
             local = orientation_matrix(body).T @ local
-        for joint in joint_chain(body):
-            if joint.kind == "revolute":
-                local = Turn(joint.axis, q[joint.dof]).outward(local)
+        for step in chain_of(robot, body):
+            if step.turns:
+                local = step.turn(q).outward(local)
         turned.append(local)
     return turned
 
@@ -135,7 +165,7 @@ def point_position(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         body: Index of the body.
         offset: The point from the body's origin, body axes, (3, 1) [m].
     """
@@ -148,7 +178,7 @@ def point_velocity(robot: Robot, q: ca.SX, v: ca.SX, body: int, offset: ca.SX) -
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         body: Index of the body.
         offset: The point from the body's origin, body axes, (3, 1) [m].
@@ -158,11 +188,11 @@ def point_velocity(robot: Robot, q: ca.SX, v: ca.SX, body: int, offset: ca.SX) -
 
 
 def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
-    """Jacobian of a point's world position with respect to q, (3, n) [1, m].
+    """Jacobian J of a point: its velocity in world axes is J v, (3, n) [1, m].
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         body: Index of the body.
         offset: The point from the body's origin, body axes, (3, 1) [m].
     """
@@ -177,7 +207,7 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         wrenches: For a body's index the force (3, 1) [N] and the moment about the
             body's origin (3, 1) [N m], both in body axes.
 
@@ -191,15 +221,14 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
     for index in reversed(range(len(robot.bodies))):
         body = robot.bodies[index]
         force, moment = forces[index], moments[index]
-        for joint in reversed(joint_chain(body)):
-            axis = vector(joint.axis)
-            if joint.kind == "revolute":
-                generalized[joint.dof] = ca.dot(axis, moment)
-                turned = Turn(joint.axis, q[joint.dof])
+        for step in reversed(chain_of(robot, body)):
+            for axis, dof in zip(step.axes, step.dofs, strict=True):
+                generalized[dof] = ca.dot(vector(axis), moment if step.turns else force)
+            if step.turns:
+                turned = step.turn(q)
                 force, moment = turned.inward(force), turned.inward(moment)
             else:
-                generalized[joint.dof] = ca.dot(axis, force)
-                moment = moment + cross(axis * q[joint.dof], force)
+                moment = moment + cross(step.slide(q), force)
         if body.parent < 0:
             continue
         if not is_identity(body):

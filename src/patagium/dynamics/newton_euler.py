@@ -16,10 +16,9 @@ import casadi as ca
 
 from patagium.dynamics.apparent_inertia import ApparentInertia, apparent_wrenches
 from patagium.dynamics.chain import (
-    Turn,
+    chain_of,
     cross,
     is_identity,
-    joint_chain,
     orientation_matrix,
     vector,
 )
@@ -39,7 +38,7 @@ def newton_euler(
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         gravity: Acceleration of free fall along -z, scalar [m/s^2].
@@ -73,7 +72,7 @@ def apparent_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: ApparentIn
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         added: Fluid that moves with the bodies.
@@ -104,21 +103,20 @@ def _accelerations(
         if not is_identity(body):
             turn = orientation_matrix(body).T
             w, dw, acceleration = turn @ w, turn @ dw, turn @ acceleration
-        for joint in joint_chain(body):
-            axis = vector(joint.axis)
-            if joint.kind == "revolute":
-                turned = Turn(joint.axis, q[joint.dof])
+        for step in chain_of(robot, body):
+            if step.turns:
+                turned = step.turn(q)
                 w, dw = turned.outward(w), turned.outward(dw)
                 acceleration = turned.outward(acceleration)
-                spin = axis * v[joint.dof]
-                dw = dw + axis * a[joint.dof] + cross(w, spin)
+                spin = step.along(v)
+                dw = dw + step.along(a) + cross(w, spin)
                 w = w + spin
             else:
                 acceleration = (
                     acceleration
-                    + _field(w, dw) @ (axis * q[joint.dof])
-                    + cross(w, axis * (2 * v[joint.dof]))
-                    + axis * a[joint.dof]
+                    + _field(w, dw) @ step.slide(q)
+                    + cross(w, step.along(2 * v))
+                    + step.along(a)
                 )
         states.append((w, dw, acceleration))
     return states
@@ -154,3 +152,22 @@ def second_moment(body: Body) -> ca.SX:
     )
     center = vector(body.center_of_mass)
     return ca.SX(central) + (center * body.mass) @ center.T
+
+
+def body_accelerations(
+    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Angular velocity and acceleration of every body, and what an accelerometer feels.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        gravity: Acceleration of free fall along -z, scalar [m/s^2].
+
+    Returns:
+        For each body, in body axes: angular velocity (3, 1) [rad/s], angular acceleration
+        (3, 1) [rad/s^2], acceleration of the origin less that of free fall (3, 1) [m/s^2].
+    """
+    return _accelerations(robot, q, v, a, gravity)

@@ -1,9 +1,10 @@
 """Sensor packet to training sample: inverse dynamics of one packet as a compiled function.
 
-A packet is one row of numbers, [time, q, v, a, u1] with n coordinates each. It becomes the
-network's input and the force of the air, y = D(q) a + C(q, v) v + G(q) - u1 + d v, the equation
-of `training_data` for a robot that nothing holds. Neglected: mounts and added mass, which no
-sensor measures, and errors of sensors and of the robot's parameters, which end up in the force.
+A packet is one row of numbers, [time, q, v, a, u1], n each, and q one more with a quaternion. It
+becomes the network's input and the force of the air, y = D(q) a + C(q, v) v + G(q) - u1 + d v,
+the equation of `training_data` for a robot that nothing holds. Neglected: mounts and added mass,
+which no sensor measures, and errors of sensors and of the robot's parameters, which end up in the
+force.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from patagium.dynamics import equations
 from patagium.errors import ParameterError, ShapeError
@@ -19,6 +22,8 @@ from patagium.identification.identify import state_columns
 from patagium.identification.network import Network
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
+
+Array = NDArray[np.float64]
 
 PARTS = ("q", "v", "a", "u1")
 """What a packet holds of each coordinate, after its time."""
@@ -37,18 +42,32 @@ class Column(NamedTuple):
 
 
 def packet_columns(robot: Robot) -> tuple[Column, ...]:
-    """What the numbers of a packet are, in order, 1 + 4 n.
+    """What the numbers of a packet are, in order, 1 + n_q + 3 n.
 
     Args:
         robot: The machine that sends them.
     """
     found = [Column("time", "s")]
-    for part in PARTS:
+    for name, unit in zip(robot.coordinate_names, robot.coordinate_units, strict=True):
+        found.append(Column(f"q.{name}", unit))
+    for part in PARTS[1:]:
         for name, length in zip(robot.dof_names, robot.dof_units, strict=True):
             force = "N" if length == "m" else "N m"
-            units = {"q": length, "v": f"{length}/s", "a": f"{length}/s^2", "u1": force}
+            units = {"v": f"{length}/s", "a": f"{length}/s^2", "u1": force}
             found.append(Column(f"{part}.{name}", units[part]))
     return tuple(found)
+
+
+def packet_parts(packets: Array, robot: Robot) -> list[Array]:
+    """q, v, a and u1 of packets, (..., n_q) and (..., n) each.
+
+    Args:
+        packets: (..., 1 + n_q + 3 n).
+        robot: The machine that sent them.
+    """
+    first = 1 + robot.coordinate_count
+    cuts = [1, *(first + k * robot.dof for k in range(3))]
+    return np.split(packets, cuts, axis=-1)[1:]
 
 
 def air_force(robot: Robot, inputs: Sequence[str] | None, outputs: Sequence[str]) -> NativeFunction:
@@ -66,12 +85,13 @@ def air_force(robot: Robot, inputs: Sequence[str] | None, outputs: Sequence[str]
         ParameterError: If an input has no such name.
     """
     n = robot.dof
-    seen = list(range(2 * n)) if inputs is None else state_columns(robot, inputs)
+    seen = list(range(robot.state_size)) if inputs is None else state_columns(robot, inputs)
     felt = [robot.index(name) for name in outputs]
 
     def build() -> list[ca.Function]:
         machine, parameters = robot.symbolic()
-        q, v, a, u1 = (ca.SX.sym(part, n) for part in PARTS)
+        q = ca.SX.sym("q", robot.coordinate_count)
+        v, a, u1 = (ca.SX.sym(part, n) for part in PARTS[1:])
         force = equations.inverse(machine, q, v, a) - u1 + ca.vertcat(*machine.damping) * v
         x, y = ca.vertcat(q, v)[seen], force[felt]
         names_in = [*PARTS, "parameters"]
@@ -97,6 +117,6 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
         if name not in robot.dof_names:
             known = ", ".join(robot.dof_names)
             raise ParameterError("outputs of the network", f"coordinates among {known}", name)
-    count = 2 * robot.dof if inputs is None else len(inputs)
+    count = robot.state_size if inputs is None else len(inputs)
     if network.inputs != count:
         raise ShapeError("inputs of the network", (count,), (network.inputs,))

@@ -7,13 +7,14 @@ A filter differs from another in how it finds mean, slopes and remainder of y; s
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import Outcome, ParameterError
+from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.identification.array_filter import CholeskyFilter, WeightFilter
 from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
@@ -104,11 +105,12 @@ class FilterLearner(Saved):
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         return self._stopwatch.median
 
-    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+    def predict(self, x: ArrayLike, deviation: ArrayLike | None = None) -> tuple[Array, Array]:
         """Measurement at x before it is made, as `update` would see it.
 
         Args:
             x: Input, (n_x,).
+            deviation: Of this measurement on top of `measurement_deviation`, (n_y,); see `update`.
 
         Returns:
             Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
@@ -122,14 +124,21 @@ class FilterLearner(Saved):
         if not np.isfinite(sample).all():
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         try:
-            mean, covariance = self._filter.predict(sample)
+            with self._noisier(deviation):
+                mean, covariance = self._filter.predict(sample)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
 
-    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+    def update(
+        self,
+        x: ArrayLike,
+        y: ArrayLike,
+        time: float | None = None,
+        deviation: ArrayLike | None = None,
+    ) -> Array:
         """Learn one sample, or what of it can be used.
 
         Channels of y that are no numbers are left out. A sample that is late, has been there
@@ -139,12 +148,16 @@ class FilterLearner(Saved):
             x: Input, (n_x,).
             y: Measurement, (n_y,).
             time: Of the sample [s]; None: not known, and it comes after the one before.
+            deviation: Of this measurement on top of `measurement_deviation` (as given or as
+                estimated), whose square it adds to, (n_y,) in the unit of y; None for none, NaN
+                where y is missing.
 
         Returns:
             Innovation y - mean, (n_y,); NaN where nothing was learned.
 
         Raises:
             ShapeError: If an argument has another shape.
+            ParameterError: If a deviation is negative.
             FilterDiverged: If the new weights would not be finite (with `screening` that is
                 counted, and nothing changes) or the covariance is lost; the learner is then
                 as it was before.
@@ -154,7 +167,8 @@ class FilterLearner(Saved):
         screen = self._filter.screen
         screen.numbers[0] = np.nan if time is None else time
         try:
-            outcome, prediction = self._filter.update(sample, measured)
+            with self._noisier(deviation):
+                outcome, prediction = self._filter.update(sample, measured)
         except MatrixLost as lost:  # between two samples
             raise diverged(lost.outcome, self.count, sample, measured) from None
         if outcome is not Outcome.COMPLETED:
@@ -164,6 +178,17 @@ class FilterLearner(Saved):
         self._heed_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
         return np.where(screen.left_out, np.nan, measured - prediction.mean)
+
+    def _noisier(self, deviation: ArrayLike | None) -> AbstractContextManager[None]:
+        """More noise of the measurement for one sample; where the filter's C code looks for it."""
+        if deviation is None:
+            return nullcontext()
+        added, shape = np.asarray(deviation, float), self._filter.screen.stated.shape
+        if added.shape != shape:
+            raise ShapeError("deviation", shape, added.shape)
+        if (added < 0).any() or np.isinf(added).any():
+            raise ParameterError("deviation", "zero or more", added.tolist())
+        return self._filter.screen.noisier(np.nan_to_num(added) ** 2)
 
     @property
     def compiled(self) -> Compiled | None:

@@ -40,7 +40,7 @@ class FlowNetwork(WingNetwork):
 
     V^2 is the mean square over all strips of the velocity (forward, normal) relative to the
     air, z = 1.5 ((forward, normal) / V of the first and last strip of every panel, the
-    joints' coordinates). lever_k = sum_i A_i |dp_i/dq_k|, the robot as drawn, is the
+    joints' coordinates). lever_k = sum_i A_i |dp'_i/dv_k|, the robot as drawn, is the
     generalized force of unit coefficients. B(q) turns force and moment on a floating body
     from its own axes to its coordinates, and is one for joints.
 
@@ -152,17 +152,17 @@ def _ends(robot: Robot) -> list[int]:
 
 
 def _joints(robot: Robot) -> list[int]:
-    """Coordinates that are not of a floating body."""
-    floating = {dof for body in robot.bodies for dof in body.floating_dofs or ()}
-    return [dof for dof in range(robot.dof) if dof not in floating]
+    """Places in q of the coordinates that are not of a floating body."""
+    floating = {k for body in robot.bodies for k in robot.floating_coordinates(body)}
+    return [k for k in range(robot.coordinate_count) if k not in floating]
 
 
 def _functions(machine: Robot) -> list[ca.Function]:
     """Encoder, and levers of the robot as drawn."""
     robot, robot_parameters = machine.symbolic()
-    n = robot.dof
-    x, wind, force = ca.SX.sym("x", 2 * n), ca.SX.sym("wind", 3), ca.SX.sym("force", n)
-    q, v = x[:n], x[n:]
+    x, wind = ca.SX.sym("x", robot.state_size), ca.SX.sym("wind", 3)
+    force = ca.SX.sym("force", robot.dof)
+    q, v = x[: robot.coordinate_count], x[robot.coordinate_count :]
     motions = strip_motions(robot, q, v, wind)
     square = sum((_square(motion) for motion in motions), ca.SX(0)) / len(motions)
     speed = ca.sqrt(square + SWITCH_SPEED**2)
@@ -177,7 +177,8 @@ def _functions(machine: Robot) -> list[ca.Function]:
         ["x", "network_parameters"],
         ["features", "readout"],
     )
-    lever = ca.substitute(_lever(motions, v), x, ca.SX.zeros(2 * n))
+    drawn = np.concatenate([robot.coordinates(), robot.velocities()])
+    lever = ca.substitute(_lever(motions, v), x, ca.SX(ca.DM(drawn)))
     lever = ca.substitute(lever, wind, ca.SX.zeros(3))
     return [
         encode,
@@ -190,7 +191,7 @@ def _square(motion: StripMotion) -> ca.SX:
 
 
 def _lever(motions: Sequence[StripMotion], v: ca.SX) -> ca.SX:
-    """sum_i A_i |dp_i/dq|, (n, 1)."""
+    """sum_i A_i |dp'_i/dv|, (n, 1)."""
     total = ca.SX.zeros(v.shape[0], 1)
     for motion in motions:
         velocity = ca.vertcat(motion.forward, motion.spanwise, motion.normal)

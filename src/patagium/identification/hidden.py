@@ -1,78 +1,93 @@
-"""A strip network with memory: what the air remembers is a state, what it does is learned.
+"""A strip network with memory: the lifting line's equations with its numbers learned.
 
-Sigma'_Aero of the source paper by strips. Every strip carries lags of its normalwash at
-fixed stable rates (`StripMemory`); trailing vortices carry them to its neighbors; the
-perceptron learns what section coefficients they make. Fixed: the rates, the Biot-Savart law
-on the known geometry. Learned: how lags and neighbors are weighed, and the coefficients.
-Neglected: forces on anything but strips, Reynolds number, separation with a memory of its own.
+Sigma'_Aero of the source paper by strips. The encoder is the state-space lifting line: lags of
+every strip, trailing vortices that carry them to its neighbors, lift across the induced wind.
+Its lag rates, amplitudes, lift slope and stall are weights; what a section makes of its flow
+beyond that is one perceptron for all strips. Neglected: forces on anything but strips, Reynolds
+number, camber in the normalwash, separation with a memory of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import pi
-from typing import Any
+from math import pi, radians
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
-from patagium.aerodynamics.horseshoes import horseshoe_function, lattice, strip_chains
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
-from patagium.aerodynamics.wash import normalwash
-from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import generalized_force
+from patagium.aerodynamics.indicial import Indicial, indicial_from_description
 from patagium.errors import ParameterError
 from patagium.identification.dense import described
-from patagium.identification.memory import StripMemory
+from patagium.identification.hidden_equations import (
+    COEFFICIENTS,
+    FEATURES,
+    Remembered,
+    hidden_functions,
+)
+from patagium.identification.hidden_numbers import (
+    coded_reach,
+    coded_size,
+    coded_start,
+    learned_air,
+    starting_lags,
+)
+from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Memory
-from patagium.identification.strip import StripNetwork
+from patagium.identification.network import Encoding, Network
+from patagium.identification.structure import Indices
 from patagium.native import load_functions
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
 
-_COEFFICIENTS = 6  # forward, normal, moment, along the span; slopes of the first two
-_DIRECTION, _WASH, _LAG = 2.0, 1.5, 3.0  # features then are about one in flapping flight
-_SLOWEST, _FASTEST = 0.05, 0.8  # rates of lags asked for by number [1/semichord]
+_LAST = 0.05  # of the usual size: at first the section is that of theory
 
 
-class HiddenStripNetwork(StripNetwork):
-    """Section coefficients from the local flow and its memory, y = sum_i B_i(q) p_i c_i.
+class HiddenStripNetwork(Network):
+    """Lifting line with hidden states, its numbers and its section learned.
 
-    x is [q, v, xi]: the state of the robot and the lagged normalwashes of its strips, which
-    `memory` advances with the flow, and `recall` finds for a log. For each strip
+    With w_e the normalwash of a strip at three quarters of its chord in the wind that all
+    strips' trailing vortices induce, W = phi(0) w_e + sum_k a_k z_k, and s the separated share,
 
-        m = scale * mlp([2f, 2n, 1.5w/U, 3xi_k/U, 1.5i/U, 3i_k/U]; W),
-        c_forward = m_1 + m_5 w/U,    c_normal = m_2 + m_6 w/U + sum_k m_(6+k) xi_k/U,
+        dz_k/dt = (2 U b_k / c) (w_e - z_k),
+        m = mlp(effective direction, geometric direction; W),   effective: (forward, -W),
+        F = (1 - s) (m_0 L + q (m_1, m_2)) + s q (m_4, m_5 sin a),
 
-    with U = |v| and (f, n) = v / U at the force point as in `StripNetwork`, w the normalwash
-    at three quarters of the chord, and i, i_k the normal velocity that all strips' trailing
-    vortices would induce if their circulations were pi c w or pi c xi_k. m_3 is
-    the moment about the span at the force point, m_4 drag along the span (times the velocity
-    along it); p_i = 1/2 rho A_i U^2, a chord more for the moment. So C(x, xi) xi + D(x, xi) w
-    of the state-space lifting line is there to begin with, C and D to be learned.
+    L the lifting line's lift with its induced drag, q = 1/2 rho A |v|^2 coefficient_scale, a the
+    geometric incidence; m_3 and m_7 are drag along the span, m_6 is a moment of separated flow.
+    At first m_0 = 1, m_5 = 2 / coefficient_scale (a plate's normal force), the rest almost
+    nothing. s = 1 / (1 + exp((sin^2 stall - sin^2 a_e) / width)) of the effective incidence a_e.
 
-    Whatever the weights, the hidden states cannot grow: their rates are 2 U b_k / c, b_k > 0.
+    The first weights are rates b, amplitudes of circulation, lift slope, amplitudes of lift a,
+    stall and its width, each as a logarithm from its prior: whatever the weights, rates are
+    positive and amplitudes sum to less than one. A deviation of .1 for these is one of .5 for
+    the logarithms of lags, .1 for the lift slope's, .3 for the stall's. x is
+    [q, v, z, vec S, W_m], of which [q, v] is measured and `recall` finds the rest.
+
+    A deviation of the measurement of .003 N times `lever_arms`, prior_deviation .1 and spread
+    1.7 did well for flapping flights of a small robot, free and mounted.
 
     Args:
         robot: The machine; its numbers are taken as they are.
         hidden: Neurons of each hidden layer.
-        lags: How many a strip, their rates spread evenly in logarithm from .05 to .8 a
-            semichord; or the rates themselves [1/semichord].
+        lags: Where the lags start from; or how many, their rates then spread evenly in
+            logarithm from .05 to .8 a semichord, with fitted amplitudes.
         air: Density and steady wind; gusts are not known to the network.
         activation: "softplus" or "tanh".
+        lift_slope: Where it starts from [1/rad].
+        stall_begins: Effective incidence up to which flow is attached, to start from [rad].
+        stall_complete: That beyond which it is separated, to start from [rad].
         coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
 
     Raises:
-        ParameterError: If the robot has no strips, the scale or a rate is not positive, or a
-            width or the activation not what it may be.
+        ParameterError: If the robot has no strips, there is no lag, a number is not positive,
+            stall is complete before it begins, or a width or the activation not what it may be.
 
     References:
-        Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal 55, 1279-1294 (the lags).
+        Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal 55, 1279-1294.
     """
 
     kind = "hidden_strip"
@@ -81,88 +96,256 @@ class HiddenStripNetwork(StripNetwork):
         self,
         robot: Robot,
         hidden: Sequence[int] = (8, 8),
-        lags: int | Sequence[float] = 2,
+        lags: int | Indicial = 2,
         air: Air | None = None,
         activation: str = "tanh",
         *,
+        lift_slope: float = 2 * pi,
+        stall_begins: float = radians(15.0),
+        stall_complete: float = radians(35.0),
         coefficient_scale: float = 4.0,
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        if not (np.isfinite(coefficient_scale) and coefficient_scale > 0):
-            raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
-        self.coefficient_scale = float(coefficient_scale)
+        if not 0 < stall_begins < stall_complete <= pi / 2:
+            angles = (stall_begins, stall_complete)
+            raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
+        self.lags = starting_lags(lags)
+        self.lift_slope = positive("lift_slope", lift_slope)
+        self.stall_begins, self.stall_complete = float(stall_begins), float(stall_complete)
+        self.coefficient_scale = positive("coefficient_scale", coefficient_scale)
         self.robot, self.air = robot, Air() if air is None else air
-        self._memory = StripMemory(robot, self.air, _rates(lags))
-        inputs = 4 + 2 * len(self._memory.rates)
-        outputs = _COEFFICIENTS + len(self._memory.rates)
-        self._perceptron = Perceptron((inputs, *hidden, outputs), activation)
-        self._names, self._offset = robot.dof_names, np.zeros(robot.dof)
-        pressure = self.air.density * self.coefficient_scale
-        self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
+        self._perceptron = Perceptron((FEATURES, *hidden, COEFFICIENTS), activation)
+        self._numbers, self._remembered = coded_size(self.lags.size)
+        self._states = len(robot.strips) * self.lags.size
+        stall = (self.stall_begins, self.stall_complete)
+        self._prior = coded_start(self.lags, self.lift_slope, stall)
+        self._reach = coded_reach(self.lags.size)
+        constants = [*self.air.wind, self.air.density, self.coefficient_scale]
+        self._constants = np.array([*constants, *robot.parameters])
         symbolic, _ = robot.symbolic()
-        key = f"hidden strip network {len(self._memory.rates)} {symbolic!r}"
-        label = f"hidden strip network of {robot.name}"
-        self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
+        self._functions = load_functions(
+            f"hidden strip network {self.lags.size} {symbolic!r}",
+            lambda: hidden_functions(robot, self.lags.size),
+            label=f"hidden strip network of {robot.name}",
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self.from_description, (self.describe(),)
 
-    @property
-    def inputs(self) -> int:
-        """Length of [q, v, xi]."""
-        return 2 * self.robot.dof + self._memory.size
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
 
     @property
-    def memory(self) -> StripMemory:
-        """The lags, to be advanced with the flow."""
-        return self._memory
+    def inputs(self) -> int:
+        """Length of [q, v, z, vec S, W_m]."""
+        return self.measured_inputs + self._states * (1 + self._remembered) + self._remembered
 
     @property
     def measured_inputs(self) -> int:
         """Length of [q, v]."""
-        return 2 * self.robot.dof
+        return self.robot.state_size
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y: all coordinates."""
+        return self.robot.dof_names
+
+    @property
+    def size(self) -> int:
+        """How many weights, n, those of the air before those of the perceptron."""
+        return self._numbers + self._perceptron.size
+
+    @property
+    def perceptron(self) -> Perceptron:
+        """From directions of the flow to coefficients of the section."""
+        return self._perceptron
+
+    @property
+    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
+        """Weights of the air together, then of each neuron, layer by layer."""
+        layers = self._perceptron.neurons
+        moved = tuple(tuple(neuron + self._numbers for neuron in layer) for layer in layers)
+        return ((np.arange(self._numbers),), *moved)
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        return self._perceptron.widths[1:-1]
+
+    @property
+    def fan_in(self) -> Array:
+        """How many inputs the neuron of each weight sums; 1 for the air's, (n,)."""
+        return np.append(np.ones(self._numbers), self._perceptron.fan_in)
+
+    def initial(self, seed: int) -> Array:
+        """Weights to start from, (n,): the air's numbers and the section as given.
+
+        Neurons are standard normal over sqrt(fan-in), a twentieth of that in the last layer.
+
+        Args:
+            seed: Seed of the draw.
+        """
+        fan_in, (below, above) = self._perceptron.fan_in, self._perceptron.widths[-2:]
+        normal = np.random.default_rng(seed).standard_normal(len(fan_in)) / np.sqrt(fan_in)
+        weights = np.where(fan_in > 1, normal, 0.0)
+        weights[-(below + 1) * above :] *= _LAST
+        weights[-above] += 1.0
+        weights[-above + 5] += 2.0 / self.coefficient_scale
+        return np.append(np.zeros(self._numbers), weights)
+
+    def constants(self, weights: ArrayLike) -> dict[str, float]:
+        """Numbers of the air by name, as a `LiftingLine` calls them where it has them.
+
+        Beside those `stall` [rad], where half of the flow is separated, and `stall_width` in
+        the square of its sine.
+
+        Args:
+            weights: (n,).
+        """
+        coded = self._coded(np.asarray(weights, float)[: self._numbers])
+        found = learned_air(coded.tolist(), self.lags.size)
+        parts = {name: getattr(found.lags, name) for name in ("rate", "lift", "circulation")}
+        named = {f"lags.{part}[{k}]": x for part, all_ in parts.items() for k, x in enumerate(all_)}
+        named |= {"section.lift_slope": found.lift_slope, "stall_width": found.stall_width}
+        named |= {"stall": np.arcsin(np.sqrt(min(found.stall, 1.0)))}
+        return {name: float(value) for name, value in named.items()}
 
     def recall(
         self,
         weights: Array,
         time: ArrayLike,
         x: Array,
-        carried: Memory | None = None,
+        carried: Remembered | None = None,
         gaps: ArrayLike = (),
-    ) -> tuple[Array, Memory]:
-        """States of a block with what the strips remember at each; no weight changes that.
+    ) -> tuple[Array, Remembered | None]:
+        """States of a block with the lags at each sample and their slopes for the weights.
+
+        At the beginning of a memory the flow is taken as steady.
 
         Args:
-            weights: Not used, (n,).
+            weights: That hold over the block, (n,).
             time: Increasing, (N,) [s].
-            x: [q, v], (N, 2n).
+            x: [q, v], (N, n_q + n).
             carried: What the block before left.
-            gaps: First sample after each gap.
+            gaps: First sample after each gap, where memory begins anew.
 
         Returns:
-            [q, v, xi], (N, n_x), and what the next block goes on from.
+            [q, v, z, vec S, W_m], (N, n_x), and what the next block goes on from.
         """
-        stamps, starts = np.asarray(time, float), np.asarray(gaps, int)
-        if carried is None:
-            lags = self._memory.states(stamps, x, starts)
-        else:
-            earlier = np.append(carried.time, stamps), np.vstack([carried.x, x])
-            lags = self._memory.states(*earlier, starts + 1, carried.state)[1:]
-        nothing = np.zeros((self._memory.size, 0))
-        left = Memory(float(stamps[-1]), x[-1], lags[-1], nothing, np.zeros(0))
-        return np.hstack([x, lags]), left
+        own = np.asarray(weights, float)[: self._remembered]
+        coded = self._coded(np.asarray(weights, float)[: self._numbers])
+        anew, rows = set(np.asarray(gaps, int).tolist()), np.empty((len(x), self.inputs))
+        begin, step = self._functions["begin"], self._functions["step"]
+        reach = self._reach[: self._remembered]
+        for k, (stamp, sample) in enumerate(zip(np.asarray(time).tolist(), x, strict=True)):
+            known = sample, coded, self._constants
+            if carried is None or k in anew:
+                found = begin(*known)
+            else:
+                found = step(*known, stamp - carried.time, *carried[1:-1])
+            carried = Remembered._make([stamp, *found, own])
+            slopes = (carried.slopes * reach).ravel()
+            rows[k] = np.concatenate([sample, carried.state, slopes, own])
+        return rows, carried
+
+    def corrected(self, carried: Remembered, change: Array) -> Remembered:
+        """What is carried, moved along its slopes after an update of the weights.
+
+        Args:
+            carried: As `recall` left it.
+            change: By which the weights moved, (n,).
+        """
+        own = change[: self._remembered]
+        coded = own * self._reach[: self._remembered]
+        return carried._replace(
+            state=carried.state + carried.slopes @ coded,
+            effective=carried.effective + carried.effective_slopes @ coded,
+            weights=carried.weights + own,
+        )
+
+    def encode(self, x: Array) -> Encoding:
+        """The samples as they are, (N, 1, n_x); see `encode_one`."""
+        readout = np.ones((len(x), self.outputs, 1))
+        return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
+
+    def encode_one(self, x: Array) -> Encoding:
+        """The same of one sample: noise that is estimated grows with its readout."""
+        own = np.zeros(self._numbers)
+        own[: self._remembered] = x[-self._remembered :]
+        _, readout = self._seen(x[None], own[None])
+        return Encoding(x[None], readout[0], np.zeros(self.outputs))
+
+    def decode(self, encoding: Encoding, weights: Array) -> Array:
+        """y of samples encoded before, (N, n_y).
+
+        Args:
+            encoding: Of N samples.
+            weights: (n,).
+        """
+        x = encoding.features[:, 0]
+        own = np.broadcast_to(weights[: self._numbers], (len(x), self._numbers))
+        features, readout = self._seen(x, own)
+        out = self._perceptron.forward(features, weights[self._numbers :])
+        return np.asarray((readout @ out.reshape(len(x), -1, 1))[:, :, 0])
+
+    def values(self, encoding: Encoding, points: Array) -> Array:
+        """y of one encoded sample at many weights, (p, n_y).
+
+        Args:
+            encoding: Of one sample.
+            points: (p, n).
+        """
+        own = points[:, : self._numbers].astype(float)
+        different, place = np.unique(own, axis=0, return_inverse=True)
+        x = np.broadcast_to(encoding.features[0], (len(different), self.inputs))
+        features, readout = (part[place.ravel()] for part in self._seen(x, different))
+        weights = np.ascontiguousarray(points[:, self._numbers :])
+        out = self._perceptron.forward(features.astype(points.dtype), weights).astype(float)
+        return np.asarray((readout @ out.reshape(len(points), -1, 1))[:, :, 0])
+
+    def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
+        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
+
+        Args:
+            encoding: Of one sample.
+            weights: (n,).
+        """
+        x, own, rest = encoding.features[0], weights[: self._numbers], weights[self._numbers :]
+        features, readout = (part[0] for part in self._seen(x[None], own[None]))
+        out, inner = self._perceptron.linearized(features, rest)
+        state, slopes = self._lags_at(x[None], own[None])
+        moved = np.zeros((self._states, self._numbers))
+        moved[:, : self._remembered] = slopes[0] / self._reach[: self._remembered]
+        through = self._perceptron.input_slopes(features, rest, readout).reshape(len(readout), -1)
+        known = x[: self.measured_inputs], state[0], self._coded(own), out.T, self._constants
+        of_air = np.empty((len(readout), len(own)))
+        for k, along in enumerate(np.eye(len(own))):
+            of_features, of_y = self._functions["slope"](*known, moved[:, k], along)
+            of_air[:, k] = (of_y + through @ of_features) * self._reach[k]
+        of_weights = readout @ inner.reshape(-1, len(rest))
+        return readout @ out.ravel(), np.hstack([of_air, of_weights])
+
+    def encoding(self, x: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Features, (n_in, m), and readout, (n_y, m n_out), as expressions of x and weights."""
+        n, n_z, n_m = self.measured_inputs, self._states, self._remembered
+        slopes = ca.reshape(x[n + n_z : -n_m], n_m, n_z).T
+        state = x[n : n + n_z] + slopes @ (weights[:n_m] - x[-n_m:])
+        coded = self._prior + self._reach * weights[: self._numbers]
+        encode = self._functions["encode"].expression
+        features, readout = encode(x[:n], state, coded, self._constants)
+        return features, readout
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
         return {
             "kind": self.kind,
             "robot": self.robot.source,
-            "hidden": list(self._perceptron.widths[1:-1]),
-            "lags": list(self._memory.rates),
+            "hidden": list(self.hidden),
+            "lags": self.lags.describe(),
             "air": self.air.describe(),
             "activation": self._perceptron.activation,
-            "coefficient_scale": self.coefficient_scale,
+            **{name: getattr(self, name) for name in _NUMBERS},
         }
 
     @classmethod
@@ -175,98 +358,30 @@ class HiddenStripNetwork(StripNetwork):
         """
         from patagium.robot import load_robot_text
 
-        keys = ("robot", "hidden", "lags", "air", "activation", "coefficient_scale")
+        keys = ("robot", "hidden", "lags", "air", "activation", *_NUMBERS)
         values = described(cls.kind, description, keys)
-        air = air_from_description(values.pop("air"))
-        return cls(load_robot_text(values.pop("robot")), air=air, **values)
+        air, lags = air_from_description(values.pop("air")), values.pop("lags")
+        robot = load_robot_text(values.pop("robot"))
+        return cls(robot, lags=indicial_from_description(lags), air=air, **values)
 
-    def _function(self) -> ca.Function:
-        robot, robot_parameters = self.robot.symbolic()
-        count, lags = len(robot.strips), len(self._memory.rates)
-        x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
-        q, v = x[: robot.dof], x[robot.dof : 2 * robot.dof]
-        motions = strip_motions(robot, q, v, wind)
-        washes = [ca.vertcat(*[normalwash(motion) for motion in motions])]
-        washes += [x[2 * robot.dof + k :: lags] for k in range(lags)]
-        induced = self._induced(robot, q, v, wind, motions, washes)
-        coefficients = ca.SX.sym("m", _COEFFICIENTS + lags, count)
-        seen: list[ca.SX] = []
-        wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-        for i, motion in enumerate(motions):
-            ahead = (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
-            flow = ca.vertcat(motion.forward, motion.normal_ahead(ahead))
-            speed = smooth_norm(ca.sumsqr(flow))
-            gains = [_WASH] + [_LAG] * lags
-            parts = [
-                gain * wash[i] / speed
-                for washed in (washes, induced)
-                for gain, wash in zip(gains, washed, strict=True)
-            ]
-            seen.append(ca.vertcat(_DIRECTION * flow / speed, *parts))
-            m = coefficients[:, i]
-            slopes = ca.vertcat(*[wash[i] for wash in washes]) / speed
-            c = ca.vertcat(m[0] + m[4] * slopes[0], m[1] + ca.dot(m[5:], slopes), m[2:4])
-            wrench = _wrench(motion, flow, speed, ahead, pressure * c)
-            body, still = motion.strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1))
-            force, moment = wrenches.get(body, still)
-            wrenches[body] = (force + wrench[0], moment + wrench[1])
-        y = generalized_force(robot, q, wrenches)
-        outputs = [ca.horzcat(*seen), ca.jacobian(y, ca.vec(coefficients))]
-        parameters = ca.vertcat(wind, pressure, robot_parameters)
-        names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
-        return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
+    def _coded(self, own: Array) -> Array:
+        """Coded numbers of the air at their weights."""
+        return np.asarray(self._prior + self._reach * own)
 
-    def _induced(
-        self,
-        robot: Robot,
-        q: ca.SX,
-        v: ca.SX,
-        wind: ca.SX,
-        motions: Sequence[StripMotion],
-        washes: Sequence[ca.SX],
-    ) -> list[ca.SX]:
-        """Normal velocity at each strip if the circulations were pi c wash, (n_strips, 1) each."""
-        chains = strip_chains(self.robot)
-        net = lattice(robot, chains, q, v, wind)
-        order = [i for chain in chains for i in chain.strips]
-        right = [sign for chain in chains for sign in chain.right]
-        gain = ca.vertcat(
-            *[
-                pi * along * smooth_sign(motions[i].forward) * motions[i].strip.chord
-                for i, along in zip(order, right, strict=True)
-            ]
-        )
-        vortices = horseshoe_function(tuple(len(chain.strips) for chain in chains))
-        place = [order.index(i) for i in range(len(order))]
-        found = []
-        for wash in washes:
-            _, velocity = vortices(
-                *(net.points[:, order], net.normals[:, order]),
-                *(net.edges, net.directions, net.core_squares, gain, wash[order], 0.0),
-            )
-            found.append(ca.sum1(net.normals * velocity[:, place]).T)
-        return found
+    def _lags_at(self, x: Array, own: Array) -> tuple[Array, Array]:
+        """Lags at weights, z + S (W - W_m), (N, n_z), and S, (N, n_z, n_m)."""
+        rest, n_m = x[:, self.measured_inputs :], self._remembered
+        slopes = rest[:, self._states : -n_m].reshape(len(x), self._states, n_m)
+        change = own[:, :n_m] - rest[:, -n_m:]
+        return rest[:, : self._states] + np.einsum("kij,kj->ki", slopes, change), slopes
+
+    def _seen(self, x: Array, own: Array) -> tuple[Array, Array]:
+        """Features of strips, (N, m, n_in), and readout, (N, n_y, m n_out)."""
+        state, _ = self._lags_at(x, own)
+        measured = np.ascontiguousarray(x[:, : self.measured_inputs])
+        coded = self._coded(own)
+        features, readout = self._functions["encode"].batch(measured, state, coded, self._constants)
+        return features.transpose(0, 2, 1), readout
 
 
-def _wrench(
-    motion: StripMotion, flow: ca.SX, speed: ca.SX, ahead: ca.SX, coefficients: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """Force and moment about the body's origin of coefficients times density, body axes."""
-    strip = motion.strip
-    forward, normal = vector(strip.forward), vector(strip.normal)
-    span, half_area = cross(normal, forward), strip.chord * strip.width / 2
-    along = coefficients[3] * speed * motion.spanwise_ahead(ahead)
-    square = ca.sumsqr(flow)
-    force = forward * (coefficients[0] * square) + normal * (coefficients[1] * square)
-    force = half_area * (force + span * along)
-    point = vector(strip.quarter_chord) + forward * ahead
-    twist = half_area * strip.chord * square * coefficients[2]
-    return force, cross(point, force) - span * twist
-
-
-def _rates(lags: int | Sequence[float]) -> tuple[float, ...]:
-    if not isinstance(lags, int):
-        return tuple(lags)
-    if lags < 0:
-        raise ParameterError("lags", "a number of at least 0, or rates", lags)
-    return tuple(np.geomspace(_SLOWEST, _FASTEST, lags).tolist())
+_NUMBERS = ("lift_slope", "stall_begins", "stall_complete", "coefficient_scale")

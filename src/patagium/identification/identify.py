@@ -1,7 +1,7 @@
 """A flight through a learner, and a learned model against a flight it never saw.
 
-Names of inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`. Neglected:
-sensors; a flight's state and accelerations are taken as they stand.
+Names of inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`. Neglected: errors of
+the states; a flight's accelerations, too, are taken as they stand.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.identification.force_samples import ForceSamples
 from patagium.identification.learner import Learner
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
@@ -53,7 +54,7 @@ class _Predicts(Protocol):
 
 
 def identify(
-    flight: xr.Dataset,
+    flight: xr.Dataset | ForceSamples,
     learner: Learner,
     *,
     every: int = 100,
@@ -64,11 +65,12 @@ def identify(
 ) -> Identification:
     """What a learner makes of a flight, sample by sample.
 
-    The force of the air is taken from the flight by inverse dynamics (`training_data`),
-    each sample predicted before it may be used (`stream`).
+    The force of the air is taken from the flight by inverse dynamics (`training_data`), or as
+    it was measured, each sample predicted before it may be used (`stream`).
 
     Args:
-        flight: Record with q, v, a, u1.
+        flight: Record with q, v, a, u1; or measured forces, whose deviations the learner then
+            takes as noise on top of its own.
         learner: What learns; it goes on from where it stands, and is changed. Its network
             sees the inputs and gives generalized forces, or what it says it measures.
         every: 100 to use one sample in 100.
@@ -87,12 +89,25 @@ def identify(
         ParameterError: If an input has no such name.
     """
     time, x, y, units = samples(flight, learner.network, inputs, robot)
-    spans = flight_horizons(flight) if horizons is None else dict(horizons)
-    return stream(learner, time, x, y, every=every, horizons=spans, units=units, progress=progress)
+    if horizons is not None:
+        spans = dict(horizons)
+    else:
+        spans = flight_horizons(flight)
+    return stream(
+        learner,
+        time,
+        x,
+        y,
+        every=every,
+        horizons=spans,
+        units=units,
+        deviation=deviations(flight, learner.network),
+        progress=progress,
+    )
 
 
 def evaluate(
-    flight: xr.Dataset,
+    flight: xr.Dataset | ForceSamples,
     model: Trained,
     *,
     every: int = 100,
@@ -102,7 +117,7 @@ def evaluate(
     """A model with frozen weights against a flight it never saw.
 
     Args:
-        flight: Record with q, v, a, u1.
+        flight: Record with q, v, a, u1; or measured forces.
         model: A learner (it is not taught), or network and weights.
         every: The rival holds one measured sample in so many; the model sees none.
         inputs: Names of what the network sees; None: those of the model's file, or q, then v.
@@ -170,7 +185,7 @@ def compare(
 
 
 def samples(
-    flight: xr.Dataset,
+    flight: xr.Dataset | ForceSamples,
     network: Network,
     inputs: Sequence[str] | None = None,
     robot: Robot | None = None,
@@ -178,7 +193,7 @@ def samples(
     """What a network sees of a flight, and what it should say.
 
     Args:
-        flight: Record with q, v, a, u1.
+        flight: Record with q, v, a, u1; or measured forces.
         network: Its outputs are coordinates of the robot (generalized forces), or linear
             functions of the strip forces (`measured`, taken from the flight's strips).
         inputs: Names of what it sees; None: q, then v.
@@ -187,12 +202,18 @@ def samples(
     Returns:
         Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
     """
-    machine = robot_of(flight) if robot is None else robot
-    time, state, force = training_data(flight, machine)
+    if isinstance(flight, ForceSamples):
+        machine = flight.robot if robot is None else robot
+        time, state, force = flight.time, flight.state, flight.force
+    else:
+        machine = robot_of(flight) if robot is None else robot
+        time, state, force = training_data(flight, machine)
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
     measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
     balance = strip_force_matrix(network)
     if balance is not None:
+        if isinstance(flight, ForceSamples):
+            raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
         strips = flight["strip_force"].transpose("time", "strip", "axis").values
         return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
     names = network.output_names
@@ -204,6 +225,18 @@ def samples(
         )
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [measures[k] for k in columns]
+
+
+def deviations(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
+    """Of measured forces in the coordinates a network gives, (N, n_y); None of a flight.
+
+    Args:
+        flight: A flight, or measured forces.
+        network: Its outputs are coordinates of the robot.
+    """
+    if not isinstance(flight, ForceSamples):
+        return None
+    return flight.deviation[:, [flight.robot.index(name) for name in network.output_names]]
 
 
 def strip_force_matrix(network: Network) -> Array | None:
@@ -228,18 +261,21 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     Raises:
         ParameterError: If there is no such name.
     """
-    names = [f"{part}.{dof}" for part in ("q", "v") for dof in robot.dof_names]
+    names = [f"q.{name}" for name in robot.coordinate_names]
+    names += [f"v.{name}" for name in robot.dof_names]
     for name in inputs:
         if name not in names:
             raise ParameterError("inputs", f"names among {', '.join(names)}", name)
     return [names.index(name) for name in inputs]
 
 
-def flight_horizons(flight: xr.Dataset) -> dict[str, float]:
+def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:
     """10 ms, and one wingbeat where the flight's gait has a period.
 
     Args:
-        flight: Record whose attribute `gait` describes the gait.
+        flight: Record whose attribute `gait` describes the gait, or measured forces.
     """
+    if isinstance(flight, ForceSamples):
+        return {"10ms": SHORT_HORIZON}
     period = gait_period(flight)
     return {"10ms": SHORT_HORIZON} | ({} if period is None else {"beat": period})

@@ -13,7 +13,7 @@ _INTEGERS = ("channels", "stuck_samples", "window", "reference")
 _NUMBERS = ("limit", "share", "ratio")
 _ARRAYS = (
     *("numbers", "whole", "counts", "noise", "steady", "loaded", "smallest", "load", "mean_load"),
-    *("extra", "last", "still", "moved", "left_out", "past"),
+    *("extra", "last", "still", "moved", "left_out", "past", "stated"),
 )
 
 
@@ -33,7 +33,7 @@ def screening_structure(screen: Screen) -> _Screening:
     Args:
         screen: Whose arrays, shared by address; it must outlive the structure.
     """
-    arrays = screen.arrays
+    arrays = {**screen.arrays, "stated": screen.stated}
     return _Screening(
         channels=len(arrays["noise"]),
         stuck_samples=screen.stuck_samples,

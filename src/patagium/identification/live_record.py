@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 from patagium import __version__
 from patagium.errors import FlightError
-from patagium.identification.air_force import PARTS
+from patagium.identification.air_force import PARTS, packet_parts
 from patagium.identification.pipeline import Pipeline, Records
 from patagium.identification.scores import json_ready
+from patagium.simulation import quantities
 
 Array = NDArray[np.float64]
 
 FORMAT = "patagium stream 1"
 _AT_ONCE = 4096
-_UNITS = {"q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "u1": "N or N m"}
 _FORCE = "N or N m"
 _MEANING = {
     "measurement": ("f8", _FORCE, "force of the air by inverse dynamics"),
@@ -41,7 +41,8 @@ _MEANING = {
 class StreamFile:
     """A netCDF file of packets and records: a flight as it was sensed, and as it was foreseen.
 
-    Variables over time and dof are q, v, a and u1, as in a flight; over time and output
+    Variables over time and dof are q, v, a and u1, as in a flight (with a quaternion q is over
+    time and coordinate); over time and output
     measurement, prediction, deviation, left_out; over time outcome and duration.
 
     Args:
@@ -67,7 +68,7 @@ class StreamFile:
         self._lay_out()
 
     def append(self, packets: Array, records: Records) -> None:
-        """Keep packets, (k, 1 + 4 n), and their records."""
+        """Keep packets, (k, 1 + n_q + 3 n), and their records."""
         self._waiting.append((packets, records))
         self._held += len(packets)
         if self._held >= _AT_ONCE:
@@ -103,13 +104,15 @@ class StreamFile:
         file.robot, file.robot_name = robot.source, robot.name
         file.learner = json.dumps(json_ready(self._pipeline.learner.describe()))
         names = {"dof": robot.dof_names, "output": network.output_names}
+        of_part = {part: quantities(robot)[part] for part in PARTS}
+        names |= {of_part["q"].dims[0]: robot.coordinate_names}
         file.createDimension("time", None)
         self._variable("time", "f8", (), "s", "time stamp of the packet")
         for dimension, words in names.items():
             file.createDimension(dimension, len(words))
             file.createVariable(dimension, str, (dimension,))[:] = np.array(words, object)
         for part in PARTS:
-            self._variable(part, "f8", ("dof",), _UNITS[part], "as sensed")
+            self._variable(part, "f8", of_part[part].dims, of_part[part].units, "as sensed")
         for name, (kind, units, meaning) in _MEANING.items():
             self._variable(name, kind, ("output",), units, meaning)
         self._variable("outcome", "i1", (), "1", "0: learned; else why not, errors.Outcome")
@@ -128,7 +131,7 @@ class StreamFile:
         packets = np.concatenate([packets for packets, _ in self._waiting])
         records = Records(np.concatenate([records.rows for _, records in self._waiting]))
         place = slice(self._written, self._written + len(packets))
-        parts = dict(zip(PARTS, np.split(packets[:, 1:], len(PARTS), axis=1), strict=True))
+        parts = dict(zip(PARTS, packet_parts(packets, self._pipeline.robot), strict=True))
         parts |= {name: getattr(records, name) for name in (*_MEANING, "outcome", "duration")}
         for name, values in (("time", packets[:, 0]), *parts.items()):
             self._file.variables[name][place] = values

@@ -165,6 +165,18 @@ class Perceptron:
             seeds.insert(0, steps * (layers[number][0].T @ seeds[0]))
         return sums[-1], inputs[:-1], seeds
 
+    def input_slopes(self, features: Array, weights: Array, readout: Array) -> Array:
+        """Derivative of y = readout . outputs for the inputs, (n_y, m, n_in).
+
+        Args:
+            features: Inputs, (m, n_in).
+            weights: (size,).
+            readout: (n_y, m n_out).
+        """
+        _, _, seeds = self.sensitivities(features, weights, readout)
+        matrix, _ = next(self._layers(weights))
+        return np.asarray(np.einsum("oj,moy->ymj", matrix, seeds[0]))
+
     def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
         start, leading = 0, weights.shape[:-1]
         for below, above in pairwise(self.widths):

@@ -75,7 +75,7 @@ class TextPackets:
         self._fields, self._line, self._rest = 0, 0, b""
 
     def take(self, piece: bytes) -> Array:
-        """Packets of the lines that end in this piece, (k, 1 + 4 n).
+        """Packets of the lines that end in this piece, (k, 1 + n_q + 3 n).
 
         Raises:
             LogError: If the first line does not name all columns.
@@ -141,7 +141,7 @@ class DatagramPackets:
         self._session, self._expected = nan, 0
 
     def take(self, datagram: bytes) -> Array:
-        """Its packets that are new, (k, 1 + 4 n)."""
+        """Its packets that are new, (k, 1 + n_q + 3 n)."""
         try:
             return self._in_order(*self._read(datagram))
         except ValueError as problem:
@@ -176,7 +176,7 @@ def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> 
     """Packets as datagrams, for a sender.
 
     Args:
-        packets: (N, 1 + 4 n).
+        packets: (N, 1 + n_q + 3 n).
         session: Any number that differs from that of the sender's last run.
         rows: Packets a datagram.
         first: How many were sent before.

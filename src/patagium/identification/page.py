@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patagium.report import Note, Section, Table, picture, write_page
+from patagium.report import Link, Note, Section, Table, picture, write_page
 from patagium.report.figures import comparison, curves, innovation_and_covariance
 
 if TYPE_CHECKING:
@@ -18,16 +18,20 @@ DRAWN = 6
 """Most outputs drawn; the others are in the table."""
 
 
-def write_identification(result: Identification, path: str | Path, title: str) -> Path:
+def write_identification(
+    result: Identification, path: str | Path, title: str, replay: str | None = None
+) -> Path:
     """A self-contained HTML page of an identification.
 
     Args:
         result: What to show.
         path: File to write.
         title: Heading of the page.
+        replay: Address of the flight's replay, relative to the page, or None.
     """
+    moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
     sections = [
-        Section("Scores", [_score_table(result.scores), *_remarks(result.scores)]),
+        Section("Scores", [*moving, _score_table(result.scores), *_remarks(result.scores)]),
         Section("Predicted before it was used", [_prediction_picture(result)]),
     ]
     if result.prediction.sizes["update_time"] > 1:

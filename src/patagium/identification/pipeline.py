@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
-from patagium.identification.air_force import Column, air_force, check_network, packet_columns
+from patagium.identification.air_force import (
+    Column,
+    air_force,
+    check_network,
+    packet_columns,
+    packet_parts,
+)
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.kernel_memory import Compiled
 from patagium.identification.learner import Learner
@@ -87,7 +93,7 @@ class _Pipeline(ctypes.Structure):
     """`pipeline` of the kernel, field by field."""
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("dof", "outputs")),
+        *((name, ctypes.c_int32) for name in ("coordinates", "dof", "outputs")),
         *((name, ctypes.c_void_p) for name in ("air_force", "parameters", "update", "memory")),
         *((name, ctypes.c_void_p) for name in ("x", "y", "stamp", "mean", "covariance", "nis")),
         *((name, ctypes.c_void_p) for name in ("left_out", "alarm")),
@@ -119,7 +125,7 @@ class Pipeline:
         self.inputs = None if inputs is None else tuple(inputs)
         self._force = air_force(robot, inputs, learner.network.output_names)
         self._parameters = np.ascontiguousarray(robot.parameters, float)
-        self._columns = 1 + 4 * robot.dof
+        self._columns = len(packet_columns(robot))
         self._chain = _chain(learner, self._force, robot)
 
     @property
@@ -141,7 +147,7 @@ class Pipeline:
         """Learn packets in order, each foreseen before it is learned.
 
         Args:
-            packets: (N, 1 + 4 n), as `columns` names them.
+            packets: (N, 1 + n_q + 3 n), as `columns` names them.
 
         Returns:
             A record of each.
@@ -160,7 +166,7 @@ class Pipeline:
         return Records(records)
 
     def step(self, packet: ArrayLike) -> Records:
-        """Learn one packet, (1 + 4 n,); its record, N = 1.
+        """Learn one packet, (1 + n_q + 3 n,); its record, N = 1.
 
         Raises:
             ShapeError: If the packet has another shape.
@@ -181,7 +187,7 @@ class Pipeline:
         m = self.learner.network.outputs
         for row, record in zip(rows, records, strict=True):
             started = perf_counter_ns()
-            x, y = map(np.atleast_1d, self._force(*np.split(row[1:], 4), self._parameters))
+            x, y = map(np.atleast_1d, self._force(*packet_parts(row, self.robot), self._parameters))
             record[:] = np.nan
             record[2 * m : 3 * m], record[3 * m + 2] = y, 0.0
             record[3 * m + 1] = _learned(self.learner, row[0], x, y, record)
@@ -210,6 +216,7 @@ class _CompiledChain:
             if name != "predict"
         }
         self._struct = _Pipeline(
+            coordinates=robot.coordinate_count,
             dof=robot.dof,
             outputs=len(compiled.y),
             air_force=force.address,
@@ -221,7 +228,7 @@ class _CompiledChain:
         self.native = function, ctypes.addressof(self._struct)
 
     def run(self, rows: Array, records: Array) -> int:
-        """Packets, (N, 1 + 4 n), into records, (N, 3 n_y + 4); how many, up to an alarm."""
+        """Packets, (N, 1 + n_q + 3 n), into records, (N, 3 n_y + 4); how many, up to an alarm."""
         return int(self._function(self.native[1], len(rows), rows.ctypes.data, records.ctypes.data))
 
 

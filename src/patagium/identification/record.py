@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.identification.calibration import NOMINAL, reliability
+from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.learner import Learner
 from patagium.identification.schedule import Indices
 from patagium.identification.scores import coverage
@@ -62,7 +63,9 @@ def no_updates(outputs: int) -> Updates:
     return Updates(np.empty(0, np.int64), none, none, nothing, nothing, nothing)
 
 
-def check(learner: Learner, sample: int, x: Array, y: Array) -> Check:
+def check(
+    learner: Learner, sample: int, x: Array, y: Array, deviation: Array | None = None
+) -> Check:
     """The predicted mean and deviation at one sample, against it.
 
     Args:
@@ -70,8 +73,12 @@ def check(learner: Learner, sample: int, x: Array, y: Array) -> Check:
         sample: Which one.
         x: Its input, (n_x,).
         y: What was measured, (n_y,).
+        deviation: Of its noise on top of the learner's, (n_y,); None for none.
     """
-    mean, covariance = learner.predict(x)
+    if deviation is not None and isinstance(learner, FilterLearner):
+        mean, covariance = learner.predict(x, deviation)
+    else:
+        mean, covariance = learner.predict(x)
     return Check(sample, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
 
 

@@ -56,16 +56,19 @@ class Identification:
         finally:
             Path(name).unlink(missing_ok=True)
 
-    def report(self, path: str | Path, title: str = "Identification") -> None:
+    def report(
+        self, path: str | Path, title: str = "Identification", replay: str | None = None
+    ) -> None:
         """A self-contained HTML page: the scores, and predictions against measurements.
 
         Args:
             path: The file.
             title: Its heading.
+            replay: Address of the flight's replay, relative to the page, to be linked.
         """
         from patagium.identification.page import write_identification
 
-        write_identification(self, path, title)
+        write_identification(self, path, title, replay)
 
 
 def load_identification(path: str | Path) -> Identification:

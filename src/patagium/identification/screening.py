@@ -10,7 +10,8 @@ Neglected: channels that fail together in a way that each of them looks right.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, isfinite, isnan
 from typing import NamedTuple
@@ -151,6 +152,7 @@ class Screen:
         self.parts["steady"][:] = self.parts["loaded"][:] = noise / 2
         self.parts["smallest"][:] = 1e-12 * noise
         self.parts["last"][:] = np.nan
+        self.stated = np.zeros(channels)
         self.numbers[:3] = np.nan, -inf, np.nan
 
     @property
@@ -195,6 +197,21 @@ class Screen:
         """Channels of the last sample that were not learned from, (n_y,)."""
         return self.marks["left_out"].astype(bool)
 
+    @contextmanager
+    def noisier(self, variance: Array) -> Iterator[None]:
+        """More noise of the measurement for one sample, on top of what is known or estimated.
+
+        Args:
+            variance: Of it, (n_y,).
+        """
+        place = self.stated if self.share else self.parts["noise"]
+        before = place.copy()
+        place += variance
+        try:
+            yield
+        finally:
+            place[:] = before
+
     def note(self, event: str) -> None:
         """Count one more of an event."""
         self.counts[EVENTS.index(event)] += 1
@@ -229,7 +246,8 @@ class Screen:
         parts = self.parts
         if self.share:
             parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
-            parts["noise"][:] = parts["steady"] + parts["loaded"] * self._relative_load()
+            own = parts["steady"] + parts["loaded"] * self._relative_load()
+            parts["noise"][:] = own + self.stated
         return parts["noise"].copy()
 
     def screened(self, found: Moments, measured: Array) -> Screened | None:
@@ -313,7 +331,7 @@ class Screen:
         raised = (parts["noise"] + parts["extra"]) / parts["noise"]
         larger = np.maximum(parts["steady"], parts["loaded"] * relative)
         share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
-        rate = share * raised * parts["noise"] / larger
+        rate = share * raised * (parts["noise"] - self.stated) / larger
         move = np.where(kept, rate * (gain**2 - inverse), 0.0)
         for name, factor in (("steady", move), ("loaded", relative * move)):
             part = parts[name]

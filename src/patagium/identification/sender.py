@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 
 def flight_packets(flight: xr.Dataset) -> Array:
-    """Packets of a flight, (N, 1 + 4 n): time, q, v, a, u1.
+    """Packets of a flight, (N, 1 + n_q + 3 n): time, q, v, a, u1.
 
     Args:
-        flight: Record with q, v, a, u1 (time, dof).
+        flight: Record with q, v, a, u1.
     """
-    parts = [flight[part].transpose("time", "dof").to_numpy() for part in PARTS]
+    parts = [flight[part].transpose("time", ...).to_numpy() for part in PARTS]
     return np.column_stack([flight["time"].to_numpy(), *parts])
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
+from patagium.identification.log_record import LogRecord, is_log
 from patagium.identification.packets import (
     LARGEST_DATAGRAM,
     DatagramPackets,
@@ -31,6 +32,7 @@ from patagium.identification.packets import (
 Array = NDArray[np.float64]
 
 _PIECE = 1 << 20
+_ROWS = 1 << 14
 _LOOK = 0.05  # s between looks at what else goes on
 _BUFFER = 1 << 22  # B asked of the system for datagrams that wait
 LOOPBACK = "127.0.0.1"
@@ -58,7 +60,7 @@ class PacketQueue:
         """Add packets.
 
         Args:
-            packets: (k, 1 + 4 n).
+            packets: (k, 1 + n_q + 3 n).
             waits: Whether to wait for room; otherwise the newest without room are dropped,
                 and counted.
         """
@@ -77,7 +79,7 @@ class PacketQueue:
                     self._changed.wait(_LOOK)
 
     def take(self, most: int, patience: float) -> Array | None:
-        """The oldest packets, (k, 1 + 4 n), none if none came in time; None: no more will come.
+        """The oldest packets, (k, 1 + n_q + 3 n), none if none came in time; None: no more come.
 
         Args:
             most: How many at most.
@@ -235,13 +237,43 @@ class DatagramSource:
         return np.concatenate(found) if found else np.empty((0, self._columns))
 
 
+class RecordSource:
+    """A log that `patagium import` wrote, with q, v, a and u1 of every coordinate.
+
+    Args:
+        columns: Names of the numbers of a packet.
+        path: The log.
+
+    Raises:
+        LogError: If it is no such log, or lacks a number.
+    """
+
+    def __init__(self, columns: Sequence[str], path: Path) -> None:
+        self._columns, self._path = tuple(columns), path
+        with LogRecord(path) as record:
+            record.values(self._columns[1:], 0, 1)
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Its samples, as fast as they are learned from."""
+        with LogRecord(self._path) as record:
+            for begin in range(0, record.count, _ROWS):
+                if stop.is_set():
+                    return
+                end = begin + _ROWS
+                time = record.time(begin, end)
+                packets = np.column_stack([time, record.values(self._columns[1:], begin, end)])
+                queue.intake.received += len(packets)
+                queue.put(packets, waits=True)
+
+
 def source_of(
     words: str, columns: Sequence[str], *, idle: float | None = None
-) -> TextSource | DatagramSource:
+) -> TextSource | DatagramSource | RecordSource:
     """The source that words name.
 
     Args:
-        words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file.
+        words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file or of a
+            log that `patagium import` wrote.
         columns: Names of the numbers of a packet.
         idle: How long to wait for more [s]; None: until told to stop.
 
@@ -257,6 +289,8 @@ def source_of(
     path = Path(words)
     if not path.is_file():
         raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
+    if is_log(path):
+        return RecordSource(columns, path)
     return TextSource(columns, path, idle=idle)
 
 

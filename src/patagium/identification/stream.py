@@ -53,6 +53,7 @@ def stream(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
     gaps: ArrayLike = (),
+    deviation: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """A log learned online, and how well each sample was foreseen.
@@ -70,6 +71,8 @@ def stream(
         names: Names of the outputs; None for the network's.
         units: Units of the outputs, for axes of figures; None for "1".
         gaps: First sample after each gap in time; see `find_gaps`.
+        deviation: Of each measurement on top of the learner's own noise, (N, n_y); NaN where y
+            is. Learners without noise of the measurement leave it aside.
         progress: Called now and then with samples done and samples in all.
 
     Returns:
@@ -80,7 +83,11 @@ def stream(
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
     """
-    run = _Stream(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
+    run = StreamRun(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
+    if deviation is not None and isinstance(learner, FilterLearner):
+        run.noise = np.asarray(deviation, float)
+        if run.noise.shape != run.y.shape:
+            raise ShapeError("deviation", run.y.shape, run.noise.shape)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
     measures = tuple(units) if units is not None else ("1",) * len(labels)
     for word, given in (("names", labels), ("units", measures)):
@@ -92,8 +99,18 @@ def stream(
     return result
 
 
-class _Stream:
-    """The state of a run: what was predicted so far, and what the learner said of itself."""
+class StreamRun:
+    """The state of a run: what was predicted so far, and what the learner said of itself.
+
+    Args:
+        learner: What learns.
+        time: Increasing, (N,) [s].
+        x: What the network sees, (N, n_x).
+        y: What it predicts, (N, n_y).
+        every: One sample in so many is used.
+        durations: Label and length [s] of the spans to predict with frozen weights.
+        gaps: First sample after each gap in time.
+    """
 
     def __init__(
         self,
@@ -110,6 +127,7 @@ class _Stream:
         self.recollection = Recollection(learner.network, time, x, self.gaps)
         self.used = used_samples(len(time), every, self.gaps)
         self.horizons = plan_horizons(durations, time, self.used, self.gaps)
+        self.noise: Array | None = None
         self.prediction = np.full_like(y, np.nan)
         self.innovation = np.full((len(self.used), y.shape[1]), np.nan)
         self.deviation = np.full_like(self.innovation, np.nan)
@@ -123,6 +141,7 @@ class _Stream:
         self.outcome, self.message = Outcome.COMPLETED, ""
 
     def go(self, progress: Progress | None) -> None:
+        """All samples in order, or up to where the learner diverged."""
         intervals = list(holds(self.used, len(self.time)))
         checks = check_samples(intervals)
         starts = {h.label: set(h.begins.tolist()) for h in self.horizons}
@@ -157,12 +176,17 @@ class _Stream:
         self.reached = hold.end
         for index in checks:
             row = seen[index - hold.begin]
-            self.checks.append(check(self.learner, index, row, self.y[index]))
+            noise = None if self.noise is None else self.noise[index]
+            self.checks.append(check(self.learner, index, row, self.y[index], noise))
         return seen
 
     def _learn(self, index: int, seen: Array, look: bool) -> None:
         before = self.learner.weights
-        innovation = self.learner.update(seen, self.y[index], self.time[index])
+        if self.noise is not None and isinstance(self.learner, FilterLearner):
+            noise = self.noise[index]
+            innovation = self.learner.update(seen, self.y[index], self.time[index], noise)
+        else:
+            innovation = self.learner.update(seen, self.y[index], self.time[index])
         weights = self.learner.weights
         if not np.isfinite(weights).all():
             raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
@@ -185,6 +209,7 @@ class _Stream:
         )
 
     def result(self, names: tuple[str, ...]) -> Identification:
+        """Scores and predictions of the samples so far."""
         held = persistence(self.y, self.used)
         span = slice(0, self.reached)
         truth, guess = self.y[span], self.prediction[span]

@@ -178,7 +178,7 @@ class StripNetwork(WingNetwork):
     def _function(self) -> ca.Function:
         robot, robot_parameters = self.robot.symbolic()
         x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
-        q, v = x[: robot.dof], x[robot.dof :]
+        q, v = x[: robot.coordinate_count], x[robot.coordinate_count :]
         coefficients = ca.SX.sym("c", _COEFFICIENTS, len(robot.strips))
         seen, loads = [], []
         for number, motion in enumerate(strip_motions(robot, q, v, wind)):
@@ -191,7 +191,7 @@ class StripNetwork(WingNetwork):
             square = ca.sumsqr(flow)
             speed = smooth_norm(square)
             turn = [strip.chord * motion.pitch_rate / speed] if self.rotation else []
-            seen.append(ca.vertcat(_parted(flow / speed), *turn))
+            seen.append(ca.vertcat(parted(flow / speed), *turn))
             force = pressure * strip.chord * strip.width * square / 2 * coefficients[:, number]
             loads.append(StripLoad(motion, force[0], force[1], ahead, ca.SX(0)))
         air = assemble(robot, q, loads, ca.SX(0, 1))
@@ -210,8 +210,12 @@ def _again(arguments: tuple[Any, ...], options: dict[str, Any]) -> StripNetwork:
     return StripNetwork(*arguments, **options)
 
 
-def _parted(direction: ca.SX) -> ca.SX:
-    """The circle of directions, its crossings of the chord line drawn apart, (2, 1)."""
+def parted(direction: ca.SX) -> ca.SX:
+    """The circle of directions, its crossings of the chord line drawn apart, (2, 1).
+
+    Args:
+        direction: Forward and normal, of length one, (2, 1).
+    """
     forward, normal = direction[0], direction[1]
     side = normal / ca.sqrt(normal**2 + _PARTING_WIDTH**2)
     return _GAIN * ca.vertcat(forward * (1 + _PARTING * side), normal)

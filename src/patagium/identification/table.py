@@ -8,6 +8,8 @@ counted and handed on, never bridged. Neglected: clocks that drift, delays betwe
 from __future__ import annotations
 
 import re
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -94,14 +96,21 @@ def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
     return np.flatnonzero(steps > factor * np.median(steps)) + 1
 
 
-def read_table(path: str | Path, mapping: TableMapping | str | Path) -> Table:
-    """A CSV or Parquet file as a checked table.
+def read_table(
+    path: str | Path,
+    mapping: TableMapping | str | Path,
+    tell: Callable[[Any], None] | None = None,
+) -> Table:
+    """A CSV or Parquet file as a checked table; other logs as `import_log` brings them.
 
-    A header may carry its unit as `name [unit]`; it must then agree with the mapping.
+    A header may carry its unit as `name [unit]`; it must then agree with the mapping. Where
+    the mapping asks for more than columns as they stand (topics, axes, a time base), the log
+    is imported on the way, in a temporary folder.
 
     Args:
-        path: A `.csv` (also `.csv.gz`) or `.parquet` file with named columns.
+        path: A `.csv` (also `.csv.gz`) or `.parquet` file with named columns, or another log.
         mapping: What the columns mean, or the YAML file that says it.
+        tell: Called with the findings of an import.
 
     Raises:
         LogError: If the file cannot be read, a column is missing or not numeric, a number
@@ -109,7 +118,15 @@ def read_table(path: str | Path, mapping: TableMapping | str | Path) -> Table:
     """
     file = Path(path)
     words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
-    return table_from_frame(_read(file), words, str(file))
+    if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
+        return table_from_frame(_read(file), words, str(file))
+    from patagium.identification.importing.run import import_log
+    from patagium.identification.log_record import LogRecord
+
+    with tempfile.TemporaryDirectory() as folder:
+        found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
+        with LogRecord(found.path) as record:
+            return replace(record.table(), source=str(file))
 
 
 def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "table") -> Table:
@@ -122,7 +139,7 @@ def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "
     """
     columns = (*mapping.inputs, *mapping.outputs)
     found = _headers(frame, source)
-    wanted = [mapping.time.column, *(column.column for column in columns)]
+    wanted = [mapping.time.column, *(str(column.column) for column in columns)]
     missing = [name for name in dict.fromkeys(wanted) if name not in found]
     if missing:
         raise LogError(
@@ -210,7 +227,7 @@ def _scaled(
     column: ValueColumn,
     source: str,
 ) -> tuple[Array, str, tuple[float, float]]:
-    raw = _column(frame, found, column.column, column.unit, source)
+    raw = _column(frame, found, str(column.column), column.unit, source)
     factor, unit = conversion(column.unit, column.as_unit, f"{source}: {column.column}")
     low, high = column.range if column.range is not None else (np.nan, np.nan)
     bounds = ((low - column.offset) * factor, (high - column.offset) * factor)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from patagium.dynamics import Dynamics
 from patagium.errors import FlightError, LogError
 from patagium.robot import Robot
-from patagium.simulation import robot_of
+from patagium.simulation import quantities, robot_of
 
 Array = NDArray[np.float64]
 
@@ -29,13 +29,14 @@ def training_data(
     state alone can explain.
 
     Args:
-        flight: Record with q, v, a, u1 (time, dof); `damping_force` is computed from the
+        flight: Record with v, a, u1 (time, dof) and q, which has a dimension of its own where
+            the attitude is a quaternion; `damping_force` is computed from the
             robot, `mount_force` and `added_mass_force` are zero where the record has none.
         robot: The machine; None for the one the flight carries.
         with_added_mass: Whether y is all that the air does, added mass included.
 
     Returns:
-        Time (N,) [s]; x = [q, v], (N, 2n); y = B2 u2, (N, n) [N, N m].
+        Time (N,) [s]; x = [q, v], (N, n_x); y = B2 u2, (N, n) [N, N m].
 
     Raises:
         FlightError: If a quantity is missing or of another robot.
@@ -56,14 +57,17 @@ def training_data(
 
 
 def _recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
+    (dim,) = quantities(robot)[name].dims
+    size = robot.coordinate_count if name == "q" else robot.dof
     if name not in flight:
         held = ", ".join(map(str, flight.data_vars))
-        raise FlightError(f"flight: expected {name} (time, dof), but it holds {held}")
-    values = np.asarray(flight[name].transpose("time", "dof").values, float)
-    if values.shape[1] != robot.dof:
+        raise FlightError(f"flight: expected {name} (time, {dim}), but it holds {held}")
+    if dim not in flight[name].dims:
+        raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
+    values = np.asarray(flight[name].transpose("time", dim).values, float)
+    if values.shape[1] != size:
         raise FlightError(
-            f"{name}: expected {robot.dof} coordinates of robot {robot.name!r}, "
-            f"found {values.shape[1]}"
+            f"{name}: expected {size} coordinates of robot {robot.name!r}, found {values.shape[1]}"
         )
     bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
     if len(bad):

@@ -43,11 +43,11 @@ def write_whole(path: str | Path, content: bytes) -> Path:
         draft.replace(file)
     finally:
         draft.unlink(missing_ok=True)
-    _force(file.parent)
+    force_folder(file.parent)
     return file
 
 
-def _force(folder: Path) -> None:
+def force_folder(folder: Path) -> None:
     """Bring a folder's names to the disk, where the system can."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)

@@ -37,8 +37,8 @@ class WingNetwork(PerceptronNetwork):
 
     @property
     def inputs(self) -> int:
-        """Length of the state [q, v], 2 n."""
-        return 2 * self.robot.dof
+        """Length of the state [q, v]."""
+        return self.robot.state_size
 
     @property
     def output_names(self) -> tuple[str, ...]:

@@ -3,15 +3,15 @@
 Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time
 are taken in one branch-free vector call. A function that CasADi was told never to
-inline stays one call of a kernel written by hand (`KERNELS`): its SX form is the
-kernel's oracle, its derivative and its fallback. Differs from CasADi's own generator
+inline stays one call of a kernel written by hand (`KERNELS`), if there is one: its SX form
+is the kernel's oracle and its fallback. Differs from CasADi's own generator
 in these things only; the operations and their order are CasADi's.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -20,8 +20,9 @@ from patagium.errors import ParameterError
 
 SHARED_SUFFIX = "parameters"
 
-KERNELS = ("horseshoes", "table")
-"""Headers of `kernels/` that hold an inner call: functions named `<kernel>_<size>_<size>...`."""
+KERNELS = {"horseshoes": "horseshoes", "fwd1_horseshoes": "horseshoes", "table": "table"}
+"""Inner calls and the header of `kernels/` that holds them: functions named
+`<kernel>_<size>_<size>...`, a first derivative `fwd1_<kernel>_<size>...` as CasADi names it."""
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
@@ -81,21 +82,31 @@ class _Graph:
 
     def __init__(self, function: ca.Function) -> None:
         self.nodes: list[_Node] = []
-        self.outputs: list[tuple[int, int, int]] = []  # result, entry, node
         self.callees: dict[str, ca.Function] = {}
         self._known: dict[_Node, int] = {}
+        self.outputs = self._read(function)  # result, entry, node
+
+    def _read(
+        self, function: ca.Function, given: Mapping[tuple[int, int], int] | None = None
+    ) -> list[tuple[int, int, int]]:
+        """Nodes of a function whose inputs are new, or nodes given; what it writes."""
+        outputs: list[tuple[int, int, int]] = []
         work: dict[int, int] = {}
         steps = ca.vertsplit(function.instructions_sx()) if function.find_functions() else []
         for k in range(function.n_instructions()):
             op = function.instruction_id(k)
             if op == ca.OP_OUTPUT:
                 result, entry = function.instruction_output(k)
-                self.outputs.append((result, entry, work[function.instruction_input(k)[0]]))
+                outputs.append((result, entry, work[function.instruction_input(k)[0]]))
                 continue
             if op == ca.OP_CALL:
                 inputs = tuple(work[i] for i in function.instruction_input(k))
                 results = self._call(steps[k].which_function(), inputs)
                 work.update(zip(function.instruction_output(k), results, strict=True))
+                continue
+            if op == ca.OP_INPUT and given is not None:
+                argument, entry = function.instruction_input(k)
+                work[function.instruction_output(k)[0]] = given[argument, entry]
                 continue
             if op == ca.OP_CONST:
                 node = _Node(op, (), (function.instruction_constant(k),))
@@ -106,6 +117,7 @@ class _Graph:
                 inputs = tuple(work[i] for i in function.instruction_input(k))
                 node = _Node(op, tuple(sorted(inputs)) if op in _COMMUTATIVE else inputs)
             work[function.instruction_output(k)[0]] = self._place(node)
+        return outputs
 
     def _place(self, node: _Node) -> int:
         """Position of a node, which is new or known."""
@@ -115,10 +127,12 @@ class _Graph:
         return self._known[node]
 
     def _call(self, callee: ca.Function, inputs: tuple[int, ...]) -> list[int]:
-        """Positions of all numbers that an inner call gives."""
+        """Positions of all numbers that an inner call gives; without a kernel it is written out."""
         name = callee.name()
-        if name.partition("_")[0] not in KERNELS:
-            raise ParameterError("inner call", f"a kernel among {', '.join(KERNELS)}", name)
+        if kernel_of(name)[0] not in KERNELS:
+            places = [(k, i) for k in range(callee.n_in()) for i in range(callee.nnz_in(k))]
+            found = self._read(callee, dict(zip(places, inputs, strict=True)))
+            return [node for _, _, node in sorted(found)]
         self.callees[name] = callee
         call = self._place(_Node(ca.OP_CALL, inputs, (), name))
         return [
@@ -151,6 +165,17 @@ class _Graph:
                 needed.add(k)
                 pending += self.nodes[k].inputs
         return needed
+
+
+def kernel_of(name: str) -> tuple[str, list[str]]:
+    """Kernel and sizes of an inner call.
+
+    Args:
+        name: `<kernel>_<size>_<size>...`
+    """
+    words = name.split("_")
+    sizes = [word for word in words if word.isdecimal()]
+    return "_".join(words[: len(words) - len(sizes)]), sizes
 
 
 def _dense_graph(function: ca.Function) -> _Graph:
@@ -255,7 +280,7 @@ def _header(function: ca.Function) -> list[str]:
 
 
 def _includes(graph: _Graph) -> list[str]:
-    kernels = sorted({name.partition("_")[0] for name in graph.callees})
+    kernels = sorted({KERNELS[kernel_of(name)[0]] for name in graph.callees})
     return [f'#include "{name}.h"' for name in ("operations", *kernels)]
 
 
@@ -346,11 +371,13 @@ def _body(
 
 def _call_block(callee: ca.Function, label: str, kind: str, values: list[str]) -> list[str]:
     """Statements that call a kernel: `<kernel>_<kind>(number of sizes, sizes, in, out)`."""
-    kernel, *sizes = callee.name().split("_")
+    kernel, sizes = kernel_of(callee.name())
     block, start = [], 0
     for k in range(callee.n_in()):
         count = callee.nnz_in(k)
-        block.append(f"  {kind} {label}_a{k}[] = {{{', '.join(values[start : start + count])}}};")
+        nothing = "lanes_broadcast(0.0)" if kind == "lanes" else "0.0"
+        held = ", ".join(values[start : start + count]) or nothing
+        block.append(f"  {kind} {label}_a{k}[] = {{{held}}};")
         start += count
     block += [f"  {kind} {label}_r{k}[{callee.nnz_out(k)}];" for k in range(callee.n_out())]
     arguments = ", ".join(f"{label}_a{k}" for k in range(callee.n_in()))

@@ -1,7 +1,8 @@
 """One self-contained HTML page: prose, tables and pictures in numbered sections.
 
 Everything is inline, so that the file opens offline and survives being mailed.
-Neglected: scripts. The page reads in light and dark, and prints.
+Neglected: scripts (a `Link` leads to pages that have them). The page reads in light and dark,
+and prints.
 """
 
 from __future__ import annotations
@@ -46,7 +47,20 @@ class Note:
     text: str
 
 
-Block: TypeAlias = "str | Table | Picture | Note"
+@dataclass(frozen=True)
+class Link:
+    """A way to another page that lies beside this one.
+
+    Attributes:
+        text: What is there.
+        address: Of the page, relative to this one.
+    """
+
+    text: str
+    address: str
+
+
+Block: TypeAlias = "str | Table | Picture | Note | Link"
 
 
 @dataclass(frozen=True)
@@ -55,7 +69,7 @@ class Section:
 
     Attributes:
         title: Heading.
-        blocks: Prose (`code` and **bold** are understood), tables, pictures, notes.
+        blocks: Prose (`code` and **bold** are understood), tables, pictures, notes, links.
     """
 
     title: str
@@ -144,6 +158,7 @@ def _template() -> Template:
     environment.filters["prose"] = prose
     environment.tests["table"] = lambda block: isinstance(block, Table)
     environment.tests["picture"] = lambda block: isinstance(block, Picture)
+    environment.tests["link"] = lambda block: isinstance(block, Link)
     environment.tests["note"] = lambda block: isinstance(block, Note)
     text = files("patagium.report").joinpath("page.html").read_text(encoding="utf-8")
     return environment.from_string(text)

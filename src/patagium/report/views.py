@@ -29,6 +29,7 @@ from patagium.report.style import (
 )
 
 _ATTITUDE = ("roll", "pitch", "yaw")
+_QUATERNION = ("qw", "qx", "qy", "qz")
 _ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the page
 
 _Group: TypeAlias = tuple[str, str, dict[str, NDArray[np.float64]]]
@@ -87,8 +88,8 @@ def flight_overview(flight: Any) -> Figure:
     """A flight at a glance: path, attitude, joints, the air's force and the energies.
 
     Args:
-        flight: Dataset with `q`, `v`, `aero_force` (time, dof), `kinetic_energy`,
-            `potential_energy` and `energy_residual` (time).
+        flight: Dataset with `q`, `v`, `aero_force` (time, dof; with a quaternion q is (time,
+            coordinate)), `kinetic_energy`, `potential_energy` and `energy_residual` (time).
 
     Raises:
         FlightError: If one of them is missing.
@@ -149,10 +150,16 @@ def _overview_groups(flight: Any) -> list[_Group]:
     attitude = [n for n in _ATTITUDE if n in names]
     others = [n for n in names if n not in position + attitude]
     q, force = flight["q"], flight["aero_force"]
+    if "coordinate" in q.dims:
+        q = q.rename(coordinate="dof")
+    coordinates = [str(name) for name in q["dof"].values]
+    quaternion = [n for n in _QUATERNION if n in coordinates]
+    angles = [] if quaternion else attitude
     energy = ("kinetic_energy", "potential_energy", "energy_residual")
     groups: list[_Group] = [
         ("Position", "m", {n: q.sel(dof=n).values for n in position}),
-        ("Attitude", "deg", {n: np.degrees(q.sel(dof=n).values) for n in attitude}),
+        ("Attitude", "deg", {n: np.degrees(q.sel(dof=n).values) for n in angles}),
+        ("Attitude", "1", {n: q.sel(dof=n).values for n in quaternion}),
         ("Joints", "deg", {n: np.degrees(q.sel(dof=n).values) for n in _moving(q, others)}),
         ("Force of the air", "N", {n: force.sel(dof=n).values for n in position}),
         ("Moment of the air", "N m", {n: force.sel(dof=n).values for n in attitude}),

@@ -1,7 +1,8 @@
-"""Changed parameters written into a robot file's text.
+"""What was changed of a robot, written into its file's text.
 
 A robot's source travels with every flight, so a calibrated or damaged robot has
-to say in it what differs: in the block `parameters`, which is applied last.
+to say in it what differs: in the block `parameters`, which is applied last. So does
+one whose attitude is given in other coordinates, where its body floats.
 """
 
 from __future__ import annotations
@@ -13,7 +14,11 @@ from typing import Any
 
 import yaml
 
+from patagium.errors import ParameterError
+
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # calibration comes here often
+_FLOATING = re.compile(r"^([ \t]+)floating:[ \t]*true\b[^\n]*$", re.MULTILINE)
+_ATTITUDE = re.compile(r"^[ \t]+attitude:")
 _BLOCK = re.compile(r"^parameters:[^\n]*\n(?:(?:[ \t}#][^\n]*)?\n)*", re.MULTILINE)
 
 
@@ -35,6 +40,32 @@ def amended_source(source: str, values: Mapping[str, float]) -> str:
     changed = {**known, **{name: float(value) for name, value in values.items()}}
     block = "".join(f"  {json.dumps(k)}: {json.dumps(v)}\n" for k, v in changed.items())
     return f"{kept}parameters:\n{block}" if changed else kept
+
+
+def source_with_attitude(source: str, attitude: str) -> str:
+    """Text of the robot file with its floating body's attitude in other coordinates.
+
+    Args:
+        source: Text of a valid robot file, one body of which floats.
+        attitude: "euler" or "quaternion".
+
+    Raises:
+        ParameterError: If what floats is another file, which only its name stands for.
+    """
+    described = carrier = _parsed(source)
+    while "mounted_on" in carrier:
+        carrier = carrier["mounted_on"]
+        if isinstance(carrier, str):
+            raise ParameterError("attitude", "that of what carries the robot, set there", carrier)
+    floating = next(body for body in carrier["bodies"].values() if body.get("floating"))
+    if floating.get("attitude", "euler") == attitude:
+        return source
+    floating["attitude"] = attitude
+    lines = [line for line in source.splitlines() if not _ATTITUDE.match(line)]
+    kept = _FLOATING.sub(rf"\g<0>\n\1attitude: {attitude}", "\n".join(lines) + "\n")
+    if _parsed(kept) != described:  # the body was written in an unusual way
+        kept = yaml.safe_dump(described, sort_keys=False)
+    return kept
 
 
 def _parsed(text: str) -> Any:

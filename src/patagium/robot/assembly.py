@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import ParameterError
+from patagium.robot.coordinates import repeated
 from patagium.robot.model import FLOATING_COORDINATES, Body, Joint, Robot, Strip
 from patagium.robot.schema import BodyPart, RobotFile
 from patagium.robot.strips import cut_wing
@@ -74,6 +75,11 @@ def assemble(file: RobotFile, source: str) -> Robot:
         gravity=file.gravity,
         **_capacities(drafts, order),
     )
+    taken = repeated(robot.coordinate_names)
+    if taken:
+        floating = next(draft for draft in drafts if draft.part.floating)
+        path = f"{floating.path}.attitude"
+        raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
     return replace(with_file_parameters(robot, file.parameters), source=source)
 
 
@@ -284,6 +290,7 @@ def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
                 side * tensor[1, 2],
             )
         ),  # type: ignore[arg-type]
+        attitude=draft.part.attitude or "euler",
     )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ShapeError
 from patagium.report.views import machine
+from patagium.robot.attitude import rotation_from_quaternion
 from patagium.robot.model import Body, Robot, Strip
 
 Array = NDArray[np.float64]
@@ -24,15 +25,16 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad]; zero when None.
+        q: Generalized coordinates, (n_q,) [m, rad, 1]; those of zero angles
+            when None.
 
     Raises:
-        ShapeError: If `q` is not (n,).
+        ShapeError: If `q` is not (n_q,).
     """
     poses = _poses(robot, q)
     strips: dict[str, list[Array]] = {}
     for strip in robot.strips:
-        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], _corners(strip)))
+        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], strip_corners(strip)))
     jointed = [(b, pose) for b, pose in zip(robot.bodies, poses, strict=True) if b.joints]
     return machine(
         robot.name,
@@ -63,7 +65,8 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
     return {
         "robot": robot.name,
         "base": "floating" if robot.floating else "fixed",
-        "coordinates": robot.dof,
+        "attitude": robot.attitude or "none",
+        "coordinates": robot.coordinate_count,
         "joints": len(joints),
         "passive joints": sum(robot.index(k) not in robot.actuated for k in joints),
         "bodies": len(robot.bodies),
@@ -79,15 +82,15 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
 def wing_span(robot: Robot) -> float:
     """Tip to tip distance of the strips along y, at zero coordinates [m]."""
     poses = _poses(robot, None)
-    sides = [_placed(poses[s.body], _corners(s))[:, 1] for s in robot.strips]
+    sides = [_placed(poses[s.body], strip_corners(s))[:, 1] for s in robot.strips]
     return float(np.ptp(np.concatenate(sides))) if sides else 0.0
 
 
 def _poses(robot: Robot, q: ArrayLike | None) -> list[tuple[Array, Array]]:
     """Position (3,) [m] and rotation to the world (3, 3) of every body."""
-    coordinates = np.zeros(robot.dof) if q is None else np.asarray(q, float)
-    if coordinates.shape != (robot.dof,):
-        raise ShapeError("q", (robot.dof,), coordinates.shape)
+    coordinates = robot.coordinates() if q is None else np.asarray(q, float)
+    if coordinates.shape != (robot.coordinate_count,):
+        raise ShapeError("q", (robot.coordinate_count,), coordinates.shape)
     poses: list[tuple[Array, Array]] = []
     for body in robot.bodies:
         position, rotation = np.zeros(3), np.eye(3)
@@ -95,26 +98,27 @@ def _poses(robot: Robot, q: ArrayLike | None) -> list[tuple[Array, Array]]:
             position, rotation = poses[body.parent]
         position = position + rotation @ np.array(body.position, float)
         rotation = rotation @ np.array(body.orientation)
-        for kind, axis, value in _motions(body, coordinates):
-            if kind == "revolute":
-                rotation = rotation @ _turn(axis, value)
-            else:
-                position = position + rotation @ axis * value
+        for turn, slide in _motions(robot, body, coordinates):
+            position, rotation = position + rotation @ slide, rotation @ turn
         poses.append((position, rotation))
     return poses
 
 
-def _motions(body: Body, q: Array) -> Iterator[tuple[str, Array, float]]:
-    """Kind, axis and coordinate of each joint, from the parent on."""
-    unit = np.eye(3)
+def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]]:
+    """Turn (3, 3) and slide (3,) [m] of each joint, from the parent on."""
+    unit, still = np.eye(3), np.zeros(3)
     if body.floating_dofs is not None:
-        x, y, z, roll, pitch, yaw = (float(q[i]) for i in body.floating_dofs)
-        for axis, value in zip(unit, (x, y, z), strict=True):
-            yield "prismatic", axis, value
-        for axis, value in zip(unit[::-1], (yaw, pitch, roll), strict=True):
-            yield "revolute", axis, value
+        position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
+        yield unit, position
+        if body.by_quaternion:
+            yield rotation_from_quaternion(attitude), still
+        else:
+            for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
+                yield _turn(axis, angle), still
     for joint in body.joints:
-        yield joint.kind, np.array(joint.axis), float(q[joint.dof])
+        axis, value = np.array(joint.axis), float(q[robot.coordinate_indices[joint.dof]])
+        turns = joint.kind == "revolute"
+        yield (_turn(axis, value), still) if turns else (unit, axis * value)
 
 
 def _turn(axis: Array, angle: float) -> Array:
@@ -124,7 +128,7 @@ def _turn(axis: Array, angle: float) -> Array:
     return np.asarray(turned)
 
 
-def _corners(strip: Strip) -> Array:
+def strip_corners(strip: Strip) -> Array:
     """Corners of a strip in body axes, in order around it, (4, 3) [m]."""
     forward = np.array(strip.forward)
     half = np.cross(np.array(strip.normal), forward) * float(strip.width) / 2

@@ -2,12 +2,14 @@
 
 A `Robot` is a tree of rigid bodies. Its numbers are floats, or CasADi symbols
 after `symbolic()`: the expression builders of the layers above accept either.
+Its state is (q, v). They are as long as each other, and v = dq/dt, unless a body's
+attitude is a quaternion: four coordinates then go with three velocities.
 Neglected: flexible bodies, closed chains (a gait may come from one), ground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
@@ -16,24 +18,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.robot.amendment import amended_source
+from patagium.robot.amendment import amended_source, source_with_attitude
+from patagium.robot.attitude import quaternion_from_angles
+from patagium.robot.coordinates import coordinate_names, places_in_q, repeated
+from patagium.robot.parameters import is_parameter, leaves, with_values
 
 Number: TypeAlias = "float | ca.SX"
 Vector: TypeAlias = tuple[Any, Any, Any]
 Axis: TypeAlias = tuple[float, float, float]
+Attitude: TypeAlias = Literal["euler", "quaternion"]
 
+_NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
 class Joint:
-    """One coordinate between a body and its parent.
+    """One degree of freedom between a body and its parent.
 
     Attributes:
         name: Name of the coordinate.
         kind: Turns about its axis, or slides along it.
         axis: Unit axis in the frame left by the joints before it (structural).
-        dof: Index of its coordinate in q.
+        dof: Index of its rate in v; `Robot.coordinate_indices` has that of its coordinate in q.
     """
 
     name: str
@@ -48,7 +55,10 @@ class Body:
 
     At zero coordinates the body's axes are its parent's, turned by `orientation`,
     with the origin at `position`. A floating body hangs on the world by
-    x, y, z, roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll).
+    x, y, z, roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll). With a quaternion for its
+    attitude its coordinates are x, y, z, qw, qx, qy, qz (Hamilton, scalar first, body axes
+    to world axes), its velocities those of the origin in world axes and the angular
+    velocity in body axes.
 
     Attributes:
         name: Name.
@@ -56,10 +66,11 @@ class Body:
         position: Origin of the joints in the parent's axes, (3,) [m].
         orientation: Rotation of the joint axes to the parent's, 3 x 3 (structural).
         joints: In order from the parent; none: fixed. Empty when floating.
-        floating_dofs: Indices of x, y, z, roll, pitch, yaw in q, or None.
+        floating_dofs: Indices of x, y, z, roll, pitch, yaw in v, or None.
         mass: Mass [kg].
         center_of_mass: In body axes from the body's origin, (3,) [m].
         inertia: xx, yy, zz, xy, xz, yz about the centre of mass, body axes [kg m^2].
+        attitude: Coordinates of a floating body's attitude.
     """
 
     name: str
@@ -71,6 +82,12 @@ class Body:
     mass: Any
     center_of_mass: Vector
     inertia: tuple[Any, Any, Any, Any, Any, Any]
+    attitude: Attitude = "euler"
+
+    @property
+    def by_quaternion(self) -> bool:
+        """Whether it floats, its attitude a quaternion."""
+        return self.floating_dofs is not None and self.attitude == "quaternion"
 
 
 @dataclass(frozen=True)
@@ -109,12 +126,13 @@ class Robot:
         name: Name.
         bodies: Parents before children.
         strips: Blade elements of all wings.
-        dof_names: Names of the coordinates, in the order of q.
+        dof_names: Names of the degrees of freedom, in the order of v. Where the attitude is a
+            quaternion, roll, pitch and yaw are turns about the body's own axes.
         dof_units: "m" or "rad" for each.
-        actuated: Indices of the coordinates that follow a gait.
-        damping: Passive damping of each coordinate, force = -damping v [N s/m, N m s].
-        lower: Lower limit of each coordinate, -inf where none.
-        upper: Upper limit of each coordinate, inf where none.
+        actuated: Indices of those that follow a gait.
+        damping: Passive damping of each, force = -damping v [N s/m, N m s].
+        lower: Lower limit of each, -inf where none.
+        upper: Upper limit of each, inf where none.
         gravity: Acceleration of free fall [m/s^2], along -z.
         source: Text of the robot file it came from; travels with every flight.
         speed_limit: Largest speed of each coordinate [m/s, rad/s]; empty: none has any.
@@ -140,12 +158,50 @@ class Robot:
 
     @property
     def dof(self) -> int:
-        """Number of coordinates n."""
+        """Number of degrees of freedom n: velocities, accelerations, forces."""
         return len(self.dof_names)
 
     @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates, in the order of q: those of v, but for a quaternion's."""
+        return coordinate_names(self.dof_names, self._attitudes)
+
+    @property
+    def coordinate_count(self) -> int:
+        """Number of coordinates, the length of q: n, and one more with a quaternion."""
+        return self.dof + len(self._attitudes)
+
+    @property
+    def state_size(self) -> int:
+        """Length of the state [q, v]: 2 n, and one more with a quaternion."""
+        return self.coordinate_count + self.dof
+
+    @property
+    def coordinate_units(self) -> tuple[str, ...]:
+        """Unit of each coordinate: "m", "rad", or "1" in a quaternion."""
+        units = dict(zip(self.dof_names, self.dof_units, strict=True))
+        return tuple(units.get(name, "1") for name in self.coordinate_names)
+
+    @property
+    def coordinate_indices(self) -> tuple[int, ...]:
+        """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
+        return places_in_q(self.dof, self._attitudes)
+
+    def floating_coordinates(self, body: Body) -> tuple[int, ...]:
+        """Places in q of x, y, z and then roll, pitch, yaw or qw, qx, qy, qz; empty if held.
+
+        Args:
+            body: One of the robot's bodies.
+        """
+        places = self.coordinate_indices
+        found = [places[dof] for dof in body.floating_dofs or ()]
+        if body.by_quaternion:
+            found.insert(3, min(found[3:]) - 1)
+        return tuple(found)
+
+    @property
     def passive(self) -> tuple[int, ...]:
-        """Indices of the coordinates that no gait prescribes."""
+        """Indices of the degrees of freedom that no gait prescribes."""
         return tuple(i for i in range(self.dof) if i not in self.actuated)
 
     @property
@@ -154,9 +210,15 @@ class Robot:
         return any(body.floating_dofs is not None for body in self.bodies)
 
     @property
+    def attitude(self) -> Attitude | None:
+        """Coordinates of the floating body's attitude; None where no body floats."""
+        floating = [body.attitude for body in self.bodies if body.floating_dofs is not None]
+        return floating[0] if floating else None
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the run-time parameters, in the order of `parameters`."""
-        return tuple(name for name, value in _leaves(self) if _is_parameter(value))
+        return tuple(name for name, value in leaves(self) if is_parameter(value))
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -165,19 +227,19 @@ class Robot:
         A number that is exactly zero in the robot file is structure, not a
         parameter: the equations are generated without it.
         """
-        return np.array([value for _, value in _leaves(self) if _is_parameter(value)], float)
+        return np.array([value for _, value in leaves(self) if is_parameter(value)], float)
 
     @property
     def structure(self) -> str:
         """Everything the generated equations depend on but the parameters' values."""
-        same = self._with(dict.fromkeys(self.parameter_names, 1.0))
+        same = with_values(self, dict.fromkeys(self.parameter_names, 1.0))
         return repr(replace(same, name="", lower=(), upper=()))
 
     def symbolic(self) -> tuple[Robot, ca.SX]:
         """The same robot with a symbol for each run-time parameter, and the symbols (n_p,)."""
         names = self.parameter_names
         symbols = ca.SX.sym("p", len(names))
-        return self._with(dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
+        return with_values(self, dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
@@ -196,10 +258,55 @@ class Robot:
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         source = amended_source(self.source, values) if self.source else ""
-        return replace(self._with(values), source=source)
+        return replace(with_values(self, values), source=source)
+
+    def with_attitude(self, attitude: Attitude) -> Robot:
+        """The same robot with its floating body's attitude in other coordinates.
+
+        A quaternion has no singularity: loops, rolls and vertical climbs go through. Its
+        source says so too.
+
+        Args:
+            attitude: "euler" or "quaternion".
+
+        Raises:
+            ParameterError: If it is neither, no body floats, or a joint has a quaternion's name.
+        """
+        if attitude not in ("euler", "quaternion"):
+            raise ParameterError("attitude", "euler or quaternion", attitude)
+        if not self.floating:
+            raise ParameterError("attitude", f"a robot that floats, not {self.name!r}", attitude)
+        bodies = tuple(
+            body if body.floating_dofs is None else replace(body, attitude=attitude)
+            for body in self.bodies
+        )
+        source = source_with_attitude(self.source, attitude) if self.source else ""
+        other = replace(self, bodies=bodies, source=source)
+        taken = repeated(other.coordinate_names)
+        if taken:
+            raise ParameterError("attitude", "coordinates named once", f"{taken[0]} again")
+        return other
 
     def coordinates(self, **values: float) -> NDArray[np.float64]:
-        """A vector over the coordinates, zero but for those named, (n,).
+        """Generalized coordinates, zero but for those named, (n_q,).
+
+        Attitudes are given as roll, pitch and yaw, whatever the coordinates are.
+
+        Raises:
+            ParameterError: If a name is not in `dof_names`.
+        """
+        given = self.velocities(**values)
+        places = self.coordinate_indices
+        q = np.zeros(self.coordinate_count)
+        q[list(places)] = given
+        for body in self.bodies:
+            if body.by_quaternion:
+                angles = given[list(body.floating_dofs or ())[3:]]
+                q[list(self.floating_coordinates(body)[3:])] = quaternion_from_angles(angles)
+        return q
+
+    def velocities(self, **values: float) -> NDArray[np.float64]:
+        """Generalized velocities, zero but for those named, (n,).
 
         Raises:
             ParameterError: If a name is not in `dof_names`.
@@ -210,10 +317,10 @@ class Robot:
         return vector
 
     def index(self, dof_name: str) -> int:
-        """Index of a coordinate by name.
+        """Index of a degree of freedom by name.
 
         Raises:
-            ParameterError: If there is no such coordinate.
+            ParameterError: If there is none of that name.
         """
         if dof_name not in self.dof_names:
             raise ParameterError("coordinate", f"one of {', '.join(self.dof_names)}", dof_name)
@@ -258,65 +365,8 @@ class Robot:
 
         return mounted(self, arm, at, position, orientation, prefix)
 
-    def _with(self, values: Mapping[str, Any]) -> Robot:
-        def vector(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:
-            return tuple(values.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True))
-
-        bodies = tuple(
-            replace(
-                b,
-                position=vector(f"{b.name}.position", b.position, _XYZ),
-                mass=values.get(f"{b.name}.mass", b.mass),
-                center_of_mass=vector(f"{b.name}.center_of_mass", b.center_of_mass, _XYZ),
-                inertia=vector(f"{b.name}.inertia", b.inertia, _INERTIA),
-            )
-            for b in self.bodies
-        )
-        strips = tuple(
-            replace(
-                s,
-                quarter_chord=vector(f"{s.name}.quarter_chord", s.quarter_chord, _XYZ),
-                chord=values.get(f"{s.name}.chord", s.chord),
-                width=values.get(f"{s.name}.width", s.width),
-            )
-            for s in self.strips
-        )
-        damping = tuple(
-            values.get(f"{name}.damping", d)
-            for name, d in zip(self.dof_names, self.damping, strict=True)
-        )
-        return replace(
-            self,
-            bodies=bodies,
-            strips=strips,
-            damping=damping,
-            gravity=values.get("gravity", self.gravity),
-        )
-
-
-_XYZ = ("x", "y", "z")
-_NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
-_INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
-
-
-def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
-    yield "gravity", robot.gravity
-    for name, value in zip(robot.dof_names, robot.damping, strict=True):
-        yield f"{name}.damping", value
-    for body in robot.bodies:
-        for label, value in zip(_XYZ, body.position, strict=True):
-            yield f"{body.name}.position.{label}", value
-        yield f"{body.name}.mass", body.mass
-        for label, value in zip(_XYZ, body.center_of_mass, strict=True):
-            yield f"{body.name}.center_of_mass.{label}", value
-        for label, value in zip(_INERTIA, body.inertia, strict=True):
-            yield f"{body.name}.inertia.{label}", value
-    for strip in robot.strips:
-        for label, value in zip(_XYZ, strip.quarter_chord, strict=True):
-            yield f"{strip.name}.quarter_chord.{label}", value
-        yield f"{strip.name}.chord", strip.chord
-        yield f"{strip.name}.width", strip.width
-
-
-def _is_parameter(value: Any) -> bool:
-    return bool(value != 0.0)
+    @property
+    def _attitudes(self) -> list[tuple[int, ...]]:
+        """Roll, pitch, yaw in v of every body whose attitude is a quaternion."""
+        turning = [body.floating_dofs for body in self.bodies if body.by_quaternion]
+        return [dofs[3:] for dofs in turning if dofs is not None]

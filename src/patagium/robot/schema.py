@@ -229,7 +229,7 @@ def _converted(written: object, unit: str, noun: str, key: str) -> float:
 
 
 class FloatingDamping(_Part):
-    """Passive damping of a floating body's coordinates: force = -damping v."""
+    """Passive damping of a floating body's velocities: force = -damping v."""
 
     x: float = 0.0
     y: float = 0.0
@@ -265,6 +265,7 @@ class BodyPart(_Part):
     at: Point = _ORIGIN
     orientation: tuple[Angle, Angle, Angle] = _ORIGIN
     floating: StrictBool = False
+    attitude: Literal["euler", "quaternion"] | None = None
     joints: tuple[JointPart, ...] = ()
     damping: FloatingDamping | None = None
     massless: StrictBool = False
@@ -296,11 +297,10 @@ class BodyPart(_Part):
                 "a floating body without parent, at, orientation and joints",
                 "at least one of them",
             )
-        if self.damping is not None and not self.floating:
-            raise mismatch(
-                "damping on a floating body (a joint carries its own)",
-                "a body that is not floating",
-            )
+        for key in ("attitude", "damping"):
+            if getattr(self, key) is not None and not self.floating:
+                expected = f"{key} on a floating body (a joint carries its own)"
+                raise mismatch(expected, "a body that is not floating")
         return self
 
     def tensor(self) -> shapes.Tensor:

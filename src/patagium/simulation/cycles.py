@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
+from patagium.robot.attitude import angles_from_quaternion
 from patagium.simulation.flight import gait_period, robot_of
 
 Array = NDArray[np.float64]
@@ -158,6 +159,16 @@ def _forward(flight: xr.Dataset, robot: Robot) -> Array:
     level = _way(flight, robot) * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
-    names = list(robot.dof_names)
-    yaw = float(flight["q"].values[0, names.index("yaw")]) if "yaw" in names else 0.0
+    yaw = _heading(flight["q"].values[0], robot)
     return np.array([np.cos(yaw), np.sin(yaw), 0.0])
+
+
+def _heading(q: Array, robot: Robot) -> float:
+    """Yaw of the floating body, zero where none floats [rad]."""
+    for body in robot.bodies:
+        attitude = q[list(robot.floating_coordinates(body)[3:])]
+        if body.by_quaternion:
+            return float(angles_from_quaternion(attitude)[2])
+        if len(attitude):
+            return float(attitude[2])
+    return 0.0

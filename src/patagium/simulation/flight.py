@@ -94,7 +94,7 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "aero_state": Quantity(("lag",), "1", "states of the aerodynamic model"),
 }
-"""Every variable of a flight."""
+"""Every variable of a flight, where q and v have the same names."""
 OPTIONAL: dict[str, Quantity] = {
     LOAD_CELLS: Quantity(
         ("load_cell", "component"),
@@ -103,6 +103,21 @@ OPTIONAL: dict[str, Quantity] = {
     ),
 }
 """What a flight has where it was asked for."""
+
+_Q_WITH_QUATERNION = Quantity(("coordinate",), "m, rad or 1", "generalized coordinates")
+
+
+def quantities(robot: Robot) -> dict[str, Quantity]:
+    """Every variable of a robot's flight.
+
+    With a quaternion q has a dimension of its own, `coordinate`, for it is longer than v.
+
+    Args:
+        robot: The machine.
+    """
+    longer = robot.attitude == "quaternion"
+    return QUANTITIES | ({"q": _Q_WITH_QUATERNION} if longer else {})
+
 
 ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outcome")
 """What a flight must carry to be used again."""
@@ -166,7 +181,7 @@ def flight_record(
     flight = xr.Dataset(
         {
             name: variable(name, kind)
-            for name, kind in (QUANTITIES | OPTIONAL).items()
+            for name, kind in (quantities(origin.robot) | OPTIONAL).items()
             if name in QUANTITIES or name in values
         },
         coords=_coordinates(origin, time),
@@ -287,6 +302,7 @@ def _sizes(origin: Origin, samples: int) -> dict[str, int]:
     return {
         "time": samples,
         "dof": origin.robot.dof,
+        "coordinate": origin.robot.coordinate_count,
         "strip": len(origin.robot.strips),
         "axis": len(AXES),
         "component": len(WRENCH),
@@ -297,10 +313,15 @@ def _sizes(origin: Origin, samples: int) -> dict[str, int]:
 
 def _coordinates(origin: Origin, time: Array) -> dict[str, Any]:
     robot, cells = origin.robot, [cell.at for cell in origin.load_cells]
+    longer = {
+        "coordinate": ("coordinate", list(robot.coordinate_names)),
+        "coordinate_unit": ("coordinate", list(robot.coordinate_units)),
+    }
     return {
         "time": ("time", time, {"units": "s", "long_name": "time"}),
         "dof": ("dof", list(robot.dof_names)),
         "dof_unit": ("dof", list(robot.dof_units)),
+        **(longer if robot.attitude == "quaternion" else {}),
         "strip": ("strip", [strip.name for strip in robot.strips]),
         "axis": ("axis", list(AXES)),
         "component": ("component", list(WRENCH)),

@@ -13,7 +13,15 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import FlightError
-from patagium.simulation.flight import ATTRIBUTES, AXES, OPTIONAL, QUANTITIES, robot_of
+from patagium.robot import Robot
+from patagium.simulation.flight import (
+    ATTRIBUTES,
+    AXES,
+    OPTIONAL,
+    QUANTITIES,
+    quantities,
+    robot_of,
+)
 
 
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
@@ -88,7 +96,9 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             dimensions or units, time does not rise, the state is not finite, or the
             coordinates are not its robot's.
     """
-    _check_contents(flight, name)
+    _check_presence(flight, name)
+    robot = robot_of(flight)
+    _check_contents(flight, name, robot)
     time = flight["time"].to_numpy()
     if time.size == 0 or not np.all(np.diff(time) > 0):
         raise FlightError(f"{name}: time does not rise from sample to sample")
@@ -97,26 +107,30 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
         if not np.isfinite(values).all():
             first = time[~np.isfinite(values).all(axis=1)][0]
             raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
-    robot = robot_of(flight)
     expected = {
         "dof": robot.dof_names,
         "strip": tuple(strip.name for strip in robot.strips),
         "axis": AXES,
     }
+    if robot.attitude == "quaternion":
+        expected["coordinate"] = robot.coordinate_names
     for dim, labels in expected.items():
         found = tuple(str(label) for label in flight[dim].to_numpy())
         if found != labels:
             raise FlightError(f"{name}: {dim}: expected {labels}, found {found}")
 
 
-def _check_contents(flight: xr.Dataset, name: str) -> None:
+def _check_presence(flight: xr.Dataset, name: str) -> None:
     missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
     if missing:
         raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
     missing = [k for k in ATTRIBUTES if k not in flight.attrs]
     if missing:
         raise FlightError(f"{name}: no attribute {', '.join(missing)}: not a whole flight")
-    for quantity, kind in (QUANTITIES | OPTIONAL).items():
+
+
+def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
+    for quantity, kind in (quantities(robot) | OPTIONAL).items():
         if quantity not in flight:
             continue  # only what is optional may be missing here
         variable = flight[quantity]

@@ -110,6 +110,7 @@ def _with_cell(machine: Robot, cell: LoadCell, at: tuple[int, int], first: int) 
         orientation=body.orientation,
         joints=body.joints[:before],
         floating_dofs=body.floating_dofs,
+        attitude=body.attitude,
         **_MASSLESS,
     )
     link = Body(

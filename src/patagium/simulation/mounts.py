@@ -136,8 +136,13 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
 
 
 def floating_dofs(robot: Robot) -> tuple[int, ...]:
-    """Coordinates of the floating bodies: x, y, z, roll, pitch, yaw of each."""
+    """Places in v of the floating bodies' velocities: x, y, z, roll, pitch, yaw of each."""
     return tuple(i for body in robot.bodies for i in body.floating_dofs or ())
+
+
+def floating_coordinates(robot: Robot) -> tuple[int, ...]:
+    """Places in q of the floating bodies' coordinates, in the order of `floating_dofs`."""
+    return tuple(i for body in robot.bodies for i in robot.floating_coordinates(body))
 
 
 def on_massless_mount(robot: Robot) -> Robot:

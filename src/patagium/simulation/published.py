@@ -67,6 +67,8 @@ def simulate_published(
     """
     if not robot.floating:
         raise ParameterError("robot", "a robot with a floating body", robot.name)
+    if robot.attitude != "euler":
+        raise ParameterError("robot", "a robot with Euler angles, as published", robot.attitude)
     if aero.state_size:
         raise ParameterError("aero", "a model without states of its own", aero.name)
     steps = whole_steps(duration, time_step)
@@ -79,7 +81,7 @@ def simulate_published(
 
     state = np.zeros(3 * robot.dof + len(WORKS) + len(IMPULSE))
     state[: robot.dof] = robot.coordinates(yaw=INITIAL_YAW)
-    state[robot.dof : 2 * robot.dof] = robot.coordinates(x=speed)
+    state[robot.dof : 2 * robot.dof] = robot.velocities(x=speed)
     equations, names = _equations(robot, aero, state), _state_names(robot)
     check_start(equations, names, state)
     run = march(equations, state, rows, steps, time_step, progress)
@@ -152,7 +154,8 @@ def _equations(robot: Robot, aero: Aerodynamics, state: Array) -> Equations:
         label=f"published flight of {robot.name}",
         many_only=["record"],
     )
-    lower, upper = limits(robot, tuple(range(robot.dof)), state.size, state)
+    everything = tuple(range(robot.dof))
+    lower, upper = limits(robot, everything, everything, state)
     return Equations(
         rate=functions["rate"],
         record=functions["record"],

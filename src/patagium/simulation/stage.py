@@ -7,6 +7,10 @@ owns the layout of the state:
 
     state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
     row = [q, v, a of the prescribed coordinates, wind (3)]
+
+A quaternion that is integrated is four of q and three of v. Its rate keeps its length but
+for the integrator's error, and nothing else depends on that length; so scaling it to one
+where a step begins is a projection onto what the flow keeps, and costs no order.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
-from patagium.dynamics.chain import cross
+from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
     apparent_force,
     damping_force,
@@ -29,10 +33,12 @@ from patagium.dynamics.equations import (
     potential_energy,
     total_mass,
 )
+from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import Robot
 from patagium.simulation.load_cells import CELL_COORDINATES, LoadCell, with_load_cells
 from patagium.simulation.mounts import (
     Mount,
+    floating_coordinates,
     floating_dofs,
     on_massless_mount,
 )
@@ -60,11 +66,13 @@ class Layout:
     """Where everything is in state and row.
 
     Attributes:
-        machine: The robot, on a massless mount if it has no floating body; its n
-            coordinates are the last n of the machine's.
+        machine: The robot, on a massless mount if it has no floating body; its
+            coordinates and velocities are the last of the machine's.
         hidden: Coordinates held at zero, the first: 6 of each load cell, 6 of a massless mount.
-        passive: Coordinates of the machine that are integrated.
-        prescribed: Coordinates of the machine that follow the row, in its order.
+        passive: Degrees of freedom of the machine that are integrated, as places in v.
+        prescribed: Those that follow the row, in its order, as places in v.
+        passive_coordinates: Places in q of those integrated.
+        prescribed_coordinates: Places in q of those prescribed, in the row's order.
         lags: Number of the aerodynamic model's own states.
         works: Names of the works that ride along.
         cells: Load cells.
@@ -74,6 +82,8 @@ class Layout:
     hidden: int
     passive: tuple[int, ...]
     prescribed: tuple[int, ...]
+    passive_coordinates: tuple[int, ...]
+    prescribed_coordinates: tuple[int, ...]
     lags: int
     works: tuple[str, ...] = WORKS
     cells: int = 0
@@ -81,19 +91,33 @@ class Layout:
     @property
     def size(self) -> int:
         """Length of the state."""
-        return 2 * len(self.passive) + self.lags + len(self.works) + len(IMPULSE)
+        return self.moving + self.lags + len(self.works) + len(IMPULSE)
+
+    @property
+    def moving(self) -> int:
+        """Length of q and v at the beginning of the state."""
+        return len(self.passive_coordinates) + len(self.passive)
 
     @property
     def row_size(self) -> int:
         """Length of a row."""
-        return 3 * len(self.prescribed) + 3
+        return len(self.prescribed_coordinates) + 2 * len(self.prescribed) + 3
+
+    @property
+    def quaternions(self) -> tuple[tuple[int, ...], ...]:
+        """Places in the state of each quaternion that is integrated."""
+        places = {k: place for place, k in enumerate(self.passive_coordinates)}
+        turning = [body for body in self.machine.bodies if body.by_quaternion]
+        found = [self.machine.floating_coordinates(body)[3:] for body in turning]
+        return tuple(tuple(places[k] for k in q) for q in found if q[0] in places)
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """What each entry of the state is, for messages."""
-        names = [self.machine.dof_names[i] for i in self.passive]
+        names = [self.machine.coordinate_names[i] for i in self.passive_coordinates]
+        rates = [f"velocity of {self.machine.dof_names[i]}" for i in self.passive]
         lags = [f"lag state {k}" for k in range(self.lags)]
-        return (*names, *(f"velocity of {name}" for name in names), *lags, *self.works, *IMPULSE)
+        return (*names, *rates, *lags, *self.works, *IMPULSE)
 
 
 def layout_of(
@@ -120,7 +144,21 @@ def layout_of(
     follows = {*range(hidden), *prescribed}
     passive = tuple(i for i in range(machine.dof) if i not in follows)
     works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
-    return Layout(machine, hidden, passive, prescribed, aero.state_size, works, len(cells))
+    places = machine.coordinate_indices
+    driven = tuple(places[i] for i in machine.actuated)
+    kept = floating_coordinates(machine) if held else ()
+    follows = {*range(hidden), *driven, *kept}
+    return Layout(
+        machine=machine,
+        hidden=hidden,
+        passive=passive,
+        prescribed=prescribed,
+        passive_coordinates=tuple(k for k in range(machine.coordinate_count) if k not in follows),
+        prescribed_coordinates=(*driven, *(k for k in kept if k not in driven)),
+        lags=aero.state_size,
+        works=works,
+        cells=len(cells),
+    )
 
 
 def flight_functions(
@@ -131,6 +169,8 @@ def flight_functions(
     cells: Sequence[LoadCell] = (),
 ) -> Sequence[ca.Function]:
     """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
+
+    Where a quaternion is integrated `prepare` too, which scales it to one.
 
     Args:
         robot: The machine.
@@ -147,10 +187,23 @@ def flight_functions(
     rate, recorded = _equations(layout, aero, added_mass, state, row, aero_parameters)
     inputs = [state, row, robot_parameters, aero_parameters]
     names = ["state", "row", "robot_parameters", "aero_parameters"]
-    return [
+    functions = [
         ca.Function("rate", inputs, [rate], names, ["rate"]),
         ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
     ]
+    if layout.quaternions:
+        prepared = _normalized(layout, state)
+        functions.append(ca.Function("prepare", inputs, [prepared], names, ["prepared"]))
+    return functions
+
+
+def _normalized(layout: Layout, state: ca.SX) -> ca.SX:
+    """The state with its quaternions scaled to length one."""
+    scaled = ca.SX(state)
+    for places in layout.quaternions:
+        quaternion = state[list(places)]
+        scaled[list(places)] = quaternion / ca.sqrt(ca.sumsqr(quaternion))
+    return scaled
 
 
 def _equations(
@@ -162,13 +215,18 @@ def _equations(
     aero_parameters: ca.SX,
 ) -> tuple[ca.SX, dict[str, ca.SX]]:
     machine, passive, prescribed = layout.machine, layout.passive, layout.prescribed
-    n_u, n_p = len(passive), len(prescribed)
-    q, v = ca.SX.zeros(machine.dof, 1), ca.SX.zeros(machine.dof, 1)
+    n_u, n_p = len(layout.passive_coordinates), len(layout.prescribed_coordinates)
+    q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
+    for k, i in enumerate(layout.passive_coordinates):
+        q[i] = state[k]
+    for k, i in enumerate(layout.prescribed_coordinates):
+        q[i] = row[k]
     for k, i in enumerate(passive):
-        q[i], v[i] = state[k], state[n_u + k]
+        v[i] = state[n_u + k]
     for k, i in enumerate(prescribed):
-        q[i], v[i] = row[k], row[n_p + k]
-    lag, wind = state[2 * n_u : 2 * n_u + layout.lags], row[3 * n_p :]
+        v[i] = row[n_p + k]
+    a_given = row[n_p + len(prescribed) : n_p + 2 * len(prescribed)]
+    lag, wind = state[layout.moving : layout.moving + layout.lags], row[-3:]
     own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
     air = aero.expressions(machine, q, v, lag, wind, own)
     aero_force, added, circulation = air.generalized_force, None, ca.SX.zeros(machine.dof, 1)
@@ -183,7 +241,7 @@ def _equations(
         machine,
         q,
         v,
-        ca.vertcat(still, row[2 * n_p : 3 * n_p]),
+        ca.vertcat(still, a_given),
         aero_force + damping,
         (*range(layout.hidden), *prescribed),
         added,
@@ -196,16 +254,16 @@ def _equations(
         external = external + forces[-1]
     powers = ca.vertcat(*[ca.dot(force, v) for force in forces])
     rate = ca.vertcat(
-        v[list(passive)],
+        coordinate_rates(machine, q, v)[list(layout.passive_coordinates)],
         a[list(passive)],
         air.state_derivative,
         powers,
         external_force(machine, external),
     )
     of_robot = slice(layout.hidden, machine.dof)
-    totals = 2 * n_u + layout.lags
+    totals = layout.moving + layout.lags
     recorded = {
-        "q": q[of_robot],
+        "q": q[layout.hidden :],
         "v": v[of_robot],
         "a": a[of_robot],
         "u1": joint[of_robot],
@@ -269,20 +327,30 @@ def external_force(machine: Robot, force: ca.SX) -> ca.SX:
 def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
     """Force of the mount and its moment about the world's origin, (6, 1) [N, N m].
 
-    From the generalized force on Euler angles: Q_k = e_k . M, with e_k the axes of
-    roll, pitch and yaw in the world. Singular where they are, at a pitch of 90 degrees.
-
     Args:
         machine: A machine with a floating body, the one that is held.
-        q: Generalized coordinates, (n, 1) [m, rad].
+        q: Generalized coordinates, (n_q, 1) [m, rad, 1].
         force: Generalized force of the mount, (n, 1) [N, N m].
     """
-    dofs = floating_dofs(machine)[:6]
-    pitch, yaw = q[dofs[4]], q[dofs[5]]
-    on_roll, on_pitch, on_yaw = (force[dofs[k]] for k in (3, 4, 5))
+    body = next(body for body in machine.bodies if body.floating_dofs is not None)
+    dofs, places = floating_dofs(machine)[:6], machine.floating_coordinates(body)
+    position, push = q[list(places[:3])], force[list(dofs[:3])]
+    if body.by_quaternion:
+        moment = QuaternionTurn(q[list(places[3:])]).inward(force[list(dofs[3:])])
+    else:
+        moment = _moment_on_angles(q[list(places[3:])], force[list(dofs[3:])])
+    return ca.vertcat(push, moment + cross(position, push))
+
+
+def _moment_on_angles(angles: ca.SX, force: ca.SX) -> ca.SX:
+    """Moment whose generalized force on roll, pitch and yaw is given, world axes, (3, 1) [N m].
+
+    Q_k = e_k . M, with e_k the axes of roll, pitch and yaw in the world. Singular where they
+    are, at a pitch of 90 degrees.
+    """
+    pitch, yaw = angles[1], angles[2]
+    on_roll, on_pitch, on_yaw = ca.vertsplit(force)
     level = (on_roll + ca.sin(pitch) * on_yaw) / ca.cos(pitch)
     heading = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
     left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
-    moment = heading * level + left * on_pitch + ca.vertcat(0, 0, on_yaw)
-    push = force[list(dofs[:3])]
-    return ca.vertcat(push, moment + cross(q[list(dofs[:3])], push))
+    return heading * level + left * on_pitch + ca.vertcat(0, 0, on_yaw)

@@ -24,6 +24,7 @@ from patagium.aerodynamics.model import compile_aero
 from patagium.errors import ParameterError
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.dense import DenseNetwork
+from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.learner import Learner
 from patagium.identification.network import Network
 from patagium.identification.strip import StripNetwork
@@ -109,12 +110,16 @@ def _expression(network: Network) -> ca.Function:
         features, readout = network.encoding(x)
         items = ca.reshape(features, -1, network.items)
         offset = np.zeros(network.outputs)
+    elif isinstance(network, HiddenStripNetwork):
+        items, readout = network.encoding(x, weights)
+        offset = np.zeros(network.outputs)
     elif isinstance(network, DenseNetwork):
         items = (x - network.input_center) / network.input_scale
         readout, offset = ca.DM(np.diag(network.output_scale)), network.output_center
     else:
         raise ParameterError("network", "a dense network, or one of the wings", network)
-    widths, start, layer = network.perceptron.widths, 0, items
+    widths, start = network.perceptron.widths, network.size - network.perceptron.size
+    layer = items
     for number, (below, above) in enumerate(zip(widths, widths[1:], strict=False)):
         matrix = ca.reshape(weights[start : start + below * above], below, above).T
         bias = weights[start + below * above : start + (below + 1) * above]

@@ -108,7 +108,7 @@ def call_times(
 
     Args:
         pipeline: What is timed; its learner is taught.
-        packets: Taken in a circle, (N, 1 + 4 n).
+        packets: Taken in a circle, (N, 1 + n_q + 3 n).
         samples: How many.
         paced: At 10 kHz, or one after the other.
 

@@ -21,6 +21,7 @@ from typing import Any
 import xarray as xr
 
 from patagium import __version__
+from patagium.identification.result import Identification
 from patagium.identification.scores import json_ready
 from patagium.report import Section, write_page
 from patagium.report.page import write_whole
@@ -47,6 +48,7 @@ from patagium.studies.unsteady import (
 from patagium.studies.unsteady_flights import MOUNTS
 from patagium.studies.unsteady_report import draw_unsteady, unsteady_scores
 from patagium.studies.workers import Job, run_jobs
+from patagium.viewer import replay
 
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""
@@ -95,7 +97,7 @@ def reproduce(
         crazyflie: The log of a quadrotor, `log16.csv.gz`, for a section on it.
 
     Returns:
-        Path of report.html; beside it metrics.json, the flights (*.nc) and figures/.
+        Path of report.html; beside it metrics.json, the flights (*.nc, *.html) and figures/.
     """
     out.mkdir(parents=True, exist_ok=True)
     plan, course = Plan.of(quick), _Course(progress)
@@ -134,6 +136,7 @@ def reproduce(
     with course.stage("drawing", 0.9, 0.99):
         gallery = _draw(out, metrics, flown, runs)
         draw_unsteady(gallery, metrics, unsteady)
+        metrics["replays"] = {name: _replay(out, name, flown[name], runs) for name in flown}
     metrics["stages"] = course.seconds
     metrics["targets"] = targets(metrics)
     metrics["claims"] = claims(metrics)
@@ -256,6 +259,19 @@ def _draw(
         figures.unseen_figure(gallery, name, frozen)
     figures.overhead_figures(gallery, metrics["overhead"])
     return gallery
+
+
+def _replay(out: Path, name: str, flight: xr.Dataset, runs: list[Run]) -> str:
+    """A flight in three dimensions, with the forces that a strip network foresaw, if one did."""
+    best = subjects.STRIPS.get(name, ("",))[0]
+    found = [
+        Identification(run.scores, run.record, run.model)
+        for run in runs
+        if (run.trial.flight, run.trial.network) == (name, best) and run.record is not None
+    ]
+    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as foreseen" * bool(found))
+    predicted = found[0] if found else None
+    return replay(flight, out / f"{name}.html", predicted=predicted, title=title).name
 
 
 def _brief(run: Run, within: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:

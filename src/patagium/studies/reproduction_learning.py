@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.identification.identify import compare
+from patagium.identification.model_file import Model
 from patagium.identification.result import Identification
 from patagium.identification.stream import stream
 from patagium.identification.training_data import training_data
@@ -87,11 +88,13 @@ class Run:
         trial: The trial.
         scores: Its scores, JSON-able.
         record: Predictions, where they were kept.
+        model: What was learned, where predictions were kept.
     """
 
     trial: Trial
     scores: dict[str, Any]
     record: xr.Dataset | None
+    model: Model | None = None
 
 
 def write_samples(
@@ -150,7 +153,11 @@ def run_trial(trial: Trial, folder: Path) -> Run:
         "unseen": _unseen(learner, trial, samples, columns),
         "seconds": process_time() - started,
     }
-    return Run(trial, scores, result.prediction if trial.keep else None)
+    if not trial.keep:
+        return Run(trial, scores, None)
+    seen = inputs_of(subject, trial.network)
+    learned = Model(learner.network, np.array(learner.weights, float), inputs=seen)
+    return Run(trial, scores, result.prediction, learned)
 
 
 _LEFT_OUT = ("samples", "samples_predicted", "median_step", "gaps", "coverage_by_output")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patagium.report import Note, Picture, Section, cell_text
+from patagium.report import Link, Note, Picture, Section, cell_text
 from patagium.studies.claims import claims_table
 from patagium.studies.reproduction_errors import GENTLE_GAIT, error_table
 from patagium.studies.reproduction_flights import PUBLISHED_GAIT
@@ -93,6 +93,10 @@ def _experiments(metrics: Metrics, pictures: Pictures) -> Section:
             "E1 to E9 of the report below), the wing driven by the robot's crank linkage and "
             "feathering, in free flight.",
             flight_table(metrics),
+            *(
+                Link(f"The {name.replace('_', ' ')} flight in three dimensions", address)
+                for name, address in metrics["replays"].items()
+            ),
             *_present(pictures, "published_flight", "corrected_flight"),
         ],
     )

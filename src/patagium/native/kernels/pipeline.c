@@ -1,6 +1,7 @@
 /* From sensor packets to what a learner foresaw of them, one after the other.
  *
- * A packet is [time, q, v, a, u1], dof numbers each. Inverse dynamics makes x and y of it, the
+ * A packet is [time, q, v, a, u1], q of as many numbers as there are coordinates, the others of
+ * dof numbers each. Inverse dynamics makes x and y of it, the
  * filter foresees y, learns it, and one record a packet says how that went:
  *
  *     [prediction, its deviation, measurement: outputs each; nis, outcome, left out, nanoseconds].
@@ -19,7 +20,7 @@
 enum { COMPLETED = 0, BAD_INPUT = 4, LATE = 5, DUPLICATE = 6 }; /* as errors.Outcome */
 
 typedef struct {
-  int32_t dof, outputs;
+  int32_t coordinates, dof, outputs;
   void (*air_force)(const double *const *, double *const *); /* q, v, a, u1, parameters -> x, y */
   const double *parameters;  /* of the robot */
   int (*update)(void *);     /* of a filter: learns what stands in its memory */
@@ -41,9 +42,8 @@ static double now_ns(void) {
 }
 
 static int learn(pipeline *p, const double *packet) {
-  const double *state = packet + 1;
-  const double *arguments[5] = {state, state + p->dof, state + 2 * p->dof, state + 3 * p->dof,
-                                p->parameters};
+  const double *v = packet + 1 + p->coordinates;
+  const double *arguments[5] = {packet + 1, v, v + p->dof, v + 2 * p->dof, p->parameters};
   double *results[2] = {p->x, p->y};
   p->air_force(arguments, results);
   *p->stamp = packet[0];
@@ -65,10 +65,11 @@ static void write_record(const pipeline *p, int outcome, double *record) {
   record[3 * m + 2] = left_out;
 }
 
-/* Takes packets, rows of 1 + 4 dof; writes records, rows of 3 outputs + 4. How many were taken:
- * fewer than there are where an alarm was raised, by the last one taken. */
+/* Takes packets, rows of 1 + coordinates + 3 dof; writes records, rows of 3 outputs + 4. How many
+ * were taken: fewer than there are where an alarm was raised, by the last one taken. */
 int64_t pipeline_run(pipeline *p, int64_t count, const double *packets, double *records) {
-  for (int64_t k = 0; k < count; k++, packets += 1 + 4 * p->dof, records += 3 * p->outputs + 4) {
+  const int length = 1 + p->coordinates + 3 * p->dof;
+  for (int64_t k = 0; k < count; k++, packets += length, records += 3 * p->outputs + 4) {
     const double started = now_ns();
     const int outcome = learn(p, packets);
     const double ended = now_ns();

@@ -45,6 +45,7 @@ typedef struct {
   int64_t *moved;         /* m: whether the channel ever changed */
   int64_t *left_out;      /* m */
   double *past;           /* window + reference */
+  double *stated;         /* m: variance that this sample has on top, where the rest is estimated */
 } screening;
 
 /* Whether the sample is later than the one before; an event otherwise. */
@@ -81,7 +82,7 @@ static void find_noise(screening *s, int rows, const double *readout) {
     for (int k = 0; k < m; k++) s->load[k] += readout[r * m + k] * readout[r * m + k];
   for (int k = 0; k < m; k++) {
     const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
-    s->noise[k] = s->steady[k] + s->loaded[k] * relative;
+    s->noise[k] = s->steady[k] + s->loaded[k] * relative + s->stated[k];
   }
 }
 
@@ -153,7 +154,8 @@ static void learn_noise(screening *s, const double *gain, int stride, const doub
     for (int l = 0; l < m; l++) square += inverse[k * stride + l] * inverse[k * stride + l];
     const double raised = (s->noise[k] + s->extra[k]) / s->noise[k];
     const double larger = fmax(s->steady[k], s->loaded[k] * relative);
-    const double move = share * raised * s->noise[k] / larger * (gain[k] * gain[k] - square);
+    const double own = s->noise[k] - s->stated[k];
+    const double move = share * raised * own / larger * (gain[k] * gain[k] - square);
     s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, s->smallest[k]);
     s->loaded[k] =
         fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, s->smallest[k]);

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics.chain import joint_chain
 from patagium.robot.model import Axis, Body, Robot
 
-KINDS = ("PX", "PY", "PZ", "RX", "RY", "RZ", "translation", "zyx")
+KINDS = ("PX", "PY", "PZ", "RX", "RY", "RZ", "translation", "zyx", "spherical")
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ class JointRow:
         name: Name.
         parent: Row of the parent, -1 for the world.
         kind: One of `KINDS`.
-        dofs: Its coordinates, as indices in q, in the order the joint wants them.
+        dofs: Its velocities, as indices in v, in the order the joint wants them.
         rotation: Joint axes to the parent's, (3, 3).
         position: Origin in the parent's axes, (3,) [m].
         mass: Mass [kg]; zero for an intermediate row.
@@ -66,7 +65,8 @@ def joint_table(robot: Robot) -> list[JointRow]:
         robot: Machine with numbers, not symbols.
 
     Returns:
-        One row a joint; a floating base is the two rows `translation` and `zyx`.
+        One row a joint; a floating base is the two rows `translation` and `zyx`, or
+        `spherical` with a quaternion.
     """
     rows: list[JointRow] = []
     for root, body in enumerate(robot.bodies):
@@ -76,8 +76,22 @@ def joint_table(robot: Robot) -> list[JointRow]:
 
 
 def coordinate_order(rows: list[JointRow]) -> NDArray[np.intp]:
-    """Index in q of each coordinate of the table, (n,)."""
+    """Index in v of each velocity of the table, (n,); in q too but for a quaternion."""
     return np.array([dof for row in rows for dof in row.dofs], dtype=np.intp)
+
+
+def configuration_order(robot: Robot, rows: list[JointRow]) -> NDArray[np.intp]:
+    """Index in q of each coordinate of the table, (n_q,); quaternions with their scalar last.
+
+    Args:
+        robot: The machine.
+        rows: Its table.
+    """
+    order: list[int] = []
+    for row in rows:
+        places = [robot.coordinate_indices[dof] for dof in row.dofs]
+        order += [*places, min(places) - 1] if row.kind == "spherical" else places
+    return np.array(order, dtype=np.intp)
 
 
 def _append(
@@ -103,12 +117,14 @@ def _steps(body: Body) -> list[tuple[str, str, Axis, tuple[int, ...]]]:
     x_axis = (1.0, 0.0, 0.0)
     if body.floating_dofs is not None:
         x, y, z, roll, pitch, yaw = body.floating_dofs
+        by_angles = ("zyx", x_axis, (yaw, pitch, roll))
+        by_quaternion = ("spherical", x_axis, (roll, pitch, yaw))
         return [
             (f"{body.name}.position", "translation", x_axis, (x, y, z)),
-            (f"{body.name}.attitude", "zyx", x_axis, (yaw, pitch, roll)),
+            (f"{body.name}.attitude", *(by_quaternion if body.by_quaternion else by_angles)),
         ]
     letters = {"revolute": "R", "prismatic": "P"}
-    return [(j.name, letters[j.kind], j.axis, (j.dof,)) for j in joint_chain(body)]
+    return [(j.name, letters[j.kind], j.axis, (j.dof,)) for j in body.joints]
 
 
 def _lump(row: JointRow, body: Body, turn: Array, shift: Array) -> None:

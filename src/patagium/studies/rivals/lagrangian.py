@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from patagium.dynamics.chain import joint_chain
+from patagium.dynamics.chain import chain_of
+from patagium.errors import ParameterError
 from patagium.robot.model import Body, Robot
 from patagium.studies.rivals.symbols import with_symbols
 
@@ -59,7 +60,13 @@ def derive_symbolic(robot: Robot, backend: str = "sympy") -> SymbolicEquations:
     Args:
         robot: The machine.
         backend: "sympy" or "symengine", which must be installed.
+
+    Raises:
+        ParameterError: If its attitude is a quaternion: Lagrange's equations are written
+            for velocities that are rates of coordinates.
     """
+    if robot.attitude == "quaternion":
+        raise ParameterError("robot", "a robot with Euler angles", "a quaternion")
     algebra: Any = importlib.import_module(backend)
     started = time.process_time()
     q = [algebra.Symbol(f"q{i}") for i in range(robot.dof)]
@@ -109,14 +116,14 @@ def _walk(algebra: Any, machine: Robot, q: Row, v: Row) -> Iterator[tuple[Body, 
         orientation = [[_exact(x) for x in row] for row in body.orientation]
         position = _sum(position, _product(rotation, [_exact(x) for x in body.position]))
         rotation, turned = _multiply(rotation, orientation), _product(_flip(orientation), turned)
-        for joint in joint_chain(body):
-            axis = [_exact(x) for x in joint.axis]
-            if joint.kind == "prismatic":
-                position = _sum(position, _product(rotation, [a * q[joint.dof] for a in axis]))
+        for step in chain_of(machine, body):
+            axis, (dof,) = [_exact(x) for x in step.axes[0]], step.dofs
+            if not step.turns:
+                position = _sum(position, _product(rotation, [a * q[dof] for a in axis]))
                 continue
-            turn = _turn(axis, algebra.sin(q[joint.dof]), algebra.cos(q[joint.dof]))
+            turn = _turn(axis, algebra.sin(q[dof]), algebra.cos(q[dof]))
             rotation = _multiply(rotation, turn)
-            turned = _sum(_product(_flip(turn), turned), [a * v[joint.dof] for a in axis])
+            turned = _sum(_product(_flip(turn), turned), [a * v[dof] for a in axis])
         frames.append((position, rotation, turned))
         center = _product(rotation, [_exact(x) for x in body.center_of_mass])
         yield body, _sum(position, center), turned

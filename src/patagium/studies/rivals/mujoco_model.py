@@ -1,8 +1,9 @@
 """The robot as a MuJoCo model with the coordinates of q: oracle and rival.
 
-A floating base is three slides and three hinges (yaw, pitch, roll), so that D and the
-bias compare entry by entry. Damping, contacts and limits are left out. Needs `mujoco`;
-every moving body needs a mass and inertia above MuJoCo's smallest.
+A floating base is three slides and three hinges (yaw, pitch, roll), or MuJoCo's free joint where
+its attitude is a quaternion, so that D and the bias compare entry by entry. Damping, contacts and
+limits are left out. Needs `mujoco`; every moving body needs a mass and inertia above MuJoCo's
+smallest.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics.chain import joint_chain
+from patagium.dynamics.chain import chain_of
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
@@ -40,10 +41,12 @@ def mujoco_xml(robot: Robot) -> str:
             xyaxes=_text([*orientation[:, 0], *orientation[:, 1]]),
         )
         elements.append(element)
-        for joint in joint_chain(body):
-            kind = "hinge" if joint.kind == "revolute" else "slide"
-            name = f"coordinate {joint.dof}"
-            ElementTree.SubElement(element, "joint", name=name, type=kind, axis=_text(joint.axis))
+        if body.by_quaternion:
+            ElementTree.SubElement(element, "freejoint", name=body.name)
+        for step in () if body.by_quaternion else chain_of(robot, body):
+            kind, name = "hinge" if step.turns else "slide", f"coordinate {step.dofs[0]}"
+            axis = _text(step.axes[0])
+            ElementTree.SubElement(element, "joint", name=name, type=kind, axis=axis)
         ElementTree.SubElement(
             element,
             "inertial",
@@ -62,7 +65,8 @@ class MujocoModel:
 
     Attributes:
         model: The `mujoco.MjModel`.
-        order: Index in q of each coordinate of the model, (n,).
+        order: Index in v of each velocity of the model, (n,).
+        places: Index in q of each coordinate of the model, (n_q,).
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -72,14 +76,17 @@ class MujocoModel:
         self.model: Any = mujoco.MjModel.from_xml_string(mujoco_xml(robot))
         self.data: Any = mujoco.MjData(self.model)
         names = [self.model.joint(k).name for k in range(self.model.njnt)]
-        self.order = np.array([int(name.split()[-1]) for name in names], dtype=np.intp)
+        self.order = np.array([k for name in names for k in _dofs(robot, name)], dtype=np.intp)
+        coordinates = [k for name in names for k in _coordinates(robot, name)]
+        self.places = np.array(coordinates, dtype=np.intp)
 
     def mass_matrix(self, q: Array) -> Array:
         """D by the composite-rigid-body algorithm, (n, n) [kg, kg m, kg m^2]."""
-        self._place(q, np.zeros(len(q)))
+        n = len(self.order)
+        self._place(q, np.zeros(n))
         self.mujoco.mj_crb(self.model, self.data)
-        found = np.zeros((len(q), len(q)))
-        for column, unit in zip(found, np.eye(len(q)), strict=True):
+        found = np.zeros((n, n))
+        for column, unit in zip(found, np.eye(n), strict=True):
             self.mujoco.mj_mulM(self.model, self.data, column, unit)
         matrix = np.empty_like(found)
         matrix[np.ix_(self.order, self.order)] = found
@@ -88,7 +95,7 @@ class MujocoModel:
     def bias(self, q: Array, v: Array) -> Array:
         """C v + G by the recursive Newton-Euler algorithm, (n,) [N, N m]."""
         self._place(q, v)
-        found = np.zeros(len(q))
+        found = np.zeros(len(v))
         self.mujoco.mj_comVel(self.model, self.data)
         self.mujoco.mj_rne(self.model, self.data, 0, found)
         vector = np.empty_like(found)
@@ -96,9 +103,23 @@ class MujocoModel:
         return vector
 
     def _place(self, q: Array, v: Array) -> None:
-        self.data.qpos[:], self.data.qvel[:] = q[self.order], v[self.order]
+        self.data.qpos[:], self.data.qvel[:] = q[self.places], v[self.order]
         self.mujoco.mj_kinematics(self.model, self.data)
         self.mujoco.mj_comPos(self.model, self.data)
+
+
+def _dofs(robot: Robot, name: str) -> tuple[int, ...]:
+    """Places in v of a joint of the model, by its name."""
+    if name.startswith("coordinate "):
+        return (int(name.split()[-1]),)
+    return robot.bodies[robot.body_index(name)].floating_dofs or ()
+
+
+def _coordinates(robot: Robot, name: str) -> tuple[int, ...]:
+    """Places in q of a joint of the model, by its name."""
+    if name.startswith("coordinate "):
+        return (robot.coordinate_indices[_dofs(robot, name)[0]],)
+    return robot.floating_coordinates(robot.bodies[robot.body_index(name)])
 
 
 def _text(values: Any) -> str:

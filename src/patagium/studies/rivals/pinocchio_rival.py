@@ -40,6 +40,8 @@ def pinocchio_rival(robot: Robot) -> Rival | str:
     Raises:
         CompilerError: If the compiler refuses the headers.
     """
+    if robot.attitude == "quaternion":
+        return "the model has the coordinates of q, which here are Euler angles"
     compiler = shutil.which(os.environ.get("CXX", "g++"))
     if compiler is None or os.environ.get("PATAGIUM_COMPILER") == "none":
         return "no C++ compiler"

@@ -1,0 +1,115 @@
+"""`patagium inspect`: what a log of another program holds, and what is suspicious about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from patagium.identification.importing.findings import Finding
+    from patagium.identification.importing.inspection import Inspection
+
+EXAMPLES = (
+    "patagium inspect flight.ulg",
+    "patagium inspect recording.bag --topic /imu --json",
+    "patagium inspect ros2_bag_folder",
+)
+
+
+def inspect(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="A CSV, Parquet, MAT, ULog or MCAP file, a ROS bag, or the parts of a recording."
+        ),
+    ],
+    topic: Annotated[
+        list[str] | None, typer.Option(help="Show the numbers of this topic; several times.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="All of it as JSON on stdout.")] = False,
+) -> None:
+    """Say what a log holds: topics, rates, gaps, ranges, and what is suspicious.
+
+    Topics and fields are named as a mapping for `patagium import` names them.
+    """
+    from patagium.cli.words import progress_bar, say_json
+    from patagium.errors import LogError
+    from patagium.identification.importing.inspection import inspect_log
+
+    with progress_bar(f"Reading {files[0].name}") as progress:
+        found = inspect_log(files, progress=progress)
+    if as_json:
+        say_json(found.plain())
+        return
+    names = [one.name for one in found.topics]
+    unknown = [name for name in topic or () if name not in names]
+    if unknown:
+        raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
+    _show_topics(found)
+    _show_channels(found, topic or (names if len(names) == 1 else ()))
+    show_findings(found.findings)
+    for note in found.notes:
+        typer.echo(f"Note: {note}")
+    if len(names) > 1 and not topic:
+        typer.echo("Numbers of a topic: --topic NAME; of all: --json")
+
+
+def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
+    """Findings as a table.
+
+    Args:
+        findings: What is suspicious.
+        err: Whether on stderr.
+    """
+    from patagium.cli.words import show_table
+    from patagium.report import Table
+
+    if not findings:
+        typer.echo("Nothing suspicious.", err=err)
+        return
+    rows = [[one.level, one.where, one.kind, one.text] for one in findings]
+    show_table(Table(["", "where", "what", "found"], rows, "Findings"), err=err)
+
+
+def _show_topics(found: Inspection) -> None:
+    from patagium.cli.words import show_table
+    from patagium.report import Table
+
+    columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
+               "gaps", "longest step [s]", "duplicate", "backward", "numbers"]  # fmt: skip
+    rows: list[list[str | float | bool | None]] = [
+        [
+            one.name or "table",
+            one.kind,
+            one.rows,
+            one.problem or one.stamps,
+            one.begin,
+            one.duration,
+            one.rate,
+            one.gaps,
+            one.longest,
+            one.duplicates,
+            one.backwards,
+            len(one.channels),
+        ]
+        for one in found.topics
+    ]
+    show_table(Table(columns, rows, f"{found.path}: {found.format}"))
+
+
+def _show_channels(found: Inspection, names: Sequence[str]) -> None:
+    from patagium.cli.words import show_table
+    from patagium.report import Table
+
+    columns = ["field", "type", "unit", "lowest", "highest", "mean", "rms", "missing"]
+    for one in found.topics:
+        if one.name not in names:
+            continue
+        rows: list[list[str | float | bool | None]] = [
+            [c.name, c.dtype, c.unit, c.low, c.high, c.mean, c.rms, c.missing] for c in one.channels
+        ]
+        show_table(Table(columns, rows, one.name or "table"))

@@ -1,0 +1,93 @@
+"""What a verb learns from: a flight, a table with its mapping, or a log that was imported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from patagium.identification import Table
+    from patagium.identification.log_record import LogRecord
+
+
+def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
+    """An imported log, open; None for any other file.
+
+    Args:
+        file: Any file.
+        mapping: The mapping it came with.
+
+    Raises:
+        ParameterError: If an imported log comes with a mapping: it carries its own.
+    """
+    from patagium.errors import ParameterError
+    from patagium.identification.log_record import LogRecord, is_log
+
+    if not is_log(file):
+        return None
+    if mapping is not None:
+        raise ParameterError("--mapping", "none: the imported log carries its own", str(mapping))
+    record = LogRecord(file)
+    warnings = sum(one["level"] == "warning" for one in record.findings)
+    if warnings:
+        typer.echo(f"{file}: {warnings} finding(s) when it was imported:", err=True)
+        for one in record.findings:
+            if one["level"] == "warning":
+                typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
+    return record
+
+
+def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
+    """An imported log that is too long to be held in memory, open; None for any other file.
+
+    Args:
+        file: Any file.
+        mapping: The mapping it came with.
+    """
+    from patagium.identification.log_record import LogRecord, is_log
+    from patagium.identification.long_log import LONG
+
+    if not is_log(file) or mapping is not None:
+        return None
+    with LogRecord(file) as record:
+        if record.is_flight or record.count < LONG:
+            return None
+    return record_of(file, None)
+
+
+def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, Table | None]:
+    """A flight, or the table of a log.
+
+    Args:
+        file: A flight or an imported log (.nc), or another log.
+        mapping: What the columns or fields of another log mean.
+
+    Returns:
+        The flight and None, or None and the table.
+
+    Raises:
+        ParameterError: If the mapping is missing, or too much.
+    """
+    from patagium.cli.inspect import show_findings
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.identification import read_table
+    from patagium.simulation import load_flight
+
+    record = record_of(file, mapping)
+    if record is not None:
+        with record:
+            if record.is_flight:
+                return record.flight(), None
+            return None, record.table()
+    if file.suffix.lower() == ".nc":
+        if mapping is not None:
+            raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
+        return load_flight(existing(file)), None
+    if mapping is None:
+        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+    place = file if file.is_dir() else existing(file)
+    tell = lambda found: show_findings(found, err=True)  # noqa: E731
+    return None, read_table(place, existing(mapping), tell)

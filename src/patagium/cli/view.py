@@ -1,0 +1,71 @@
+"""`patagium view`: a flight as a page in three dimensions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from patagium.cli.words import quantity
+
+if TYPE_CHECKING:
+    from patagium.viewer.foreseen import Predicted
+
+EXAMPLES = (
+    "patagium view flight.nc",
+    "patagium view flight.nc --model model.json -o flight.html",
+    'patagium view flight.nc --predictions predictions.nc --start "1 s" --end "1.5 s"',
+)
+
+
+def view(
+    flight: Annotated[Path, typer.Argument(help="A flight (.nc).")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page; beside the flight by default.")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
+    ] = None,
+    predictions: Annotated[
+        Path | None,
+        typer.Option(help="Predicted forces too, as identify --predictions wrote them."),
+    ] = None,
+    title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
+    start: Annotated[
+        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight from here.")
+    ] = None,
+    end: Annotated[
+        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here.")
+    ] = None,
+) -> None:
+    """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
+
+    Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
+    wingbeat; plots of generalized forces with a cursor at the time shown.
+    """
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.simulation import load_flight
+    from patagium.viewer import replay
+
+    if model is not None and predictions is not None:
+        raise ParameterError("--predictions", "either a model or predictions", "both")
+    page = flight.with_suffix(".html") if out is None else out
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise ParameterError("--out", "a name ending in .html", page.name)
+    recorded = load_flight(existing(flight))
+    replay(
+        recorded, page, predicted=_predicted(model, predictions), title=title, start=start, end=end
+    )
+    typer.echo(f"The page is in {page}", err=True)
+
+
+def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:
+    from patagium.cli.words import existing
+    from patagium.identification.model_file import load_model
+    from patagium.identification.result import load_identification
+
+    if model is not None:
+        return load_model(existing(model))
+    return None if predictions is None else load_identification(existing(predictions))

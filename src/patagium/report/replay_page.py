@@ -1,0 +1,238 @@
+"""A flight as one HTML page that moves: bodies, wings, forces, path, and plots linked to it.
+
+Everything is inline, three.js too, so that the file opens from disk, offline. Numbers
+travel as base64 of little-endian floats: origins in double, all else in single precision
+relative to the origin. Neglected: the flow; what lies between the samples shown.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from patagium.report.page import write_whole
+from patagium.report.style import COLORS, TRUTH
+
+Array = NDArray[np.float64]
+
+_SCRIPTS = ("flight.js", "view.js", "arrows.js", "plots.js", "player.js")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A strip of wing: a flat quadrangle fixed to a body.
+
+    Attributes:
+        wing: Name of the wing.
+        body: Index of the body.
+        corners: In body axes, counterclockwise as seen from above the wing, (4, 3) [m].
+    """
+
+    wing: str
+    body: int
+    corners: Array
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point fixed to a body that leaves a trace: a wing tip.
+
+    Attributes:
+        name: What it is.
+        body: Index of the body.
+        offset: In body axes, (3,) [m].
+    """
+
+    name: str
+    body: int
+    offset: Array
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Forces on strips at the times shown, world axes.
+
+    Attributes:
+        point: Where they act, relative to the origin, (F, n_strips, 3) [m].
+        force: True ones, (F, n_strips, 3) [N].
+        predicted: Predicted ones, same shape, or None.
+        center: Where the total is drawn, relative to the origin, (F, 3) [m].
+        total: Force of the air on the robot, (F, 3) [N].
+        predicted_total: The same, predicted, or None.
+    """
+
+    point: Array
+    force: Array
+    predicted: Array | None
+    center: Array
+    total: Array
+    predicted_total: Array | None
+
+
+@dataclass(frozen=True)
+class Series:
+    """A quantity over time, to be plotted.
+
+    Attributes:
+        group: Heading it stands under.
+        name: Name.
+        unit: Unit.
+        values: (F,).
+        predicted: (F,), or None.
+        shown: Whether it is plotted when the page opens.
+    """
+
+    group: str
+    name: str
+    unit: str
+    values: Array
+    predicted: Array | None = None
+    shown: bool = False
+
+
+@dataclass(frozen=True)
+class Replay:
+    """All that a page shows, at F times.
+
+    Attributes:
+        title: Heading.
+        subtitle: What flies, in a few words.
+        time: (F,) [s].
+        period: One wingbeat [s], or None.
+        bodies: Names, n_b.
+        origin: Of the first body in the world, (F, 3) [m].
+        position: Of every body relative to it, world axes, (F, n_b, 3) [m].
+        quaternion: Body axes to world axes, x y z w, (F, n_b, 4).
+        speed: Of the origin, (F,) [m/s].
+        solids: Kind, body, center, axis and size of each; see `robot.solids`.
+        surfaces: Strips of all wings.
+        marks: Points that leave a trace.
+        arrows: Forces, or None.
+        series: Plots.
+        names: How truth and prediction are called.
+        notes: What a reader has to know: sampling, frames, units.
+    """
+
+    title: str
+    subtitle: str
+    time: Array
+    period: float | None
+    bodies: Sequence[str]
+    origin: Array
+    position: Array
+    quaternion: Array
+    speed: Array
+    solids: Sequence[dict[str, Any]]
+    surfaces: Sequence[Surface]
+    marks: Sequence[Mark]
+    arrows: Arrows | None
+    series: Sequence[Series]
+    names: tuple[str, str] = ("true", "predicted")
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def write_replay(path: str | Path, replay: Replay) -> Path:
+    """The page of a flight, written whole or not at all.
+
+    Args:
+        path: File to write; its folder is made.
+        replay: What to show.
+
+    Returns:
+        The path written.
+    """
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    text = environment.from_string(_text("page.html")).render(
+        title=replay.title,
+        subtitle=replay.subtitle,
+        notes=replay.notes,
+        predicted=any(series.predicted is not None for series in replay.series),
+        names=replay.names,
+        colors={"true": TRUTH, "predicted": COLORS[0]},
+        style=Markup(_text("style.css")),
+        license=Markup(_text("three.LICENSE.txt")),
+        three=Markup(_three()),
+        content=Markup(_content(replay)),
+        scripts=Markup("\n".join(_text(name) for name in _SCRIPTS)),
+    )
+    return write_whole(path, text)
+
+
+def _content(replay: Replay) -> str:
+    """The numbers as JSON that may stand inside a script element."""
+    words = {
+        "title": replay.title,
+        "period": replay.period,
+        "bodies": list(replay.bodies),
+        "names": list(replay.names),
+        "colors": [TRUTH, COLORS[0]],
+        "time": packed(replay.time, "f8"),
+        "origin": packed(replay.origin, "f8"),
+        "position": packed(replay.position),
+        "quaternion": packed(replay.quaternion),
+        "speed": packed(replay.speed),
+        "solids": list(replay.solids),
+        "surfaces": [
+            {"wing": s.wing, "body": s.body, "corners": s.corners.tolist()} for s in replay.surfaces
+        ],
+        "marks": [
+            {"name": m.name, "body": m.body, "offset": m.offset.tolist()} for m in replay.marks
+        ],
+        "arrows": None if replay.arrows is None else _packed_arrows(replay.arrows),
+        "series": [
+            {
+                "group": s.group,
+                "name": s.name,
+                "unit": s.unit,
+                "shown": s.shown,
+                "values": packed(s.values),
+                "predicted": None if s.predicted is None else packed(s.predicted),
+            }
+            for s in replay.series
+        ],
+    }
+    return json.dumps(words, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _packed_arrows(arrows: Arrows) -> dict[str, Any]:
+    kept = {name: getattr(arrows, name) for name in Arrows.__dataclass_fields__}
+    return {name: None if value is None else packed(value) for name, value in kept.items()}
+
+
+def packed(values: Array, kind: str = "f4") -> dict[str, Any]:
+    """An array as JSON: its kind ("f4", "f8"), shape and bytes in base64, little-endian.
+
+    Args:
+        values: Of any shape.
+        kind: Precision to keep.
+    """
+    with np.errstate(over="ignore"):  # a prediction that ran away becomes infinite
+        array = np.ascontiguousarray(values, f"<{kind}")
+    return {
+        "kind": kind,
+        "shape": list(array.shape),
+        "base64": base64.b64encode(array.tobytes()).decode("ascii"),
+    }
+
+
+def _three() -> str:
+    return gzip.decompress(_file("three.min.js.gz").read_bytes()).decode("utf-8")
+
+
+def _text(name: str) -> str:
+    return str(_file(name).read_text(encoding="utf-8"))
+
+
+def _file(name: str) -> Any:
+    return files("patagium.report").joinpath("replay", name)

@@ -1,0 +1,106 @@
+"""Attitudes as numbers: unit quaternions, Euler angles, and their rates.
+
+A quaternion is Hamilton's, scalar first, and maps body axes to the world's; angles are roll,
+pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll). q and -q are one attitude. Every function takes
+one attitude or many: axes before the last are kept. Neglected: nothing; but angles are singular
+at a pitch of 90 degrees, where only yaw - roll or yaw + roll means anything.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def quaternion_from_angles(angles: ArrayLike) -> Array:
+    """Unit quaternion of Euler angles, (..., 4); continuous in them, not always with qw > 0.
+
+    Args:
+        angles: Roll, pitch, yaw, (..., 3) [rad].
+    """
+    half = np.asarray(angles, float) / 2
+    (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(f(half), -1, 0) for f in (np.sin, np.cos))
+    parts = [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
+    return np.stack(parts, axis=-1)
+
+
+def angles_from_quaternion(quaternion: ArrayLike) -> Array:
+    """Roll, pitch, yaw of a quaternion, (..., 3) [rad]; pitch within a quarter turn.
+
+    Args:
+        quaternion: qw, qx, qy, qz of any length but zero, (..., 4).
+    """
+    rotation = rotation_from_quaternion(quaternion)
+    forward, left, up = (rotation[..., 2, k] for k in range(3))  # of the body, above the horizon
+    roll = np.arctan2(left, up)
+    pitch = np.arctan2(-forward, np.hypot(left, up))
+    yaw = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
+    """Body axes to world axes, (..., 3, 3).
+
+    R = 1 + 2 (w [u] + [u]^2) / |q|^2, with q = (w, u).
+
+    Args:
+        quaternion: qw, qx, qy, qz of any length but zero, (..., 4).
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
+    s = 2 / (w * w + x * x + y * y + z * z)
+    rows = [
+        [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
+        [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
+        [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def body_rates(angles: ArrayLike, rates: ArrayLike) -> Array:
+    """Angular velocity in body axes, (..., 3) [rad/s].
+
+    (p, q, r) = (roll' - sin(pitch) yaw', cos(roll) pitch' + cos(pitch) sin(roll) yaw',
+    -sin(roll) pitch' + cos(pitch) cos(roll) yaw').
+
+    Args:
+        angles: Roll, pitch, yaw, (..., 3) [rad].
+        rates: Their rates, (..., 3) [rad/s].
+    """
+    roll, pitch, _ = np.moveaxis(np.asarray(angles, float), -1, 0)
+    of_roll, of_pitch, of_yaw = np.moveaxis(np.asarray(rates, float), -1, 0)
+    level = np.cos(pitch) * of_yaw
+    parts = [
+        of_roll - np.sin(pitch) * of_yaw,
+        np.cos(roll) * of_pitch + np.sin(roll) * level,
+        np.cos(roll) * level - np.sin(roll) * of_pitch,
+    ]
+    return np.stack(parts, axis=-1)
+
+
+def body_accelerations(angles: ArrayLike, rates: ArrayLike, accelerations: ArrayLike) -> Array:
+    """Angular acceleration in body axes, (..., 3) [rad/s^2].
+
+    The rate of `body_rates`: its matrix times the accelerations, and its own change.
+
+    Args:
+        angles: Roll, pitch, yaw, (..., 3) [rad].
+        rates: Their rates, (..., 3) [rad/s].
+        accelerations: Their second derivatives, (..., 3) [rad/s^2].
+    """
+    roll, pitch, _ = np.moveaxis(np.asarray(angles, float), -1, 0)
+    of_roll, of_pitch, of_yaw = np.moveaxis(np.asarray(rates, float), -1, 0)
+    _, w_left, w_up = np.moveaxis(body_rates(angles, rates), -1, 0)
+    sinking = np.sin(pitch) * of_pitch * of_yaw
+    change = [
+        -np.cos(pitch) * of_pitch * of_yaw,
+        of_roll * w_up - np.sin(roll) * sinking,
+        -of_roll * w_left - np.cos(roll) * sinking,
+    ]
+    return np.asarray(body_rates(angles, accelerations) + np.stack(change, axis=-1))

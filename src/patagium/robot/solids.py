@@ -1,0 +1,149 @@
+"""Bodies as solids to be looked at: their shapes where the robot file gives them.
+
+A body with a shape is drawn as it; a plate that carries strips is left to the strips.
+A body without is a bone: capsules from its origin to the joints it carries, or along its
+wing, or through its center of mass. Neglected: fairings, gears, whatever no file tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from patagium.robot.drawing import wing_span
+from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
+
+Array = NDArray[np.float64]
+
+_BONE = 0.008  # radius of a bone over the span
+_STOUTNESS = 0.02  # the same over its own length, at least
+_LEAST_BONE = 0.002  # the same where there is no span, at least [m]
+
+
+class Solid(NamedTuple):
+    """A simple solid fixed to a body.
+
+    Attributes:
+        body: Index of the body.
+        kind: "cylinder", "capsule", "box" or "ellipsoid".
+        center: In body axes, (3,) [m].
+        axis: Unit vector along a cylinder or capsule, body axes, (3,).
+        size: Radius and length of a cylinder; radius and distance of the ends' centers of a
+            capsule; edges of a box; semi-axes of an ellipsoid [m].
+    """
+
+    body: int
+    kind: str
+    center: tuple[float, ...]
+    axis: tuple[float, ...]
+    size: tuple[float, ...]
+
+
+def solids(robot: Robot) -> list[Solid]:
+    """What the bodies of a robot look like, one solid or more each.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
+    shapes = _shapes(_described(robot.source))
+    radius = _BONE * wing_span(robot) or _LEAST_BONE
+    found: list[Solid] = []
+    for index, body in enumerate(robot.bodies):
+        shape = shapes.get(body.name)
+        strips = [strip for strip in robot.strips if strip.body == index]
+        if shape is None or isinstance(shape, PointMass) or (isinstance(shape, Plate) and strips):
+            found += _bones(robot, index, strips, radius)
+        else:
+            found.append(_solid(index, body, shape))
+    return found
+
+
+def _described(source: str) -> Any:
+    try:
+        return yaml.safe_load(source)
+    except yaml.YAMLError:  # not every robot comes from a robot file
+        return None
+
+
+def _shapes(described: Any) -> dict[str, Any]:
+    """Shapes by body, mirrored and mounted ones too, as far as the robot's source tells."""
+    if isinstance(described, dict) and "mounted_on" in described:
+        carrier = _shapes(described["mounted_on"]).items()
+        prefix = described.get("prefix", "")
+        return {prefix + name: k for name, k in carrier} | _shapes(described.get("robot"))
+    try:
+        file = RobotFile.model_validate(described)
+    except ValidationError:
+        return {}
+    written: Mapping[str, Any] = {k: b.shape for k, b in file.bodies.items() if b.shape is not None}
+    found = dict(written)
+    for mirror in file.mirror:
+        for name, shape in written.items():
+            if name.startswith(mirror.source):
+                found[mirror.target + name[len(mirror.source) :]] = _reflected(shape)
+    return found
+
+
+def _reflected(shape: Any) -> Any:
+    if not isinstance(shape, Cylinder):
+        return shape
+    x, y, z = shape.axis
+    return shape.model_copy(update={"axis": (x, -y, z)})
+
+
+def _solid(index: int, body: Body, shape: Cylinder | Box | Ellipsoid | Plate) -> Solid:
+    center = tuple(float(k) for k in body.center_of_mass)
+    up = (0.0, 0.0, 1.0)
+    if isinstance(shape, Cylinder):
+        return Solid(index, "cylinder", center, tuple(shape.axis), (shape.radius, shape.length))
+    if isinstance(shape, Box):
+        return Solid(index, "box", center, up, tuple(shape.size))
+    if isinstance(shape, Ellipsoid):
+        return Solid(index, "ellipsoid", center, up, tuple(shape.semi_axes))
+    across = (shape.span, shape.thickness)
+    size = (shape.chord, *(across if shape.axis == "y" else across[::-1]))
+    return Solid(index, "box", center, up, size)
+
+
+def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list[Solid]:
+    body = robot.bodies[index]
+    ends = [np.array(k.position, float) for k in robot.bodies if k.parent == index]
+    if strips and not ends:
+        ends = [outer_end(strips[-1])]
+    if not ends and not strips:
+        ends = [2.0 * np.array(body.center_of_mass, float)]
+    long = [end for end in ends if np.linalg.norm(end) > radius]
+    if not long and not strips:
+        center = tuple(float(k) for k in body.center_of_mass)
+        return [Solid(index, "ellipsoid", center, (0.0, 0.0, 1.0), (2 * radius,) * 3)]
+    return [_capsule(index, end, radius) for end in long]
+
+
+def outer_end(strip: Strip) -> Array:
+    """Quarter chord of a strip at its edge away from the body's origin, body axes (3,) [m]."""
+    span = np.cross(np.array(strip.normal), np.array(strip.forward))
+    middle = np.array(strip.quarter_chord, float)
+    outward = np.sign(span @ middle) or 1.0
+    return np.asarray(middle + outward * float(strip.width) / 2 * span)
+
+
+def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
+    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m].
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
+    return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
+
+
+def _capsule(index: int, end: Array, radius: float) -> Solid:
+    length = float(np.linalg.norm(end))
+    axis = tuple(float(k) for k in end / length)
+    size = (max(radius, _STOUTNESS * length), length)
+    return Solid(index, "capsule", tuple(float(k) / 2 for k in end), axis, size)

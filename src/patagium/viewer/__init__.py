@@ -1,0 +1,5 @@
+"""Looking at it: the flight of a robot as a page that moves."""
+
+from patagium.viewer.replay import replay
+
+__all__ = ["replay"]

@@ -1,0 +1,276 @@
+"""A flight as a page to look at: poses by the robot's own kinematics, forces as recorded.
+
+The page shows samples of the flight, thinned to a few hundred a wingbeat, and interpolates
+between them; how far that errs at the wing tips is computed and said on it. Neglected: the
+flow, and whatever happens within the steps that were left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.dynamics.poses import poses_at
+from patagium.errors import ParameterError
+from patagium.identification.identify import flight_horizons
+from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
+from patagium.robot import Robot
+from patagium.robot.drawing import strip_corners
+from patagium.robot.solids import solids, wing_tips
+from patagium.simulation import robot_of
+from patagium.viewer.foreseen import Foreseen, Frames, Predicted, foresee
+
+Array = NDArray[np.float64]
+
+_BYTES = 1.4e6
+"""Numbers a page may hold: with base64, three.js and the rest it stays below 3 MB."""
+_LEAST_PER_BEAT = 24
+"""Frames a wingbeat that a long flight keeps, whatever the page's size."""
+_PLOTTED = 5
+"""Forces that are plotted when the page opens."""
+_SILENCE = 1e-12
+"""Forces that vary less are rounding [N, N m]."""
+
+
+def replay(
+    flight: xr.Dataset,
+    path: str | Path,
+    *,
+    predicted: Predicted | None = None,
+    title: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Path:
+    """A flight as one HTML page in three dimensions that opens from disk, offline.
+
+    Bodies and wings stand where the kinematics puts them at each sample shown (`Dynamics.point`
+    gives the same points); forces on strips are arrows, true and predicted; generalized forces
+    are plotted with a cursor at the time shown.
+
+    Args:
+        flight: The flight.
+        path: The page to write; its folder is made.
+        predicted: A learner or model, asked with frozen weights, or the identification of this
+            flight, as it foresaw each sample; None: true forces only.
+        title: Heading; None: the flight of the robot.
+        start: First time to show [s]; None: the flight's first.
+        end: Last time to show [s]; None: the flight's last.
+
+    Returns:
+        The path written.
+
+    Raises:
+        FlightError: If the flight does not carry its robot.
+        ParameterError: If the span holds no two samples.
+        ShapeError: If the model is of another robot.
+        LogError: If the identification is of another flight.
+    """
+    robot = robot_of(flight)
+    time = np.asarray(flight["time"].values, float)
+    period = _period(flight)
+    span = _span(time, start, end)
+    frames = _frames(span, time, period, _bytes_per_frame(robot, predicted is not None))
+    foreseen = None if predicted is None else foresee(flight, robot, predicted, frames)
+    shown = flight.isel(time=frames)
+    q = np.asarray(flight["q"].values, float)[span]
+    position, rotation = poses_at(robot, q)
+    inside = frames - span[0]
+    origin = position[:, 0]
+    speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
+    center = _center_of_mass(robot, position[inside], rotation[inside])
+    return write_replay(
+        path,
+        Replay(
+            title=title or f"Flight of {robot.name}",
+            subtitle=_subtitle(flight, robot, time[span], period),
+            time=time[frames],
+            period=period,
+            bodies=[body.name for body in robot.bodies],
+            origin=origin[inside],
+            position=position[inside] - origin[inside, None],
+            quaternion=quaternions(rotation[inside]),
+            speed=speed[inside],
+            solids=[solid._asdict() for solid in solids(robot)],
+            surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
+            marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
+            arrows=_arrows(shown, origin[inside], center, foreseen) if robot.strips else None,
+            series=_series(shown, robot, foreseen),
+            notes=[
+                _sampling(robot, time[span], inside, position, rotation),
+                *_NOTES,
+                *_wind(shown),
+                *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
+            ],
+        ),
+    )
+
+
+def quaternions(rotation: Array) -> Array:
+    """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis.
+
+    Args:
+        rotation: Proper, (N, n_bodies, 3, 3).
+    """
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat()
+    turns = found.reshape(*rotation.shape[:-2], 4)
+    flips = np.where((turns[1:] * turns[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
+    turns[1:] *= np.cumprod(flips, axis=0)[..., None]
+    return np.asarray(turns)
+
+
+def _span(time: Array, start: float | None, end: float | None) -> Frames:
+    first = time[0] if start is None else start
+    last = time[-1] if end is None else end
+    tiny = 1e-9 * max(1.0, abs(last))
+    found = np.flatnonzero((time >= first - tiny) & (time <= last + tiny))
+    if len(found) < 2:
+        limits = f"a span with two samples within {time[0]:g} to {time[-1]:g} s"
+        raise ParameterError("start, end", limits, f"{first:g} to {last:g} s")
+    return found
+
+
+def _frames(span: Frames, time: Array, period: float | None, each: int) -> Frames:
+    """Every so-manieth sample of the span, the same step all along."""
+    most = _BYTES / each
+    if period is not None:
+        most = max(most, _LEAST_PER_BEAT * (time[span[-1]] - time[span[0]]) / period)
+    stride = max(1, int(np.ceil((len(span) - 1) / max(most, 2))))
+    return span[::stride]
+
+
+def _bytes_per_frame(robot: Robot, predicted: bool) -> int:
+    doubles = 4  # time, origin
+    bodies = 7 * len(robot.bodies)
+    strips = (3 * len(robot.strips) + 3) * (3 if predicted else 2)
+    plots = robot.dof * (3 if predicted else 2) + 1
+    return 8 * doubles + 4 * (bodies + strips + plots)
+
+
+def _arrows(shown: xr.Dataset, origin: Array, center: Array, foreseen: Foreseen | None) -> Arrows:
+    force, point = (
+        np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
+        for name in ("strip_force", "strip_point")
+    )
+    guess = None if foreseen is None else foreseen.strips
+    total = None if guess is None else guess.sum(axis=1)
+    if foreseen is not None and guess is None and {"x", "y", "z"} <= set(foreseen.names):
+        total = foreseen.generalized[:, [foreseen.names.index(k) for k in ("x", "y", "z")]]
+    return Arrows(point - origin[:, None], force, guess, center - origin, force.sum(axis=1), total)
+
+
+def _center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
+    """Of the robot at many states, (N, 3) [m]."""
+    mass = np.array([float(body.mass) for body in robot.bodies])
+    offsets = np.array([body.center_of_mass for body in robot.bodies], float)
+    centers = position + np.einsum("nbij,bj->nbi", rotation, offsets)
+    return np.asarray(np.einsum("b,nbi->ni", mass / mass.sum(), centers))
+
+
+def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[Series]:
+    force = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
+    q = np.asarray(shown["q"].values, float)
+    chosen = _chosen(robot, force)
+    found = []
+    for k, (name, unit) in enumerate(zip(robot.dof_names, robot.dof_units, strict=True)):
+        guess = None
+        if foreseen is not None and name in foreseen.names:
+            guess = foreseen.generalized[:, foreseen.names.index(name)]
+        measure = "N" if unit == "m" else "N m"
+        found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen))
+    units = zip(robot.coordinate_names, robot.coordinate_units, strict=True)
+    for k, (name, unit) in enumerate(units):
+        values, shown_in = (np.degrees(q[:, k]), "deg") if unit == "rad" else (q[:, k], unit)
+        moving = not chosen and bool(np.ptp(values) > 0) and k < _PLOTTED
+        found.append(Series("Coordinates", name, shown_in, values, None, moving))
+    return found
+
+
+def _chosen(robot: Robot, force: Array) -> list[str]:
+    """Forces worth a first look: those that move, of mirrored joints the left ones."""
+    loud = force.std(axis=0) > 1e-6 * max(force.std(axis=0).max(), _SILENCE)
+    order = [*("x", "z", "pitch"), *robot.dof_names]
+    names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
+    return [n for n in names if n not in _SIDEWAYS and not n.startswith("right_")][:_PLOTTED]
+
+
+def _period(flight: xr.Dataset) -> float | None:
+    return flight_horizons(flight).get("beat")
+
+
+def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | None) -> str:
+    air: Mapping[str, Any] = json.loads(flight.attrs.get("aero", "{}"))
+    beat = [] if period is None else [f"{1 / period:.3g} wingbeats a second"]
+    model = [str(air["model"]).replace("_", " ")] if "model" in air else []
+    return " · ".join([robot.name, *beat, f"{time[-1] - time[0]:.4g} s", *model])
+
+
+def _wind(shown: xr.Dataset) -> list[str]:
+    """What is said of air that moves."""
+    wind = np.asarray(shown["wind"].values, float)
+    if not wind.any():
+        return []
+    words = ", ".join(f"{k:.3g}" for k in wind[0])
+    return [f"Wind at the first frame: ({words}) m/s, world axes."]
+
+
+def _sampling(
+    robot: Robot,
+    time: Array,
+    inside: Frames,
+    position: Array,
+    rotation: Array,
+) -> str:
+    stride = int(inside[1] - inside[0]) if len(inside) > 1 else 1
+    step = f"{1e3 * np.median(np.diff(time[inside])):.3g} ms apart"
+    if stride == 1:
+        return f"All {len(time)} samples are shown, {step}; the page interpolates between them."
+    error = _tip_error(robot, inside, position, rotation)
+    return (
+        f"Resampled for display: {len(inside)} of {len(time)} samples (one in {stride}, {step}). "
+        "Between them the page interpolates; at the samples left out, wing tips err by at most "
+        f"{1e3 * error:.2g} mm."
+    )
+
+
+def _tip_error(robot: Robot, inside: Frames, position: Array, rotation: Array) -> float:
+    """Largest distance of interpolated from computed wing tips, midway between frames [m]."""
+    stride = int(inside[1] - inside[0])
+    middle = inside[:-1] + stride // 2
+    part = (stride // 2) / stride
+    turns = quaternions(rotation[inside])
+    mixed = turns[:-1] + part * (turns[1:] - turns[:-1])
+    mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
+    places = position[inside]
+    between = places[:-1] + part * (places[1:] - places[:-1])
+    errors = [0.0]
+    for body, offset in wing_tips(robot).values():
+        guess = between[:, body] + _turned(mixed[:, body], offset)
+        truth = position[middle, body] + rotation[middle, body] @ offset
+        errors.append(float(np.linalg.norm(guess - truth, axis=1).max()))
+    return max(errors)
+
+
+def _turned(quaternion: Array, vector: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(quaternion).apply(vector))
+
+
+_FORCES = "Generalized force of the air"
+_SIDEWAYS = ("y", "roll", "yaw")
+_NOTES: Sequence[str] = (
+    "World axes: x forward, y left, z up; lengths in m, times in s. Arrows are forces of the air "
+    "on strips, in world axes, one scale for the whole flight.",
+    "Bodies have the shapes of the robot file; a body without one is drawn as bones between its "
+    "joints. Strips are the rectangles the aerodynamics sees; pale and dark are the upper and "
+    "lower surface.",
+    "A following camera follows the path averaged over a wingbeat.",
+)

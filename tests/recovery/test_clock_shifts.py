@@ -1,0 +1,106 @@
+"""Clocks and delays that were shifted on purpose are found, to within a millisecond and better."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.errors import LogError, ParameterError
+from patagium.robot import load_robot_text
+
+S, P = pt.sensors, pt.sensors.presets
+ROD = """
+name: rod
+gravity: 9.81
+bodies:
+  post:
+    joints: [{name: turn, type: revolute, axis: z}]
+    mass: 1
+    inertia: {xx: 0.01, yy: 0.01, zz: 0.01}
+  rod:
+    parent: post
+    joints: [{name: swing, type: revolute, axis: y}]
+    mass: 2
+    center_of_mass: [0, 0, -0.5]
+    inertia: {xx: 0.01, yy: 0.02, zz: 0.03}
+"""
+
+
+def moved(robot: pt.Robot, duration: float = 0.8) -> xr.Dataset:
+    """A recorded motion of a robot's joints, with several frequencies."""
+    time = np.arange(0.0, duration + 1e-9, 1e-3)
+    rates = 2 * np.pi * np.array([3.0, 5.0])
+    q = 0.4 * np.sin(time[:, None] * rates) + 0.1 * np.sin(2.3 * time[:, None] * rates + 1.0)
+    v = np.gradient(q, time, axis=0, edge_order=2)
+    a = np.gradient(v, time, axis=0, edge_order=2)
+    parts = {name: (("time", "dof"), x) for name, x in zip("qva", (q, v, a), strict=True)}
+    return xr.Dataset(
+        parts,
+        coords={"time": time, "dof": list(robot.dof_names)},
+        attrs={"robot": robot.source, "robot_name": robot.name},
+    )
+
+
+@pytest.fixture(scope="module")
+def rod() -> xr.Dataset:
+    return moved(load_robot_text(ROD, "rod"))
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    robot = pt.load_robot("aerobat")
+    aero = pt.QuasiSteady(robot, pt.Air())
+    gait = pt.gaits.linkage(robot, frequency=5.0)
+    start = robot.coordinates(x=3.0)
+    return pt.simulate(robot, aero, gait, duration=0.4, time_step=2e-4, v=start)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_late_camera_and_a_shifted_clock_are_found(flight: xr.Dataset, seed: int) -> None:
+    imu = replace(P.icm_42688_p("body"), clock_offset=0.012)
+    camera = replace(P.prime_x_13("body"), delay=7.3e-3)
+    log = pt.sense(flight, [imu, camera, P.as5600()], seed=seed)
+    found = pt.estimate_shifts(log.without_truth())
+    assert found.seconds["icm_42688_p"] == 0.0
+    assert found.seconds["prime_x_13"] == pytest.approx(7.3e-3 - 0.012, abs=1e-3)
+    assert found.deviation["prime_x_13"] < 5e-4
+    assert found.unlinked == ("as5600",)  # no unit feels the wings alone
+    by_camera = pt.estimate_shifts(log, reference="prime_x_13")
+    assert by_camera.seconds["icm_42688_p"] == pytest.approx(0.012 - 7.3e-3, abs=1e-3)
+
+
+def test_encoders_with_different_delays_are_found_against_a_unit(rod: xr.Dataset) -> None:
+    encoder = S.Encoder(name="post", joints=("turn",), rate=500.0, resolution=1e-3, delay=4e-3)
+    other = S.Encoder(name="rod", joints=("swing",), rate=300.0, resolution=1e-3, delay=15e-3)
+    imu = replace(P.bmi270("rod", rate=800.0), clock_offset=-0.012)
+    found = pt.estimate_shifts(pt.sense(rod, [encoder, other, imu]), reference="post")
+    assert found.seconds == pytest.approx({"post": 0.0, "rod": 0.011, "bmi270": -0.016}, abs=2e-4)
+    assert found.unlinked == ()
+
+
+def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
+    imu = S.Imu(body="rod", rate=500.0, gyroscope_density=2e-3, accelerometer_density=2e-3)
+    both = S.Encoder(rate=500.0, deviation=1e-4, delay=5e-3)
+    ratios = []
+    for seed in range(6):
+        found = pt.estimate_shifts(pt.sense(rod, [imu, both], seed=seed), smoother=pt.Spline(0.02))
+        error = found.seconds["encoder"] - 5e-3
+        ratios.append(error / found.deviation["encoder"])
+    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them
+
+
+def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:
+    encoder = S.Encoder(rate=500.0, deviation=1e-3)
+    with pytest.raises(LogError, match="expected an inertial unit, found encoder"):
+        pt.estimate_shifts(pt.sense(rod, [encoder]))
+    log = pt.sense(rod, [encoder, S.Imu(body="rod", rate=500.0)])
+    with pytest.raises(ParameterError, match="reference: expected one of"):
+        pt.estimate_shifts(log, reference="gps")
+    with pytest.raises(LogError, match="more than 1 s in common"):
+        pt.estimate_shifts(log, largest=0.5)
+    with pytest.raises(ParameterError, match="largest"):
+        pt.estimate_shifts(log, largest=0.0)

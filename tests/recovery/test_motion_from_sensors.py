@@ -1,0 +1,192 @@
+"""Coordinates, velocities and accelerations found from sensors, with errors of the size stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.errors import LogError, ParameterError, ShapeError
+
+S, P = pt.sensors, pt.sensors.presets
+SENSORS = (
+    P.icm_42688_p("body", rate=500.0),
+    P.as5600(rate=500.0),
+    replace(P.prime_x_13("body"), delay=0.0, dropout=0.1),
+)
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    """A quarter of a second, nose to the rear at first, so that yaw passes 180 degrees."""
+    robot = pt.load_robot("aerobat")
+    aero = pt.QuasiSteady(robot, pt.Air())
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, feather=0.2)
+    start = {"q": robot.coordinates(yaw=np.pi - 1e-3), "v": robot.coordinates(x=-3.0)}
+    return pt.simulate(robot, aero, gait, duration=0.25, time_step=2e-4, **start)
+
+
+def errors(motion: xr.Dataset, flight: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of [q, v, a] but for the ends, (N, 3 n), and their covariances."""
+    at = np.searchsorted(flight["time"].values, motion["time"].values - 1e-9)
+    apart = {name: motion[name].values - flight[name].values[at] for name in "qva"}
+    apart["q"] = (apart["q"] + np.pi) % (2 * np.pi) - np.pi  # whole turns are no error
+    whole = np.hstack([apart[name] for name in "qva"])
+    inner = slice(len(at) // 8, -len(at) // 8)
+    return whole[inner], motion["covariance"].values[inner]
+
+
+def normalized(motion: xr.Dataset, flight: xr.Dataset) -> np.ndarray:
+    """Mean squared error over stated variance of each of q, v, a, (3, n)."""
+    error, covariance = errors(motion, flight)
+    variance = np.einsum("nii->ni", covariance)
+    return (error**2 / variance).mean(axis=0).reshape(3, -1)
+
+
+@pytest.fixture(scope="module")
+def motion(flight: xr.Dataset) -> xr.Dataset:
+    return pt.estimate_motion(pt.sense(flight, SENSORS).without_truth())
+
+
+def test_errors_are_of_the_size_stated(motion: xr.Dataset, flight: xr.Dataset) -> None:
+    ratio = normalized(motion, flight)
+    # single quantities over so short a time have few independent errors
+    assert ratio.max() < 8 and 0.1 < ratio.mean() < 1.8
+    robot = pt.load_robot("aerobat")
+    error, _ = errors(motion, flight)
+    acceleration = error[:, 2 * robot.dof :].std(axis=0)
+    flapping = flight["a"].values.std(axis=0)
+    for name in ("z", "left_plunge", "right_plunge", "left_feather"):
+        k = robot.index(name)
+        assert acceleration[k] < 0.05 * flapping[k], name
+
+
+def test_attitude_is_found_across_half_a_turn(motion: xr.Dataset, flight: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    yaw = motion["q"].values[:, robot.index("yaw")]
+    assert np.abs(np.diff(yaw)).max() < 0.01  # no jump by a whole turn
+    assert np.abs(np.abs(yaw) - np.pi).max() < 0.02
+    rate = motion["v"].values[:, robot.index("yaw")]
+    assert np.abs(rate).max() < 0.2  # rad/s: differences of wrapped angles would be 6 / dt
+
+
+def test_inertial_units_sharpen_what_cameras_see(flight: xr.Dataset, motion: xr.Dataset) -> None:
+    log = pt.sense(flight, SENSORS[1:])
+    alone = pt.estimate_motion(log, times=motion["time"].values)
+    robot = pt.load_robot("aerobat")
+    columns = [robot.index(name) + 2 * robot.dof for name in ("z", "pitch")]
+    with_unit, without = (errors(m, flight)[0][:, columns].std(axis=0) for m in (motion, alone))
+    assert (with_unit < 0.5 * without).all()
+
+
+@pytest.mark.parametrize("smoother", [pt.Spline(0.02), pt.SavitzkyGolay(0.06)])
+def test_splines_and_sliding_polynomials_serve_as_well(
+    flight: xr.Dataset, smoother: pt.Spline | pt.SavitzkyGolay
+) -> None:
+    log = pt.sense(flight, [SENSORS[1], replace(SENSORS[2], position=(0.02, 0.0, 0.01))])
+    ratio = normalized(pt.estimate_motion(log, smoother=smoother), flight)
+    assert 0.3 < np.median(ratio) < 2.0 and ratio.max() < 8
+
+
+def test_accelerations_converge_as_noise_falls(flight: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    columns = [robot.index(name) + 2 * robot.dof for name in ("z", "left_plunge")]
+    sizes = []
+    for factor in (4.0, 1.0, 0.1):  # so that 1 is that of the data sheets
+        log = pt.sense(flight, [sensor.scaled(factor) for sensor in SENSORS])
+        sizes.append(errors(pt.estimate_motion(log), flight)[0][:, columns].std(axis=0))
+    assert (sizes[1] < 0.7 * sizes[0]).all() and (sizes[2] < 0.5 * sizes[1]).all()
+
+
+def test_a_robot_by_quaternion_is_found_by_its_angles(
+    flight: xr.Dataset, motion: xr.Dataset
+) -> None:
+    log = pt.sense(flight, SENSORS).without_truth()
+    turned = replace(log, robot=log.robot.with_attitude("quaternion"))
+    found = pt.estimate_motion(turned, smoother=pt.Spline(0.02))
+    assert found["q"].shape == motion["q"].shape
+    apart = np.exp(1j * found["q"].values) / np.exp(1j * motion["q"].values)  # but whole turns
+    np.testing.assert_allclose(np.angle(apart), 0, atol=0.05)
+
+
+def test_what_comes_later_helps(flight: xr.Dataset, motion: xr.Dataset) -> None:
+    log = pt.sense(flight, SENSORS)
+    online = pt.estimate_motion(log, filtered=True)
+    smoothed = np.einsum("nii->ni", motion["covariance"].values)
+    filtered = np.einsum("nii->ni", online["covariance"].values)
+    assert (smoothed <= filtered * (1 + 1e-6)).all()
+    ratio = normalized(online, flight)
+    assert 0.05 < np.median(ratio) < 2.0
+
+
+def test_shifted_stamps_are_taken_into_account(flight: xr.Dataset) -> None:
+    late = [replace(SENSORS[1], clock_offset=0.1), *SENSORS[::2]]
+    log = pt.sense(flight, late)
+    name = SENSORS[1].name
+    mended = pt.estimate_motion(log, shifts={name: 0.1}, order=3)
+    plunge = pt.load_robot("aerobat").index("left_plunge")
+    error, _ = errors(mended, flight)
+    assert np.abs(error[:, plunge]).max() < 5e-3
+    with pytest.raises(ParameterError, match="shifts: expected sensors among"):
+        pt.estimate_motion(log, shifts={"gps": 0.1})
+
+
+def test_what_no_sensor_sees_is_named(flight: xr.Dataset) -> None:
+    some = S.Encoder(joints=("left_plunge",), rate=500.0, deviation=1e-3)
+    with pytest.raises(LogError, match="see left_mediolateral, .*right_feather, found none"):
+        pt.estimate_motion(pt.sense(flight, [some, SENSORS[2]]))
+    with pytest.raises(LogError, match="see x, y, z, roll"):
+        pt.estimate_motion(pt.sense(flight, [SENSORS[1]]))
+    with pytest.raises(LogError, match="encoders, inertial units or cameras"):
+        pt.estimate_motion(pt.sense(flight, [P.nano17("body")]))
+    log = pt.sense(flight, SENSORS)
+    with pytest.raises(ShapeError, match="density"):
+        pt.estimate_motion(log, density=[1.0])
+    with pytest.raises(ParameterError, match="order"):
+        pt.estimate_motion(log, order=2)
+
+
+def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    names = [sensor.name for sensor in SENSORS]
+    log = pt.sense(flight.isel(time=slice(0, 251)), SENSORS)  # 50 ms
+    density = np.concatenate([np.full(6, 1e8), np.full(8, 1e10)])
+    online = pt.estimate_motion(log, filtered=True, density=density)
+    samples = []
+    for name in names:
+        reading = log[name]
+        parts = [reading[k].values for k in ("position", "quaternion") if k in reading]
+        parts += [reading[k].values for k in ("specific_force", "angular_rate") if k in reading]
+        samples += list(zip(reading["time"].values, [name] * 1000, np.hstack(parts), strict=False))
+    samples.sort(key=lambda sample: (sample[0], names.index(sample[1])))
+    shuffled = list(samples)
+    for k in range(20, len(shuffled) - 3, 5):  # each fifth comes after the three behind it
+        shuffled[k : k + 4] = shuffled[k + 1 : k + 4] + shuffled[k : k + 1]
+    states = []
+    for order in (samples, shuffled):
+        tracker = pt.MotionTracker(robot, log.sensors, density)
+        with pytest.raises(LogError, match="expected a sample of as5600, prime_x_13 first"):
+            tracker.now()
+        for stamp, name, values in order:
+            tracker.push(name, stamp, values)
+        assert tracker.started and tracker.late == 0
+        states.append(tracker.now())
+    k = int(np.searchsorted(online["time"].values, states[0].time - 1e-9))
+    for part in "qva":
+        one, other = (getattr(state, part) for state in states)
+        scale = np.abs(one).max()
+        np.testing.assert_allclose(one, other, atol=1e-6 * scale)  # rounding of the covariance
+    error = (states[0].q - online["q"].values[k] + np.pi) % (2 * np.pi) - np.pi
+    deviation = np.sqrt(np.diagonal(states[0].covariance))[: robot.dof]
+    assert (np.abs(error) < deviation).all()  # it starts from other first samples
+    later = tracker.now(states[1].time + 1e-3)
+    assert (np.diagonal(later.covariance) >= np.diagonal(states[1].covariance)).all()
+    tracker.push(names[1], -1.0, np.zeros(8))
+    assert tracker.late == 1
+    with pytest.raises(LogError, match="or later"):
+        tracker.now(0.0)
+    with pytest.raises(ParameterError, match="name: expected one of"):
+        tracker.push("gps", 0.0, np.zeros(3))
