@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from patagium.identification import ExtendedLearner as ExtendedLearner
     from patagium.identification import FlowNetwork as FlowNetwork
     from patagium.identification import GradientLearner as GradientLearner
+    from patagium.identification import GreyBox as GreyBox
     from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
     from patagium.identification import LinearLearner as LinearLearner
     from patagium.identification import LowRank as LowRank
@@ -122,6 +123,7 @@ _HOMES = {
         "ExtendedLearner",
         "FlowNetwork",
         "GradientLearner",
+        "GreyBox",
         "HiddenStripNetwork",
         "LinearLearner",
         "LowRank",

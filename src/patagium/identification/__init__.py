@@ -7,6 +7,7 @@ from patagium.identification.dense import DenseNetwork
 from patagium.identification.extended import ExtendedLearner
 from patagium.identification.flow import FlowNetwork
 from patagium.identification.gradient import GradientLearner
+from patagium.identification.grey_box import GreyBox
 from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.identify import evaluate, identify
 from patagium.identification.importing.inspection import inspect_log
@@ -38,6 +39,7 @@ __all__ = [
     "ExtendedLearner",
     "FlowNetwork",
     "GradientLearner",
+    "GreyBox",
     "HiddenStripNetwork",
     "Identification",
     "LinearLearner",
