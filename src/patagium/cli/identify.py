@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.estimates import AeroOption, EstimateOption, check_estimate, grey_box
 from patagium.cli.learner_options import (
     WINGED,
     Activation,
@@ -58,6 +59,8 @@ EXAMPLES = (
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-deviation 0.5 --measurement-deviation 0.05 --state learner.state",
     "patagium identify flight.nc --settings settings.yaml --report report.html",
+    'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
+    "--aero lifting-line --measurement-deviation 3e-4 --report report.html",
 )
 
 
@@ -93,6 +96,8 @@ def identify(
     replay: ReplayOption = None,
     features: FeaturesOption = None,
     seed: SeedOption = 0,
+    estimate: EstimateOption = None,
+    aero: AeroOption = None,
     model: Annotated[
         Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
     ] = None,
@@ -153,8 +158,13 @@ def identify(
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
+    check_estimate(estimate, aero, table is None)
     if table is None:
-        net = flight_network(flight, kind, layers, activation.value)
+        net: Any = None
+        if not estimate or kind is not None:
+            net = flight_network(flight, kind, layers, activation.value)
+        if estimate:
+            net = grey_box(flight, estimate, aero, net)
     else:
         net = table_network(table, kind, layers, activation.value)
     student = resumed(make_learner(learner, net, options, seed), state)
@@ -200,6 +210,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     """
     from patagium.cli.words import say_json, show_table
     from patagium.identification.page import summary
+    from patagium.identification.parameter_paths import parameter_table
     from patagium.report import Table
 
     if as_json:
@@ -214,6 +225,9 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     names = [name for name in columns["NMSE"] if name not in scores["silent"]]
     rows = [[name, *(column.get(name) for column in columns.values())] for name in names]
     show_table(Table(["output", *columns], rows))
+    parameters = parameter_table(scores)
+    if parameters is not None:
+        show_table(parameters)
     typer.echo(summary(scores))
 
 
