@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from patagium.identification import inspect_log as inspect_log
     from patagium.identification import load_learner as load_learner
     from patagium.identification import load_log as load_log
+    from patagium.identification import refine as refine
     from patagium.identification.identify import identify as identify
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
@@ -137,6 +138,7 @@ _HOMES = {
         "inspect_log",
         "load_learner",
         "load_log",
+        "refine",
         "training_data",
     ),
     "viewer": ("replay",),

@@ -76,7 +76,7 @@ def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_pat
     page, model = tmp_path / "report.html", tmp_path / "model.json"
     answer = identify(*LEARN, "--aero", "quasi-steady")
     assert answer.code == 2 and "lift_slope" in answer.err and "polar.lift_offset" in answer.err
-    answer = identify(*LEARN, "--report", page, "--model", model)
+    answer = identify(*LEARN, "--report", page, "--model", model, "--refine")
     assert answer.code == 0
     assert "zero_lift_angle" in answer.out and "standard deviation" in answer.out
     text = page.read_text(encoding="utf-8")
@@ -107,6 +107,7 @@ def test_a_network_beside_learns_with_them(identify: Say) -> None:
         (("--estimate", "wing[0].chord=2 kg", *LEARN[2:]), "--estimate wing[0].chord"),
         (("--estimate", "lift_slope=-1", *LEARN[2:]), "positive prior deviation"),
         (("--aero", "delaurier", *LEARN[2:]), "--estimate"),
+        (("--refine", *LEARN[2:], "--prior-deviation", "1"), "--estimate"),
     ],
 )
 def test_what_cannot_be_is_said_in_a_line(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from patagium.aerodynamics import Aerodynamics
+    from patagium.identification import Identification
     from patagium.identification.network import Network
 
 
@@ -39,8 +40,20 @@ AeroOption: TypeAlias = Annotated[
 ]
 
 
-def check_estimate(words: Sequence[str] | None, aero: GreyModel | None, is_flight: bool) -> None:
-    """Refuse --estimate for a table, and --aero without it.
+RefineOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--refine",
+        help="Then least squares over the whole flight: numbers of --estimate, and deviations, "
+        "that do not depend on the way there.",
+    ),
+]
+
+
+def check_estimate(
+    words: Sequence[str] | None, aero: GreyModel | None, refine: bool, is_flight: bool
+) -> None:
+    """Refuse --estimate for a table, and what goes with it without it.
 
     Raises:
         ParameterError: If they do not go together.
@@ -49,6 +62,8 @@ def check_estimate(words: Sequence[str] | None, aero: GreyModel | None, is_fligh
 
     if aero is not None and not words:
         raise ParameterError("--aero", "--estimate to go with it", aero.value)
+    if refine and not words:
+        raise ParameterError("--refine", "--estimate to go with it", refine)
     if words and not is_flight:
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
 
@@ -106,6 +121,25 @@ def grey_box(
     still = "aero_state" in flight and not flight["aero_state"].values[0].any()
     start: Any = "still" if still and model.state_size else "steady"
     return GreyBox(model, estimate, added, beside, start=start)
+
+
+def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:
+    """The same with the model that least squares over the whole flight give.
+
+    Args:
+        result: Of a learner of this flight.
+        flight: The flight.
+        every: One sample in so many counts.
+    """
+    from dataclasses import replace
+
+    from patagium.identification import refine
+    from patagium.identification.identify import samples
+    from patagium.identification.parameter_paths import parameter_scores, told
+
+    time, x, y, _ = samples(flight, result.learner.network)
+    model = refine(result.learner, time, x, y, every=every)
+    return replace(result, scores=result.scores | parameter_scores(told(model)), learner=model)
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.estimates import AeroOption, EstimateOption, check_estimate, grey_box
+from patagium.cli.estimates import (
+    AeroOption,
+    EstimateOption,
+    RefineOption,
+    check_estimate,
+    grey_box,
+    refined,
+)
 from patagium.cli.learner_options import (
     WINGED,
     Activation,
@@ -98,6 +105,7 @@ def identify(
     seed: SeedOption = 0,
     estimate: EstimateOption = None,
     aero: AeroOption = None,
+    refine: RefineOption = False,
     model: Annotated[
         Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
     ] = None,
@@ -158,7 +166,7 @@ def identify(
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
-    check_estimate(estimate, aero, table is None)
+    check_estimate(estimate, aero, refine, table is None)
     if table is None:
         net: Any = None
         if not estimate or kind is not None:
@@ -192,6 +200,8 @@ def identify(
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
         keep_state(result.learner, state)
+        if refine:
+            result = refined(result, flight, every)
     _keep(result, file, None if table is None else table.input_names, model, predictions)
     if report is not None:
         _report(result, file, flight, report)
@@ -277,10 +287,13 @@ def _keep(
     model: Path | None,
     predictions: Path | None,
 ) -> None:
-    from patagium.identification.model_file import model_of, save_model
+    from patagium.identification.model_file import Model, model_of, save_model
 
     if model is not None:
-        save_model(model, model_of(result.learner, inputs=inputs, source=file.name))
+        learned = result.learner
+        if not isinstance(learned, Model):
+            learned = model_of(learned, inputs=inputs, source=file.name)
+        save_model(model, learned)
         typer.echo(f"The model is in {model}", err=True)
     if predictions is not None:
         result.save(predictions)

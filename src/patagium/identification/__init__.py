@@ -21,6 +21,7 @@ from patagium.identification.mapping import TableMapping, load_mapping
 from patagium.identification.model_file import Model, load_model, model_of, save_model
 from patagium.identification.network import network_from_description
 from patagium.identification.pipeline import Pipeline
+from patagium.identification.refinement import refine
 from patagium.identification.result import Identification, load_identification
 from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.settings import Settings, load_settings
@@ -70,6 +71,7 @@ __all__ = [
     "network_for",
     "network_from_description",
     "read_table",
+    "refine",
     "save_learner",
     "save_model",
     "stream",

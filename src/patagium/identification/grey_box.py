@@ -272,12 +272,7 @@ class GreyBox(Network):
         return np.hstack(parts), _Kept(memory, beside)
 
     def corrected(self, carried: Carried, change: Array) -> Carried:
-        """What is carried, after an update of the weights.
-
-        Args:
-            carried: As `recall` left it.
-            change: By which the weights moved, (n,).
-        """
+        """What is carried, after an update moved the weights by a change, (n,)."""
         if carried is None:
             return None
         memory, beside = carried
