@@ -303,3 +303,21 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
 )
 def test_units(name, unit, written):
     assert (unit_of(name), written_unit(name)) == (unit, written)
+
+
+def test_a_robot_may_have_a_quaternion():
+    """Its x is one longer, and forces are those of the same robot with angles."""
+    source = pt.load_robot("aerobat").source.replace("strips: 5", "strips: 1")
+    angles = load_robot_text(source)
+    turned = angles.with_attitude("quaternion")
+    estimate = {"polar.lift_amplitude": 0.1}
+    boxes = [pt.GreyBox(pt.QuasiSteady(robot), estimate) for robot in (angles, turned)]
+    assert boxes[1].inputs == boxes[0].inputs + 1
+    v = angles.dof
+    forces = []
+    for box, robot in zip(boxes, (angles, turned), strict=True):
+        q = robot.coordinates(left_plunge=0.3)
+        x = np.concatenate([q, np.r_[4.0, np.zeros(v - 1)]])
+        forces.append(box(x, np.ones(1)))
+    assert np.abs(forces[0]).max() > 1e-3
+    assert np.allclose(forces[1], forces[0], atol=1e-15)

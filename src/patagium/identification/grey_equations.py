@@ -55,7 +55,9 @@ class GreyEquations:
     @property
     def measured_inputs(self) -> int:
         """Length of [q, v] or [q, v, a]."""
-        return (3 if self.needs_acceleration else 2) * self.model.robot.dof
+        robot = self.model.robot
+        rates = 2 if self.needs_acceleration else 1
+        return robot.coordinate_count + rates * robot.dof
 
     def compiled(self) -> dict[str, NativeFunction]:
         """Functions by name.
@@ -129,13 +131,13 @@ class GreyEquations:
     def _physics(self) -> ca.Function:
         """(x, z, numbers, numbers as they were before) -> y, rate and target of the memory."""
         model, robot = self.model, self.model.robot
-        n, first = robot.dof, len(robot.parameter_names)
+        n, n_q, first = robot.dof, robot.coordinate_count, len(robot.parameter_names)
         machine, symbols = robot.symbolic()
         before, symbols_before = robot.symbolic()
         of_air = ca.SX.sym("c", len(model.parameter_names))
         wind, factor = ca.SX.sym("wind", 3), ca.SX.sym("factor")
         x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", model.state_size)
-        q, v, a = x[:n], x[n : 2 * n], x[2 * n :]
+        q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
         air = model.expressions(machine, q, v, z, wind, of_air)
         y = air.generalized_force
         if self.added_mass is not None:
