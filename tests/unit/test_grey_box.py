@@ -9,6 +9,7 @@ import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification import load_model, model_of, network_from_description, save_model
 from patagium.identification.identify import compare, samples
+from patagium.identification.network import Encoding, Network
 from patagium.identification.physical import unit_of, written_unit
 from patagium.identification.stream import stream
 from patagium.robot import load_robot_text
@@ -199,25 +200,48 @@ def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
         pt.ExtendedLearner(grey, measurement_deviation=1e-3)
 
 
-def test_a_network_beside_may_remember(robot, log):
+class Faded(Network):
+    """y = w z in every output, z following the first input: a network that remembers."""
+
+    size, measured_inputs, inputs = 1, 6, 7
+    output_names, outputs, hidden = ("slide", "plunge", "feather"), 3, ()
+    neurons, fan_in = [[np.arange(1)]], np.ones(1)
+
+    def initial(self, seed):
+        return np.ones(1)
+
+    def describe(self):
+        return {"kind": "faded"}
+
+    def encode(self, x):
+        return Encoding(x[:, None, :], np.ones((len(x), 3, 1)), np.zeros(3))
+
+    def decode(self, encoding, weights):
+        return np.tile(weights[0] * encoding.features[:, 0, 6:], 3)
+
+    def recall(self, weights, time, x, carried=None, gaps=()):
+        state, rows = 0.0 if carried is None else carried, []
+        for sample in x:
+            state = 0.9 * state + 0.1 * sample[0]
+            rows.append([*sample, state])
+        return np.array(rows), state
+
+
+def test_a_network_beside_may_remember(grey, robot, log):
     time, x = log
-    beside = pt.HiddenStripNetwork(robot, (3,), (0.1,), AIR)
-    strips = pt.DeLaurier(robot, AIR)
-    grey = pt.GreyBox(strips, {"suction_efficiency": 0.1}, beside=beside)
-    weights = grey.initial(0)
-    weights[-5:] = 0.2
-    rows, _ = grey.recall(weights, time, x)
-    parts = [grey.recall(weights, time[:40], x[:40])]
-    parts.append(grey.recall(weights, time[40:], x[40:], parts[0][1]))
-    assert np.array_equal(np.vstack([part[0] for part in parts]), rows)
-    seen = beside.recall(weights[1:], time, x)[0]
-    alone = pt.GreyBox(strips, {"suction_efficiency": 0.1})
-    physics = alone.evaluate(alone.recall(weights[:1], time, x)[0], weights[:1])
-    assert np.allclose(
-        grey.evaluate(rows, weights), physics + beside.evaluate(seen, weights[1:]), atol=1e-12
-    )
-    moved = grey.corrected(parts[0][1], np.full(grey.size, 0.1))
-    assert moved.memory.weights[0] == pytest.approx(0.1)
+    both = pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS, beside=Faded())
+    assert not both.initial(0).any()
+    weights = np.array([0.1, 0.2, -0.3, 2.0])
+    rows, _ = both.recall(weights, time, x)
+    first, carried = both.recall(weights, time[:40], x[:40])
+    second, _ = both.recall(weights, time[40:], x[40:], carried)
+    assert np.array_equal(np.vstack([first, second]), rows)
+    physics = grey.evaluate(grey.recall(weights[:3], time, x)[0], weights[:3])
+    beside = Faded().evaluate(Faded().recall(weights[3:], time, x)[0], weights[3:])
+    assert np.abs(beside).max() > 1e-3
+    assert np.allclose(both.evaluate(rows, weights), physics + beside, atol=1e-12)  # rounding
+    moved = both.corrected(carried, np.full(4, 0.1))
+    assert np.allclose(moved.memory.weights, weights[:3] + 0.1) and moved.beside == carried.beside
 
 
 @pytest.mark.parametrize("make", ["strips", "stall"])
