@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from patagium.identification import FlowNetwork as FlowNetwork
     from patagium.identification import ForceSamples as ForceSamples
     from patagium.identification import GradientLearner as GradientLearner
+    from patagium.identification import GreyBox as GreyBox
     from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
     from patagium.identification import Kalman as Kalman
     from patagium.identification import LinearLearner as LinearLearner
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from patagium.identification import load_log as load_log
     from patagium.identification import momentum_force as momentum_force
     from patagium.identification import motor_forces as motor_forces
+    from patagium.identification import refine as refine
     from patagium.identification.identify import identify as identify
     from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
@@ -145,6 +147,7 @@ _HOMES = {
         "ExtendedLearner",
         "FlowNetwork",
         "GradientLearner",
+        "GreyBox",
         "HiddenStripNetwork",
         "LinearLearner",
         "LowRank",
@@ -171,6 +174,7 @@ _HOMES = {
         "inspect_log",
         "load_learner",
         "load_log",
+        "refine",
         "training_data",
     ),
     "viewer": ("replay",),

@@ -172,3 +172,11 @@ def test_streams_and_comparisons_recall(network, weights, log, kind):
     assert np.abs(found - y)[-5:].max() < 0.5 * np.abs(before - y)[-5:].max()
     with pytest.raises(ShapeError, match="x"):
         stream(learner, time, state[:, 1:], y, every=5)
+
+
+def test_the_live_learner_refuses_it(robot):
+    from patagium.cli.learner_options import NetworkKind
+    from patagium.cli.stream import _network
+
+    with pytest.raises(ParameterError, match="without memory"):
+        _network(robot, NetworkKind.HIDDEN_STRIP, (4,), "tanh", None)

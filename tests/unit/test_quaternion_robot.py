@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from patagium.identification.memory import StripMemory
 
 import patagium as pt
 from patagium.cli.main import run

@@ -25,6 +25,7 @@ from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.surface_gain import aspect_ratios
+from patagium.aerodynamics.wash import Relaxation
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -130,20 +131,22 @@ class DeLaurier(Aerodynamics):
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
         p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
-        loads, rates = [], [ca.SX(0, 1)]
+        loads, rates, targets = [], [ca.SX(0, 1)], [ca.SX(0, 1)]
         ratios = aspect_ratios(self.robot, robot)
         motions = strip_motions(robot, q, v, wind)
         for i, (motion, ratio) in enumerate(zip(motions, ratios, strict=True)):
-            load, rate = _strip(motion, ratio, state[i], p)
+            load, rate, target = _strip(motion, ratio, state[i], p)
             loads.append(load)
             rates.append(rate)
-        return assemble(robot, q, loads, ca.vertcat(*rates))
+            targets.append(target)
+        memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
+        return assemble(robot, q, loads, memory.derivative(state), memory)
 
 
 def _strip(
     motion: StripMotion, aspect_ratio: Any, lag: Any, p: dict[str, Any]
-) -> tuple[StripLoad, Any]:
-    """Load of a strip, and the rate of its lagged normalwash."""
+) -> tuple[StripLoad, Any, Any]:
+    """Load of a strip; how fast its lagged normalwash follows what."""
     forward, chord = motion.forward, motion.strip.chord
     sign = smooth_sign(forward)
     camber = p["zero_lift_angle"] * forward * sign
@@ -151,7 +154,7 @@ def _strip(
     airspeed = smooth_norm(forward * forward + across * across)
     wash = -across - camber
     held_back = aspect_ratio / 2 / (2.32 + aspect_ratio)
-    rate = (0.181 + 0.772 / aspect_ratio) * 2 * airspeed / chord * (wash - lag)
+    rate = (0.181 + 0.772 / aspect_ratio) * 2 * airspeed / chord
     share_of_span = aspect_ratio / (2 + aspect_ratio)
     lagged = share_of_span * ((1 - held_back) * wash + held_back * lag)
 
@@ -181,7 +184,7 @@ def _strip(
         circulation=attached * chord * p["lift_slope"] / 2 * lagged,
         downwash=wash - lagged,
     )
-    return load, rate
+    return load, rate, wash
 
 
 def _separated(sine: Any, p: dict[str, Any]) -> Any:

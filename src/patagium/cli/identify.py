@@ -9,6 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.estimates import (
+    AeroOption,
+    EstimateOption,
+    RefineOption,
+    check_estimate,
+    grey_box,
+    refined,
+)
 from patagium.cli.learner_options import (
     WINGED,
     Activation,
@@ -58,6 +66,8 @@ EXAMPLES = (
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-deviation 0.5 --measurement-deviation 0.05 --state learner.state",
     "patagium identify flight.nc --settings settings.yaml --report report.html",
+    'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
+    "--aero lifting-line --measurement-deviation 3e-4 --report report.html",
 )
 
 
@@ -93,6 +103,9 @@ def identify(
     replay: ReplayOption = None,
     features: FeaturesOption = None,
     seed: SeedOption = 0,
+    estimate: EstimateOption = None,
+    aero: AeroOption = None,
+    refine: RefineOption = False,
     model: Annotated[
         Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
     ] = None,
@@ -153,8 +166,13 @@ def identify(
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
+    check_estimate(estimate, aero, refine, table is None)
     if table is None:
-        net = flight_network(flight, kind, layers, activation.value)
+        net: Any = None
+        if not estimate or kind is not None:
+            net = flight_network(flight, kind, layers, activation.value)
+        if estimate:
+            net = grey_box(flight, estimate, aero, net)
     else:
         net = table_network(table, kind, layers, activation.value)
     student = resumed(make_learner(learner, net, options, seed), state)
@@ -182,6 +200,8 @@ def identify(
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
         keep_state(result.learner, state)
+        if refine:
+            result = refined(result, flight, every)
     _keep(result, file, None if table is None else table.input_names, model, predictions)
     if report is not None:
         flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
@@ -201,6 +221,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     """
     from patagium.cli.words import say_json, show_table
     from patagium.identification.page import summary
+    from patagium.identification.parameter_paths import parameter_table
     from patagium.report import Table
 
     if as_json:
@@ -215,6 +236,9 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     names = [name for name in columns["NMSE"] if name not in scores["silent"]]
     rows = [[name, *(column.get(name) for column in columns.values())] for name in names]
     show_table(Table(["output", *columns], rows))
+    parameters = parameter_table(scores)
+    if parameters is not None:
+        show_table(parameters)
     typer.echo(summary(scores))
 
 
@@ -264,10 +288,13 @@ def _keep(
     model: Path | None,
     predictions: Path | None,
 ) -> None:
-    from patagium.identification.model_file import model_of, save_model
+    from patagium.identification.model_file import Model, model_of, save_model
 
     if model is not None:
-        save_model(model, model_of(result.learner, inputs=inputs, source=file.name))
+        learned = result.learner
+        if not isinstance(learned, Model):
+            learned = model_of(learned, inputs=inputs, source=file.name)
+        save_model(model, learned)
         typer.echo(f"The model is in {model}", err=True)
     if predictions is not None:
         result.save(predictions)

@@ -229,10 +229,13 @@ def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], s
     Raises:
         ParameterError: If a setting is missing, or one that this learner does not have.
     """
+    import numpy as np
+
     from patagium import identification
     from patagium.errors import ParameterError
 
-    for name in sorted(_NEEDED[kind] - set(settings)):
+    known = set() if np.isnan(network.own_prior).any() else {"prior_deviation"}
+    for name in sorted(_NEEDED[kind] - known - set(settings)):
         raise ParameterError(_option(name), f"a number for the {kind} learner", None)
     for name in sorted(set(settings) - _NEEDED[kind] - _TAKEN[kind]):
         raise ParameterError(_option(name), f"nothing: the {kind} learner has none", settings[name])

@@ -262,6 +262,9 @@ def _network(
     from patagium.identification import training_data
     from patagium.simulation import load_flight
 
+    if kind is NetworkKind.HIDDEN_STRIP:
+        expected = "one without memory: the live learner takes every sample by itself"
+        raise ParameterError("--network", expected, kind.value)
     if kind is not NetworkKind.DENSE:
         if scale_by is not None:
             raise ParameterError("--scale-by", "a dense network to go with it", "one of wings")

@@ -15,6 +15,7 @@ from patagium.identification.force_sources import (
     motor_forces,
 )
 from patagium.identification.gradient import GradientLearner
+from patagium.identification.grey_box import GreyBox
 from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.identify import evaluate, identify
 from patagium.identification.importing.inspection import inspect_log
@@ -31,6 +32,7 @@ from patagium.identification.motion import estimate_motion
 from patagium.identification.motion_tracker import MotionTracker
 from patagium.identification.network import network_from_description
 from patagium.identification.pipeline import Pipeline
+from patagium.identification.refinement import refine
 from patagium.identification.result import Identification, load_identification
 from patagium.identification.screening import NoiseEstimation, Screening
 from patagium.identification.settings import Settings, load_settings
@@ -51,6 +53,7 @@ __all__ = [
     "FlowNetwork",
     "ForceSamples",
     "GradientLearner",
+    "GreyBox",
     "HiddenStripNetwork",
     "Identification",
     "Kalman",
@@ -94,6 +97,7 @@ __all__ = [
     "network_for",
     "network_from_description",
     "read_table",
+    "refine",
     "save_learner",
     "save_model",
     "stream",

@@ -36,7 +36,8 @@ class Assumptions(NamedTuple):
 
     Attributes:
         network: Whose weights.
-        prior_deviation: Of each weight before any sample, times sqrt(fan-in), (n,).
+        prior_deviation: Of each weight before any sample, times sqrt(fan-in), (n,); nan where
+            the network knows it itself.
         measurement_deviation: (n_y,) in the unit of y.
         process_deviation: By which each weight wanders between two samples, (n,).
         forgetting_factor: Divides the covariance before each sample.
@@ -61,7 +62,8 @@ class Assumptions(NamedTuple):
     @property
     def prior_variance(self) -> Array:
         """Diagonal of P0, (n,)."""
-        return np.asarray(self.prior_deviation**2 / self.network.fan_in)
+        own, said = self.network.own_prior, self.prior_deviation**2 / self.network.fan_in
+        return np.where(np.isnan(own), said, own**2)
 
     def setting(self, rule: SpreadRule, dtype: str) -> FilterSetting:
         """The same as numbers of a filter: P <- P / factor + noise before each sample.
@@ -87,7 +89,7 @@ class Assumptions(NamedTuple):
         """As JSON-able values."""
         return {
             "network": self.network.describe(),
-            "prior_deviation": compact(self.prior_deviation),
+            "prior_deviation": _said(self.prior_deviation),
             "measurement_deviation": compact(self.measurement_deviation),
             "process_deviation": compact(self.process_deviation),
             "forgetting_factor": self.forgetting_factor,
@@ -101,7 +103,7 @@ class Assumptions(NamedTuple):
 
 def assume(
     network: Network,
-    prior_deviation: ArrayLike,
+    prior_deviation: ArrayLike | None,
     measurement_deviation: ArrayLike,
     process_deviation: ArrayLike,
     forgetting_factor: float,
@@ -121,7 +123,7 @@ def assume(
         raise ParameterError("prior_share", "at least 0 and below 1", prior_share)
     return Assumptions(
         network,
-        scale_of("prior_deviation", prior_deviation, network.size),
+        _prior(network, prior_deviation),
         scale_of("measurement_deviation", measurement_deviation, network.outputs),
         center_of("process_deviation", process_deviation, network.size),
         forgetting(forgetting_factor),
@@ -131,6 +133,18 @@ def assume(
         noise_estimation,
         change_detection,
     )
+
+
+def _prior(network: Network, said: ArrayLike | None) -> Array:
+    if said is not None:
+        return scale_of("prior_deviation", said, network.size)
+    if np.isnan(network.own_prior).any():
+        raise ParameterError("prior_deviation", "positive numbers", None)
+    return np.full(network.size, np.nan)
+
+
+def _said(prior: Array) -> float | list[float] | None:
+    return None if np.isnan(prior).all() else compact(prior)
 
 
 def _described(part: Screening | NoiseEstimation | ChangeDetection | None) -> Any:

@@ -59,7 +59,8 @@ class CubatureLearner(FilterLearner):
     Args:
         network: The network whose weights are learned.
         prior_deviation: Standard deviation of each weight before any sample, divided by
-            sqrt(fan-in) of its neuron (biases: fan-in 1); scalar or (n,).
+            sqrt(fan-in) of its neuron (biases: fan-in 1); scalar or (n,). Weights of which the
+            network has its own (`GreyBox`) keep that; None: all have.
         measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
             the unit of y.
         process_deviation: Standard deviation by which each weight wanders between two
@@ -93,7 +94,7 @@ class CubatureLearner(FilterLearner):
         self,
         network: Network,
         *,
-        prior_deviation: ArrayLike,
+        prior_deviation: ArrayLike | None = None,
         measurement_deviation: ArrayLike,
         process_deviation: ArrayLike = 0.0,
         spread: float | None = None,

@@ -65,6 +65,12 @@ class FilterLearner(Saved):
         return self._filter.variances()
 
     @property
+    def prior(self) -> tuple[Array, Array]:
+        """Weights it began with, and their variances, (n,) each."""
+        first = self._network.initial(int(self.describe()["seed"]))
+        return first, self._assumptions.prior_variance
+
+    @property
     def nis(self) -> float:
         """Normalized innovation squared e' P_yy^-1 e of the last sample; NaN before the first."""
         return self._filter.nis

@@ -64,7 +64,7 @@ class HiddenStripNetwork(Network):
     The first weights are rates b, amplitudes of circulation, lift slope, amplitudes of lift a,
     stall and its width, each as a logarithm from its prior: whatever the weights, rates are
     positive and amplitudes sum to less than one. A deviation of .1 for these is one of .5 for
-    the logarithms of lags, .1 for the lift slope's, .3 for the stall's. x is
+    the logarithms of lags, .1 for the lift slope's, .15 and .05 for the stall's. x is
     [q, v, z, vec S, W_m], of which [q, v] is measured and `recall` finds the rest.
 
     A deviation of the measurement of .003 N times `lever_arms`, prior_deviation .1 and spread

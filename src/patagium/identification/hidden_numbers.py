@@ -22,7 +22,8 @@ from patagium.errors import ParameterError
 Array = NDArray[np.float64]
 
 _SLOWEST, _FASTEST = 0.05, 0.8  # rates of lags asked for by number [1/semichord]
-_REACH = {"lags": 5.0, "lift_slope": 1.0, "stall": 3.0}  # of logarithms, for a weight of one
+# of logarithms, for a weight of one; far from stall a step in its numbers changes too much
+_REACH = {"lags": 5.0, "lift_slope": 1.0, "stall": 1.5, "stall_width": 0.5}
 _STALL_SLOPE = 8.75  # widths of the logistic function in a smooth step of the same slope
 
 
@@ -89,8 +90,8 @@ def coded_reach(lags: int) -> Array:
     Args:
         lags: How many a strip.
     """
-    of_lags, of_stall = [_REACH["lags"]], [_REACH["stall"]]
-    return np.array([*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *of_stall * 2])
+    of_lags, others = [_REACH["lags"]], [_REACH["stall"], _REACH["stall_width"]]
+    return np.array([*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *others])
 
 
 def starting_lags(lags: int | Indicial) -> Indicial:

@@ -18,6 +18,7 @@ from patagium.identification.force_samples import ForceSamples
 from patagium.identification.learner import Learner
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
+from patagium.identification.parameter_paths import parameter_scores, told
 from patagium.identification.recollection import Recollection
 from patagium.identification.record import check, interval_scores, no_updates, record_of
 from patagium.identification.result import Identification
@@ -178,6 +179,7 @@ def compare(
         **error_scores(y, guess, names),
         **error_scores(y, held, names, "persistence"),
         **interval_scores(checks, names, ~silent, len(y)),
+        **parameter_scores(told(model)),
     }
     record = record_of(time, y, guess, held, names, checks, no_updates(len(names)))
     record.coords["unit"] = ("output", list(units or ["1"] * len(names)))
@@ -196,7 +198,7 @@ def samples(
         flight: Record with q, v, a, u1; or measured forces.
         network: Its outputs are coordinates of the robot (generalized forces), or linear
             functions of the strip forces (`measured`, taken from the flight's strips).
-        inputs: Names of what it sees; None: q, then v.
+        inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
         robot: The machine; None for the one the flight carries.
 
     Returns:
@@ -205,10 +207,17 @@ def samples(
     if isinstance(flight, ForceSamples):
         machine = flight.robot if robot is None else robot
         time, state, force = flight.time, flight.state, flight.force
+        if network.explains_added_mass or network.needs_acceleration:
+            raise ParameterError(
+                "network", "one that needs no accelerations", type(network).__name__
+            )
     else:
         machine = robot_of(flight) if robot is None else robot
-        time, state, force = training_data(flight, machine)
+        all_air = network.explains_added_mass
+        time, state, force = training_data(flight, machine, with_added_mass=all_air)
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
+    if network.needs_acceleration and not isinstance(flight, ForceSamples):
+        x = np.hstack([x, flight["a"].transpose("time", "dof").values])
     measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
     balance = strip_force_matrix(network)
     if balance is not None:

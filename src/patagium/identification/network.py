@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError, ShapeError
+from patagium.identification.physical import Estimate
 from patagium.identification.structure import Indices
 
 Array = NDArray[np.float64]
@@ -122,6 +123,24 @@ class Network(Protocol):
         """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
         ...
 
+    @property
+    def own_prior(self) -> Array:
+        """Deviations of weights before any sample that the network knows itself, (n,).
+
+        nan, as for all by default, where that is left to the learner.
+        """
+        return np.full(self.size, np.nan)
+
+    @property
+    def needs_acceleration(self) -> bool:
+        """Whether of a flight's samples x is [q, v, a], and not [q, v]."""
+        return False
+
+    @property
+    def explains_added_mass(self) -> bool:
+        """Whether of a flight's samples y holds the force of the air carried along."""
+        return False
+
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,).
 
@@ -199,6 +218,15 @@ class Network(Protocol):
         """
         return carried
 
+    def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
+        """Physical parameters among the weights, with their deviations; none by default.
+
+        Args:
+            weights: (n,).
+            variances: Of the weights, (n,); None: not known.
+        """
+        return ()
+
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
         ...
@@ -248,13 +276,15 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
     """
     from patagium.identification.dense import DenseNetwork
     from patagium.identification.flow import FlowNetwork
+    from patagium.identification.grey_box import GreyBox
     from patagium.identification.hidden import HiddenStripNetwork
     from patagium.identification.linear import LinearNetwork
     from patagium.identification.strip import StripNetwork
 
-    known = (DenseNetwork, FlowNetwork, HiddenStripNetwork, LinearNetwork, StripNetwork)
-    kinds = {kind.kind: kind for kind in known}
+    dense, strips = (DenseNetwork, LinearNetwork), (StripNetwork, HiddenStripNetwork)
+    kinds: dict[str, Any] = {kind.kind: kind for kind in (*dense, *strips, FlowNetwork, GreyBox)}
     kind = kinds.get(str(description.get("kind")))
     if kind is None:
         raise ParameterError("network", f"of kind {', '.join(kinds)}", description.get("kind"))
-    return kind.from_description(description)
+    network: Network = kind.from_description(description)
+    return network

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from patagium.identification.parameter_paths import parameter_table
 from patagium.report import Link, Note, Section, Table, picture, write_page
-from patagium.report.figures import comparison, curves, innovation_and_covariance
+from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
 
 if TYPE_CHECKING:
     from patagium.identification.result import Identification
@@ -32,6 +33,7 @@ def write_identification(
     moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
     sections = [
         Section("Scores", [*moving, _score_table(result.scores), *_remarks(result.scores)]),
+        *_parameters(result),
         Section("Predicted before it was used", [_prediction_picture(result)]),
     ]
     if result.prediction.sizes["update_time"] > 1:
@@ -39,6 +41,25 @@ def write_identification(
     if np.isfinite(list(result.scores["reliability"].values())).all():
         sections.append(Section("Does it know how wrong it is?", _calibration(result.scores)))
     return write_page(path, title, sections, summary=summary(result.scores))
+
+
+def _parameters(result: Identification) -> list[Section]:
+    """Physical parameters as a table, and their paths; nothing where none was learned."""
+    table, record = parameter_table(result.scores), result.prediction
+    if table is None:
+        return []
+    shown: list[Any] = [table]
+    if "parameter_value" in record and record.sizes["update_time"] > 1:
+        figure = paths(
+            record["update_time"].values,
+            record["parameter_value"].values,
+            record["parameter_deviation"].values,
+            list(result.scores["parameter_prior"].values()),
+            names=[str(name) for name in record["parameter"].values],
+            units=[str(unit) for unit in record["parameter_unit"].values],
+        )
+        shown.append(picture(figure, "After each update, within two deviations; dashed: before."))
+    return [Section("Physical parameters", shown)]
 
 
 def summary(scores: Mapping[str, Any]) -> str:

@@ -17,6 +17,8 @@ from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
 from patagium.identification.calibration import calibration_scores
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.learner import Learner
+from patagium.identification.parameter_paths import parameter_paths, parameter_scores, told
+from patagium.identification.physical import Estimate
 from patagium.identification.recollection import Recollection
 from patagium.identification.record import Check, Updates, check, interval_scores, record_of
 from patagium.identification.result import Identification
@@ -134,6 +136,7 @@ class StreamRun:
         self.nis = np.full(len(self.used), np.nan)
         self.weights_norm = np.full(len(self.used), np.nan)
         self.largest_variance = np.full(len(self.used), np.nan)
+        self.paths: list[tuple[Estimate, ...]] = []
         self.checks: list[Check] = []
         self.windows: dict[str, list[tuple[int, Array]]] = {h.label: [] for h in self.horizons}
         self.updates = 0
@@ -199,6 +202,7 @@ class StreamRun:
         self.weights_norm[self.updates] = np.linalg.norm(weights)
         if look:
             self.largest_variance[self.updates] = _largest_variance(self.learner)
+        self.paths.append(told(self.learner))
         self.updates += 1
 
     def _stop(self, hold: Hold, outcome: Outcome, reason: str) -> None:
@@ -252,6 +256,8 @@ class StreamRun:
             self.largest_variance[used],
         )
         record = record_of(self.time, self.y, self.prediction, held, names, self.checks, updates)
+        record = record.assign(parameter_paths(self.paths))
+        scores |= parameter_scores(told(self.learner))
         return Identification(scores, record, self.learner, self.outcome, self.message)
 
     def _horizon_scores(self, horizon: Horizon, names: tuple[str, ...]) -> dict[str, Any]:

@@ -155,6 +155,43 @@ def innovation_and_covariance(
 
 
 @styled
+def paths(
+    time: ArrayLike,
+    value: ArrayLike,
+    deviation: ArrayLike,
+    prior: ArrayLike,
+    *,
+    names: Sequence[str],
+    units: Sequence[str],
+) -> Figure:
+    """Estimated numbers over time, within two standard deviations.
+
+    Args:
+        time: Of each estimate, (U,) [s].
+        value: Estimates, (U, k).
+        deviation: Their standard deviations, (U, k); nan draws no band.
+        prior: Values before any, (k,).
+        names: Of the k numbers.
+        units: Of the k numbers.
+
+    Raises:
+        ShapeError: If an array does not fit the others.
+    """
+    t = np.asarray(time, float)
+    found = _columns("value", value, t.size, len(names))
+    spread = _columns("deviation", deviation, t.size, len(names))
+    figure, axes = _grid(len(names), 1)
+    for k, (panel, before) in enumerate(zip(axes, _row("prior", prior, len(names)), strict=True)):
+        _band(panel, t, found[:, k], 2 * spread[:, k])
+        _curve(panel, t, found[:, k], "estimate", color=color(1))
+        panel.axhline(before, color="0.5", linestyle="--", linewidth=0.8)
+        panel.set_title(names[k])
+        panel.set_ylabel(f"[{units[k]}]")
+    _time_axis(axes, 1)
+    return figure
+
+
+@styled
 def learning_curves(
     time: ArrayLike,
     errors: Mapping[str, ArrayLike],

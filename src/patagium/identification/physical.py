@@ -1,0 +1,274 @@
+"""Physical parameters as weights: what they are called, their units, how far they may be off.
+
+A weight counts prior deviations from where a parameter starts; of a parameter that cannot be
+negative it is the logarithm that is counted, so that no update takes it below zero. Neglected:
+limits that depend on other parameters, such as stall that begins before it is complete.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.description import aero_from_description
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.errors import ParameterError
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+FACTOR = "added_mass.factor"
+WIND = ("wind.x", "wind.y", "wind.z")
+
+_POSITIVE = {
+    **dict.fromkeys(("density",), "kg/m^3"),
+    **dict.fromkeys(("lift_slope",), "1/rad"),
+    **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle", "stall_width"), "rad"),
+    **dict.fromkeys(("rate",), "1/semichord"),
+    **dict.fromkeys(("pressure", "separation"), "semichords"),
+    **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag"), "1"),
+    **dict.fromkeys(("suction_efficiency", "surface_constant", "factor"), "1"),
+    **dict.fromkeys(("chord", "width"), "m"),
+    **dict.fromkeys(("mass",), "kg"),
+    **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
+    **dict.fromkeys(("gravity",), "m/s^2"),
+    **dict.fromkeys(("damping",), "N s/m or N m s"),
+}
+_SIGNED = {
+    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase"), "rad"),
+    **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
+}
+_VECTORS = {"position": "m", "center_of_mass": "m", "quarter_chord": "m", "wind": "m/s"}
+_PLAIN = {"1": "", "1/semichord": "", "semichords": "", "N s/m or N m s": ""}
+
+
+class Estimate(NamedTuple):
+    """A physical parameter as it is known.
+
+    Attributes:
+        name: Such as `section.lift_slope`, or `left_wing[0].chord`.
+        unit: Of the numbers.
+        value: Most probable.
+        deviation: Standard deviation; NaN where the learner has none.
+        prior: Value before any sample.
+        prior_deviation: Standard deviation before any sample.
+    """
+
+    name: str
+    unit: str
+    value: float
+    deviation: float
+    prior: float
+    prior_deviation: float
+
+
+class PhysicalParameter(NamedTuple):
+    """A number of the air or of the robot that is learned.
+
+    value(w) = prior + deviation w, or prior exp(w deviation / prior) if it is positive.
+
+    Attributes:
+        name: Such as `section.lift_slope`, or `left_wing[0].chord`.
+        prior: Value before any sample, in `unit`.
+        deviation: Standard deviation before any sample, in `unit`.
+    """
+
+    name: str
+    prior: float
+    deviation: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of its numbers."""
+        return unit_of(self.name)
+
+    @property
+    def positive(self) -> bool:
+        """Whether it cannot be zero or less."""
+        return _last(self.name) in _POSITIVE
+
+    @property
+    def scale(self) -> float:
+        """What a weight is multiplied by: the deviation of the parameter or of its logarithm."""
+        return self.deviation / self.prior if self.positive else self.deviation
+
+    def estimate(self, weight: float, variance: float = float("nan")) -> Estimate:
+        """What a weight says, linear in its deviation.
+
+        Args:
+            weight: In prior deviations.
+            variance: Of the weight.
+        """
+        if self.positive:
+            value = self.prior * float(np.exp(weight * self.scale))
+            slope = value * self.scale
+        else:
+            value, slope = self.prior + weight * self.scale, self.scale
+        spread = slope * float(np.sqrt(variance))
+        return Estimate(self.name, self.unit, value, spread, self.prior, self.deviation)
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter.
+
+    Args:
+        name: Of the parameter.
+    """
+    last, before = _last(name), name.split(".")[-2:-1]
+    if last in ("x", "y", "z") and before and before[0] in _VECTORS:
+        return _VECTORS[before[0]]
+    return _POSITIVE.get(last) or _SIGNED.get(last, "1")
+
+
+def written_unit(name: str) -> str:
+    """The same as it may be written behind a number; empty for pure numbers.
+
+    Args:
+        name: Of the parameter.
+    """
+    unit = unit_of(name)
+    return _PLAIN.get(unit, unit)
+
+
+def numbers_of(model: Aerodynamics, added_mass: AddedMass | None) -> dict[str, float]:
+    """All numbers that may be learned, by name.
+
+    Args:
+        model: The air, around a robot.
+        added_mass: What it carries along.
+    """
+    robot, wind = model.robot, model.air.wind_at([0.0])[0]
+    numbers = dict(zip(robot.parameter_names, robot.parameters.tolist(), strict=True))
+    numbers |= dict(zip(model.parameter_names, model.parameters.tolist(), strict=True))
+    numbers |= dict(zip(WIND, wind.tolist(), strict=True))
+    return numbers | ({} if added_mass is None else {FACTOR: added_mass.factor})
+
+
+def physical_parameters(
+    estimate: Mapping[str, float], numbers: Mapping[str, float], robot: Robot
+) -> tuple[PhysicalParameter, ...]:
+    """Parameters to learn, checked.
+
+    Args:
+        estimate: Prior deviation of each, by name, in its unit.
+        numbers: What may be learned; see `numbers_of`.
+        robot: Whose numbers are not listed in a message, for they are many.
+
+    Raises:
+        ParameterError: If there is none, no such name, a deviation is not positive, or a
+            parameter that cannot be zero is.
+    """
+    if not estimate:
+        raise ParameterError("estimate", "parameters by name, with prior deviations", estimate)
+    found = []
+    for name, deviation in estimate.items():
+        if name not in numbers:
+            raise ParameterError("estimate", _known(name, numbers, robot), name)
+        if not (isfinite(deviation) and deviation > 0):
+            expected = f"a positive prior deviation [{unit_of(name)}]"
+            raise ParameterError(name, expected, deviation)
+        parameter = PhysicalParameter(name, float(numbers[name]), float(deviation))
+        if parameter.positive and parameter.prior <= 0:
+            raise ParameterError(name, "a value above zero to start from", parameter.prior)
+        found.append(parameter)
+    return tuple(found)
+
+
+def process_deviations(
+    parameters: Sequence[PhysicalParameter], wandering: Mapping[str, float]
+) -> Array:
+    """Deviations by which weights of parameters wander, from those in their own units.
+
+    Args:
+        parameters: What is learned.
+        wandering: By name; others stay.
+
+    Raises:
+        ParameterError: If a name is not learned.
+    """
+    names = [parameter.name for parameter in parameters]
+    for name in wandering:
+        if name not in names:
+            raise ParameterError("wandering", f"one of {', '.join(names)}", name)
+    return np.array([wandering.get(one.name, 0.0) / one.deviation for one in parameters])
+
+
+def changed_air(
+    model: Aerodynamics, added_mass: AddedMass | None, estimates: Sequence[Estimate]
+) -> tuple[Aerodynamics, AddedMass | None]:
+    """The same air around the same robot, with other numbers.
+
+    Args:
+        model: The model of the air.
+        added_mass: What it carries along.
+        estimates: Of the numbers that are others.
+
+    Raises:
+        ParameterError: If a number is no argument of the model, or not what it may be.
+    """
+    values = {found.name: found.value for found in estimates}
+    robot, description = model.robot, model.describe()
+    of_robot = {name: values.pop(name) for name in robot.parameter_names if name in values}
+    machine = robot.with_parameters(of_robot) if of_robot else robot
+    factor = values.pop(FACTOR, None)
+    for name, value in values.items():
+        _write(description, name, value, model.name)
+    changed = aero_from_description(machine, description)
+    if added_mass is None:
+        return changed, None
+    share = added_mass.factor if factor is None else factor
+    return changed, AddedMass(machine, changed.air, factor=share)
+
+
+def _write(description: Any, name: str, value: float, model: str) -> None:
+    """One number into the description of a model."""
+    path = f"air.{name}" if name in ("density", *WIND) else name
+    steps = re.findall(r"[^.\[\]]+", path)
+    if name in WIND:
+        steps[-1] = str("xyz".index(steps[-1]))
+    for step in steps[:-1]:
+        description = description.get(step) if isinstance(description, dict) else None
+    last: Any = int(steps[-1]) if isinstance(description, list) else steps[-1]
+    known = range(len(description)) if isinstance(description, list) else description
+    if known is None or last not in known:
+        raise ParameterError(name, f"an argument of {model}", name)
+    description[last] = value
+
+
+def _known(name: str, numbers: Mapping[str, float], robot: Robot) -> str:
+    of_air = [known for known in numbers if known not in robot.parameter_names]
+    near = get_close_matches(name, list(numbers), 1, 0.0)
+    own = f"or a number of robot {robot.name!r} such as {_examples(robot)}"
+    return f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"
+
+
+def _examples(robot: Robot) -> str:
+    names = robot.parameter_names
+    chosen = [next((n for n in names if _last(n) == kind), None) for kind in ("mass", "chord")]
+    return ", ".join(filter(None, chosen))
+
+
+def _last(name: str) -> str:
+    """What a parameter is, without of what and which."""
+    return re.sub(r"\[\d+\]$", "", name.rpartition(".")[2])
+
+
+def inertial(names: Sequence[str], robot: Robot) -> bool:
+    """Whether one of them changes what the robot's own motion takes: masses, and where they are.
+
+    Args:
+        names: Of parameters.
+        robot: The machine.
+    """
+    strips = tuple(f"{strip.name}." for strip in robot.strips)
+    return any(
+        name in robot.parameter_names and not name.startswith(strips) and _last(name) != "damping"
+        for name in names
+    )
