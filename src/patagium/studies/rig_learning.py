@@ -41,7 +41,7 @@ SOURCES = ("inverse dynamics", "momentum observer", "load cell")
 """Ways to the force of the air; the first two ask motors and load cell, the last the cell alone."""
 OBSERVER_GAIN = 500.0
 """Of the momentum observer [1/s]."""
-PRIOR, STRIP_DEVIATION, NOISE_MEMORY = 0.1, 4.5e-4, 50
+PRIOR, STRIP_DEVIATION, NOISE_MEMORY = 0.1, 5.5e-4, 50
 """Prior deviation of a weight; of a strip's force to start from [N]; samples of its estimate."""
 
 
