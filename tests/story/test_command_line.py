@@ -17,9 +17,9 @@ from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
 VERBS = (
-    *("reproduce", "simulate", "cycles", "figures", "view", "inspect", "import", "identify"),
-    *("tune", "evaluate", "stream", "send", "bench", "latency", "validate", "stress", "robots"),
-    "check",
+    *("reproduce", "rig", "simulate", "cycles", "figures", "view", "inspect", "import"),
+    *("identify", "tune", "evaluate", "stream", "send", "bench", "latency", "validate"),
+    *("stress", "robots", "check"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")

@@ -26,6 +26,7 @@ from patagium.cli import (
     inspect,
     latency,
     reproduce,
+    rig,
     robots,
     send,
     simulate,
@@ -49,7 +50,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
 )
 for _verb in (
-    reproduce, simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
+    reproduce, rig, simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
     stream, send, bench, latency, validate, stress, robots, check,
 ):  # fmt: skip
     _name = _verb.__name__.rpartition(".")[2]
