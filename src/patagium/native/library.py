@@ -30,9 +30,10 @@ from patagium.native.function import Compiled, NativeFunction, Signature
 
 LONG = 200_000
 """Length of a text from which on it is spared what gains nothing and takes long [B]."""
-SPARED = ("-fno-tree-pre",)
-"""Partial redundancies: there are none in straight lines, and GCC's search for them takes a
-time that grows with the square of the text."""
+SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fira-region=one")
+"""Partial redundancies, and code to be hoisted out of branches: there are none in straight lines,
+and GCC's search for either takes a time that grows with the square of the text (one pass does
+both: it takes both flags to be rid of it). Registers are handed out for the text as a whole."""
 _SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
 
 

@@ -184,7 +184,7 @@ def _simulation(bench: DynamicsBench) -> Iterator[Result]:
 
 
 def _compile(bench: DynamicsBench) -> Iterator[Result]:
-    yield learning.compile_result()
+    yield from learning.compile_results()
 
 
 GROUPS: dict[str, Group] = {

@@ -50,6 +50,7 @@ class AirModel:
 
 
 FIRST = "quasi-steady"
+FULL = "lifting line, two states, added mass"
 
 
 def air_models(robot: Robot) -> dict[str, AirModel]:
@@ -68,7 +69,7 @@ def air_models(robot: Robot) -> dict[str, AirModel]:
         "lifting line, one state": AirModel(LiftingLine(robot, air, ONE_STATE)),
         "lifting line, two states": AirModel(two),
         "lifting line, four states": AirModel(LiftingLine(robot, air, FOUR_STATE)),
-        "lifting line, two states, added mass": AirModel(two, AddedMass(robot, air)),
+        FULL: AirModel(two, AddedMass(robot, air)),
         "lifting line, two states, stall delay": AirModel(delayed),
     }
 

@@ -212,32 +212,56 @@ def flight_result(robot: Robot) -> Result:
     return Result("simulation of 1 s of flight", seconds, "s", note=note)
 
 
-_FRESH = """
-import time, patagium as pt
-robot = pt.load_robot("aerobat")
-started = time.perf_counter()
+_START = """
+import time, resource, patagium as pt
+robot = pt.load_robot("{robot}")
+gait = pt.gaits.sinusoidal(robot, frequency=5.0, {joint}=0.1)
+started, before = time.perf_counter(), time.process_time()
+"""
+_ALL = """
 air = pt.QuasiSteady(robot, pt.Air())
 pt.Dynamics(robot).bias([0.0] * robot.dof, [0.0] * robot.dof)
 air.generalized_force([0.0] * robot.dof, [0.0] * robot.dof)
-gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
 pt.simulate(robot, air, gait, duration=1e-3, time_step=1e-4, throw=False)
 network = pt.StripNetwork(robot)
 learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=0.003)
 learner.update([0.1] * (2 * robot.dof), [0.0] * robot.dof)
+"""
+_UNSTEADY = """
+air, added = pt.LiftingLine(robot), pt.AddedMass(robot)
+pt.simulate(robot, air, gait, duration=1e-3, time_step=1e-4, added_mass=added, throw=False)
+"""
+_END = """
+compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.process_time() - before, compilers.ru_utime + compilers.ru_stime)
 print(time.perf_counter() - started)
 """
+_UNSTEADY_NAME = "compiling a flight with lifting line and added mass"
+_COMPILED = (
+    ("compiling one robot on a fresh cache", "aerobat", "plunge", _ALL),
+    (f"{_UNSTEADY_NAME}, 10 strips", "aerobat", "plunge", _UNSTEADY),
+    (f"{_UNSTEADY_NAME}, 22 strips", "hawk", "left_sweep", _UNSTEADY),
+)
 
 
-def compile_result() -> Result:
-    """Time to compile everything one robot needs, on an empty cache."""
-    with tempfile.TemporaryDirectory() as cache:
-        environment = {**os.environ, "PATAGIUM_CACHE": cache}
-        command = [sys.executable, "-c", _FRESH]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        note = "dynamics, air, flight, strip network and learner, on all cores"
-        return Result(
-            "compiling one robot on a fresh cache", float(done.stdout.split()[-1]), "s", note=note
+def compile_results() -> Iterator[Result]:
+    """Time to compile on an empty cache: everything one robot needs, and unsteady flights.
+
+    The last two are a flight's rate and its record, with lifting line and added mass.
+    """
+    for name, robot, joint, code in _COMPILED:
+        with tempfile.TemporaryDirectory() as cache:
+            environment = {**os.environ, "PATAGIUM_CACHE": cache}
+            command = [sys.executable, "-c", _START.format(robot=robot, joint=joint) + code + _END]
+            done = subprocess.run(
+                command, env=environment, capture_output=True, text=True, check=True
+            )
+        python, compilers, seconds = map(float, done.stdout.split())
+        note = (
+            "dynamics, air, flight, strip network and learner" if code == _ALL else "rate, record"
         )
+        note += f"; processor time: {python:.1f} s Python, {compilers:.1f} s C compilers"
+        yield Result(name, seconds, "s", note=f"{note}, on all cores")
 
 
 def on_one_thread(part: str) -> list[Result]:

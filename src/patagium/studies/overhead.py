@@ -68,16 +68,28 @@ def rival_costs(published: bool = True) -> dict[str, float]:
     return {name: cost for name, cost in costs.items() if published or cost < 20.0}
 
 
-def compiled_ahead(published: bool = True) -> list[Job]:
+def models_of_air(short: bool = False) -> tuple[list[str], list[str]]:
+    """Models of the air and networks that are timed, by name.
+
+    Args:
+        short: Only the quasi-steady air, and the lifting line with added mass.
+    """
+    if short:
+        return [benchmark_air.FIRST, benchmark_air.FULL], []
+    return list(benchmark_air.air_models(load_robot("aerobat"))), list(WING_NETWORKS)
+
+
+def compiled_ahead(published: bool = True, short: bool = False) -> list[Job]:
     """What fills the cache with all that is timed here, for workers with nothing to time.
 
     Args:
         published: Whether rivals that compile for long are among it.
+        short: Whether only some models of the air are.
     """
-    robot = load_robot("aerobat")
+    models, networks = models_of_air(short)
     jobs = [Job(compile_ahead, ("rival", name), s) for name, s in rival_costs(published).items()]
-    jobs += [Job(compile_ahead, ("air", name), 3.0) for name in benchmark_air.air_models(robot)]
-    return jobs + [Job(compile_ahead, ("network", name), 5.0) for name in WING_NETWORKS]
+    jobs += [Job(compile_ahead, ("air", name), 3.0) for name in models]
+    return jobs + [Job(compile_ahead, ("network", name), 5.0) for name in networks]
 
 
 def compile_ahead(kind: str, name: str) -> None:
@@ -96,8 +108,11 @@ def compile_ahead(kind: str, name: str) -> None:
         learning.compiled_network(WING_NETWORKS[name](robot))
 
 
-def aerodynamics_overhead() -> list[dict[str, Any]]:
+def aerodynamics_overhead(short: bool = False) -> list[dict[str, Any]]:
     """Time of the force of the Aerobat's air by its equations and by networks.
+
+    Args:
+        short: Whether only some models of the air are timed.
 
     Returns:
         One dictionary a model: model, kind ("equations" or "learned"), single [ns a state, one
@@ -105,17 +120,16 @@ def aerodynamics_overhead() -> list[dict[str, Any]]:
         states in one Python call; NaN if not timed], flight_second (time of it in one second
         of flight, `CALLS` calls [s]), times_real_time.
     """
-    robot = load_robot("aerobat")
+    robot, (models, networks) = load_robot("aerobat"), models_of_air(short)
     values = {result.name: result.value or _NAN for result in learning.on_one_thread("air")}
     with one_core():
         rows = [
-            _cost_row(name, "equations", benchmark_air.model_cost(robot, name))
-            for name in benchmark_air.air_models(robot)
+            _cost_row(name, "equations", benchmark_air.model_cost(robot, name)) for name in models
         ]
         states = random_states(robot, 512)
         known = np.hstack([states.q, states.v])
-        for name, make in WING_NETWORKS.items():
-            network = make(robot)
+        for name in networks:
+            network = WING_NETWORKS[name](robot)
             lags = np.random.default_rng(0).normal(size=(512, network.inputs - known.shape[1]))
             value = learning.network_cost(network, np.hstack([known, lags]))
             rows.append(_cost_row(f"network {name} ({network.size} weights)", "learned", value))

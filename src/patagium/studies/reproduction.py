@@ -112,7 +112,7 @@ def reproduce(
     with course.stage("overheads", 0.8, 0.85):
         overheads = {
             "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.published_overhead),
-            "aerodynamics": overhead.aerodynamics_overhead(),
+            "aerodynamics": overhead.aerodynamics_overhead(plan.short_overhead),
         }
     with course.stage("measured data", 0.85, 0.9):
         studied, measured = _measured(plan, crazyflie)
@@ -199,7 +199,7 @@ def _work(
     jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
     jobs += [Job(run_unsteady_trial, (trial, folder), trial.cost) for trial in unsteady]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
-    ahead = overhead.compiled_ahead(plan.published_overhead)
+    ahead = overhead.compiled_ahead(plan.published_overhead, plan.short_overhead)
     results = run_jobs([*jobs, *ahead], tell)[: len(jobs)]
     first, last = len(trials), len(trials) + len(unsteady)
     tables = {case.table: list[dict[str, Any]]() for case in cases}

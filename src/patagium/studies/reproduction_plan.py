@@ -49,6 +49,7 @@ class Plan:
         starts: How many starts of the strip network.
         dense_every: Large networks learn from one sample in so many at most.
         published_overhead: Whether the published C, which compiles for a minute, is timed.
+        short_overhead: Whether only two models of the air are timed.
         errors: Variants of the errors that are flown, by name; None for all.
         yeo_cycles: Cycles of the measured wing.
         unsteady_duration: Of each flight through air with memory [s].
@@ -63,6 +64,7 @@ class Plan:
     starts: int = 8
     dense_every: int = 1
     published_overhead: bool = True
+    short_overhead: bool = False
     yeo_cycles: int = 10
     errors: tuple[str, ...] | None = None
     unsteady_duration: float = 2.0
@@ -86,6 +88,7 @@ class Plan:
                 starts=2,
                 dense_every=10 if compiled else 100,
                 published_overhead=False,
+                short_overhead=True,
                 yeo_cycles=3,
                 errors=QUICK_ERRORS,
                 unsteady_duration=0.2,
@@ -142,6 +145,8 @@ class Plan:
             words.append("Of the errors only some are put in: a short run was asked for.")
         if not self.published_overhead:
             words.append("The published experiment's own C is not timed: it compiles for a minute.")
+        if self.short_overhead:
+            words.append("Of the models of the air two are timed: a short run was asked for.")
         return words
 
     def describe(self) -> dict[str, Any]:

@@ -1,20 +1,22 @@
-"""Who learns the air with memory: strips without memory and with it, and a dense network.
+"""Who learns the air with memory: strips without memory and with it, a grey box, a dense network.
 
 Each candidate is one entry of `CANDIDATES`; its settings, chosen by small searches on these
 flights, are the same for both mounts and all rates of samples. Neglected: other learners than
-the cubature filter, and the extended one of hidden states (points cost it eight times the
-time); the corrected flight compares those.
+the cubature filter, and the extended one of hidden states and grey box (points cost eight
+times the time); the corrected flight compares those.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp
 
+from patagium.aerodynamics import TWO_STATE, LiftingLine, Section
 from patagium.identification.cubature import CubatureLearner
 from patagium.identification.extended import ExtendedLearner
 from patagium.identification.flow import FlowNetwork
+from patagium.identification.grey_box import GreyBox
 from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.learner import Learner
 from patagium.identification.strip import StripNetwork
@@ -22,10 +24,12 @@ from patagium.robot import Robot
 from patagium.studies.reproduction_subjects import SPREAD, WEIGHT_DEVIATION, lever_arms
 from patagium.studies.unsteady_flights import CRUISE
 
-STRIP_DEVIATION = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3}
+STRIP_DEVIATION = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
 """What a strip's force may be wrong by and still fit [N]."""
 HIDDEN_PRIOR = 0.1
 """Prior deviation of each weight of the network with hidden states, divided by sqrt(fan-in)."""
+GREY_START = {"lift_slope": 0.8, "profile_drag": 1.5, "rate": 1.5}
+"""What the grey box starts from, in true values; its prior deviations are half of that."""
 DENSE_PRIOR = 0.3
 """Prior deviation of each weight of the dense network, divided by sqrt(fan-in)."""
 DENSE_MEMORY = 2.0 / CRUISE.frequency
@@ -72,6 +76,28 @@ def _hidden(robot: Robot, interval: float, seed: int) -> Learner:
     )
 
 
+def _grey(robot: Robot, interval: float, seed: int) -> Learner:
+    true = Section()
+    section = replace(
+        true,
+        lift_slope=GREY_START["lift_slope"] * true.lift_slope,
+        profile_drag=GREY_START["profile_drag"] * true.profile_drag,
+    )
+    rates = tuple(GREY_START["rate"] * rate for rate in TWO_STATE.rate)
+    model = LiftingLine(robot, lags=replace(TWO_STATE, rate=rates), section=section)
+    estimate = {
+        "section.lift_slope": 0.5 * section.lift_slope,
+        "section.profile_drag": 0.5 * section.profile_drag,
+        **{f"lags.rate[{k}]": 0.5 * rate for k, rate in enumerate(rates)},
+    }
+    return ExtendedLearner(
+        GreyBox(model, estimate, start="still"),
+        prior_deviation=1.0,
+        measurement_deviation=STRIP_DEVIATION["grey"] * lever_arms(robot),
+        seed=seed,
+    )
+
+
 def _dense(robot: Robot, interval: float, seed: int) -> Learner:
     network = FlowNetwork(robot)
     return CubatureLearner(
@@ -101,6 +127,7 @@ CANDIDATES = {
         Candidate("strip", "strip network, no memory", _strip),
         Candidate("strip_rotation", "strip network, no memory, pitch rate too", _strip_rotation),
         Candidate("hidden", "strip network with hidden states", _hidden),
+        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey),
         Candidate("dense", "dense network of the flow", _dense),
     )
 }
