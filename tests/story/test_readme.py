@@ -21,7 +21,7 @@ def blocks(language: str) -> list[str]:
 def shortened(text: str) -> str:
     """The same with flights of a fifth of a second: every line runs, none takes long."""
     short = text.replace("duration=2.0", "duration=0.2").replace('"2 s"', '"0.2 s"')
-    assert short.count("0.2") == text.count("2.0") + text.count('"2 s"')
+    short = short.replace("duration=0.5", "duration=0.2")
     return short.replace("every=100", "every=10").replace("--every 100", "--every 10")
 
 
@@ -67,6 +67,6 @@ def test_links_and_pictures_lead_somewhere() -> None:
 
 def test_make_targets_it_names_are_there() -> None:
     makefile = (ROOT / "Makefile").read_text("utf-8")
-    named = set(re.findall(r"make (demo|test|check|bench|lint|install|lock)\b", README))
+    named = set(re.findall(r"make (demo|test|check|docs|bench|lint|install|lock)\b", README))
     assert {"demo", "test", "check", "bench"} <= named
     assert [t for t in named if not re.search(rf"^{t}:", makefile, re.MULTILINE)] == []
