@@ -56,7 +56,7 @@ def noise_figure(gallery: Gallery, rows: Sequence[Mapping[str, Any]]) -> None:
     caption = (
         "Worst error of all coordinates against the noise of the instruments: of the measured "
         "force itself, of what was learned from it, and of frozen weights on a path and gait "
-        "never seen. Dotted: the targets. What is learned is better than what it was learned from."
+        "never seen. Dotted: the targets. The scales differ."
     )
     gallery.add("noise", _noise(rows), caption)
 

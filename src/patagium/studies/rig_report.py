@@ -228,6 +228,9 @@ _MOTION = ("y", "z", "pitch", "left_plunge", "left_elbow")
 LEFT_OUT = (
     "The robot's masses, inertias and wings, the density of the air, the speed of the fan: as they "
     "are. Added mass is taken from theory, as the truth has it, and is no part of what is learned.",
+    "The network is a lifting line with hidden states whose lags, lift slope, stall and section "
+    "are unknown; the truth is one with other numbers. Its form is right, as that of no model of "
+    "real air will be.",
     "Load cell and amplifiers are triggered by the unit on the body, so that their clocks are "
     "known; nothing in the motion tells a delay of a force from a drag.",
     "Cross-talk of the load cell and errors of its scale: its data sheet names none of their "
@@ -249,9 +252,10 @@ _SOURCES = (
     "six forces and no joint. What is learned is always all forces."
 )
 _READING = (
-    "Errors of a measured force come from clocks and encoders, alike from wingbeat to wingbeat or "
-    "white; a network of strips can follow neither. That is why what is learned is closer to the "
-    "truth than what it was learned from."
+    "Errors of a measured force are noise of the encoders through two derivatives, and clocks; a "
+    "network of strips can follow neither, so that what is learned can be closer to the truth than "
+    "what it was learned from. Without noise what remains is what the network has not learned yet "
+    "or cannot express."
 )
 _LIMITS = (
     "At the noise of the data sheets over the first eight, clocks known unless it says otherwise; "
