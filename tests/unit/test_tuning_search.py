@@ -199,7 +199,11 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
     [
         ("every: 10", "every: 0", "every: Input should be greater than 0, found 0"),
         ("every: 10", "", "every: expected, but not there"),
-        ("kind: dense", "kind: deep", "network.kind: Input should be 'strip', 'flow' or 'dense'"),
+        (
+            "kind: dense",
+            "kind: deep",
+            "network.kind: Input should be 'strip', 'hidden_strip', 'flow' or 'dense'",
+        ),
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_deviation, "),
         ("prior_deviation: 0.5, ", "", "learner: prior_deviation: expected, but not there"),

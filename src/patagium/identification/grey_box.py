@@ -146,7 +146,7 @@ class GreyBox(Network):
 
     @property
     def size(self) -> int:
-        """Number of weights, n: those of physical parameters come first."""
+        """How many weights, n; those of physical parameters come first."""
         return self._count + (0 if self.beside is None else self.beside.size)
 
     @property
