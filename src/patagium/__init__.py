@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from patagium.identification import ForceSamples as ForceSamples
     from patagium.identification import GradientLearner as GradientLearner
     from patagium.identification import GreyBox as GreyBox
+    from patagium.identification import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
     from patagium.identification import Kalman as Kalman
     from patagium.identification import LinearLearner as LinearLearner
@@ -148,6 +149,7 @@ _HOMES = {
         "FlowNetwork",
         "GradientLearner",
         "GreyBox",
+        "HiddenFlowNetwork",
         "HiddenStripNetwork",
         "LinearLearner",
         "LowRank",

@@ -31,6 +31,7 @@ PUBLIC = {
     "FlowNetwork",
     "GradientLearner",
     "GreyBox",
+    "HiddenFlowNetwork",
     "HiddenStripNetwork",
     "Indicial",
     "LiftingLine",

@@ -19,20 +19,29 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification import FlowNetwork, HiddenStripNetwork, StripNetwork
+    from patagium.identification import (
+        FlowNetwork,
+        HiddenFlowNetwork,
+        HiddenStripNetwork,
+        StripNetwork,
+    )
     from patagium.robot import Robot
 
 
 class NetworkKind(StrEnum):
-    """Networks: of each strip, of each with memory, of the flow at all wings, of anything."""
+    """Networks: of each strip, of the flow at all wings, each also with memory, of anything."""
 
     STRIP = "strip"
     HIDDEN_STRIP = "hidden_strip"
     FLOW = "flow"
+    HIDDEN_FLOW = "hidden_flow"
     DENSE = "dense"
 
 
-WINGED = (NetworkKind.STRIP, NetworkKind.HIDDEN_STRIP, NetworkKind.FLOW)
+REMEMBERING = (NetworkKind.HIDDEN_STRIP, NetworkKind.HIDDEN_FLOW)
+"""Networks with memory."""
+
+WINGED = (NetworkKind.STRIP, NetworkKind.FLOW, *REMEMBERING)
 """Networks of a robot with wings; they see q and v."""
 
 
@@ -337,12 +346,19 @@ def network_shape(
 
 def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
-) -> FlowNetwork | HiddenStripNetwork | StripNetwork:
+) -> FlowNetwork | HiddenFlowNetwork | HiddenStripNetwork | StripNetwork:
     """The network that knows the wings; the one of strips unless asked."""
-    from patagium.identification import FlowNetwork, HiddenStripNetwork, StripNetwork
+    from patagium.identification import (
+        FlowNetwork,
+        HiddenFlowNetwork,
+        HiddenStripNetwork,
+        StripNetwork,
+    )
 
     if kind is NetworkKind.HIDDEN_STRIP:
         return HiddenStripNetwork(robot, hidden, air=air, activation=activation)
+    if kind is NetworkKind.HIDDEN_FLOW:
+        return HiddenFlowNetwork(robot, hidden, air=air, activation=activation)
     make = FlowNetwork if kind is NetworkKind.FLOW else StripNetwork
     return make(robot, hidden, air, activation)
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import (
+    REMEMBERING,
     Activation,
     ActivationOption,
     Asked,
@@ -262,7 +263,7 @@ def _network(
     from patagium.identification import training_data
     from patagium.simulation import load_flight
 
-    if kind is NetworkKind.HIDDEN_STRIP:
+    if kind in REMEMBERING:
         expected = "one without memory: the live learner takes every sample by itself"
         raise ParameterError("--network", expected, kind.value)
     if kind is not NetworkKind.DENSE:

@@ -17,6 +17,7 @@ from patagium.identification.force_sources import (
 from patagium.identification.gradient import GradientLearner
 from patagium.identification.grey_box import GreyBox
 from patagium.identification.hidden import HiddenStripNetwork
+from patagium.identification.hidden_flow import HiddenFlowNetwork
 from patagium.identification.identify import evaluate, identify
 from patagium.identification.importing.inspection import inspect_log
 from patagium.identification.importing.run import import_log
@@ -54,6 +55,7 @@ __all__ = [
     "ForceSamples",
     "GradientLearner",
     "GreyBox",
+    "HiddenFlowNetwork",
     "HiddenStripNetwork",
     "Identification",
     "Kalman",

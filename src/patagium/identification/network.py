@@ -278,11 +278,13 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
     from patagium.identification.flow import FlowNetwork
     from patagium.identification.grey_box import GreyBox
     from patagium.identification.hidden import HiddenStripNetwork
+    from patagium.identification.hidden_flow import HiddenFlowNetwork
     from patagium.identification.linear import LinearNetwork
     from patagium.identification.strip import StripNetwork
 
     dense, strips = (DenseNetwork, LinearNetwork), (StripNetwork, HiddenStripNetwork)
-    kinds: dict[str, Any] = {kind.kind: kind for kind in (*dense, *strips, FlowNetwork, GreyBox)}
+    others = (FlowNetwork, HiddenFlowNetwork, GreyBox)
+    kinds: dict[str, Any] = {kind.kind: kind for kind in (*dense, *strips, *others)}
     kind = kinds.get(str(description.get("kind")))
     if kind is None:
         raise ParameterError("network", f"of kind {', '.join(kinds)}", description.get("kind"))

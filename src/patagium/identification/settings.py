@@ -31,14 +31,14 @@ class NetworkSettings(BaseModel):
     """The network the settings are for.
 
     Attributes:
-        kind: "strip", "hidden_strip", "flow" or "dense".
+        kind: "strip", "hidden_strip", "flow", "hidden_flow" or "dense".
         hidden: Neurons of each hidden layer.
         activation: What a neuron does to its sum.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["strip", "hidden_strip", "flow", "dense"]
+    kind: Literal["strip", "hidden_strip", "flow", "hidden_flow", "dense"]
     hidden: tuple[PositiveInt, ...]
     activation: Literal["softplus", "tanh"] = "softplus"
 
