@@ -5,17 +5,20 @@ import pytest
 
 from patagium.identification import (
     CubatureLearner,
+    ExtendedLearner,
     Table,
     identify_table,
     network_for,
     read_table,
 )
+from patagium.identification.recollection import Recollection
 from patagium.studies.crazyflie import (
     crazyflie_mapping,
     crazyflie_sections,
     crazyflie_study,
     in_flight,
 )
+from patagium.studies.thrust import FIRST_LAG, ThrustNetwork, thrust_network_for
 
 LOG = Path(__file__).parents[2].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"
 pytestmark = pytest.mark.skipif(
@@ -69,7 +72,67 @@ def test_flights_are_what_lies_between_take_off_and_motors_off(table: Table) -> 
 def test_the_study_sets_learners_beside_holding_a_sample() -> None:
     study = crazyflie_study(LOG, every=(20,), samples=17_000)
     names = [row["learner"] for row in study.rows]
-    assert names[0] == names[4] == "last used sample held" and len(names) == 8
+    assert names[0] == names[8] == "last used sample held" and len(names) == 16
     assert {row["part"] for row in study.rows} == {"whole log", "in flight"}
     assert all(np.isfinite(row["second_half"]) for row in study.rows)
     assert crazyflie_sections(study)[0].blocks
+
+
+def test_slopes_of_physics_and_network_are_those_of_the_whole_run(table: Table) -> None:
+    part = table.where(slice(15_000, 15_100))
+    network = thrust_network_for(part, (3,))
+    draw = np.random.default_rng(0)
+    weights = network.initial(0) + 0.2 * draw.standard_normal(network.size)
+
+    def last(at: np.ndarray) -> np.ndarray:
+        return Recollection(network, part.time, part.x).upto(100, at)[-1]
+
+    seen = network.encode_one(last(weights))
+    value, slope = network.linearized(seen, weights)
+    steps = 1e-6 * np.eye(network.size)
+    ends = [
+        [network(last(weights + sign * h), weights + sign * h) for sign in (1, -1)] for h in steps
+    ]
+    numeric = np.array([(above - below)[0] / 2e-6 for above, below in ends])
+    # rounding of differences: 1e-15 of 10 m/s^2, over 2e-6
+    np.testing.assert_allclose(slope[0], numeric, atol=1e-7)
+    assert slope[0, 0] != 0.0
+    np.testing.assert_allclose(network.values(seen, np.stack([weights] * 2))[1], value, rtol=1e-13)
+    again = ThrustNetwork.from_description(network.describe())
+    np.testing.assert_allclose(again(last(weights), weights), value, rtol=1e-13)  # rounding
+
+
+def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: Table) -> None:
+    part = table.where(slice(15_000, 15_040))
+    network = thrust_network_for(part, (3,))
+    weights = network.initial(0)
+    whole, _ = network.recall(weights, part.time, part.x)
+    first, carried = network.recall(weights, part.time[:20], part.x[:20])
+    rest, _ = network.recall(weights, part.time[20:], part.x[20:], carried)
+    np.testing.assert_array_equal(np.vstack([first, rest]), whole)
+    change = np.zeros(network.size)
+    change[0] = 1e-4
+    moved = network.corrected(carried, change)
+    anew = network.recall(weights + change, part.time[:20], part.x[:20])[1]
+    np.testing.assert_allclose(moved.state, anew.state, rtol=1e-8)  # second order in the change
+    assert (moved.state != carried.state).any()
+
+
+def test_a_rotors_lag_is_found(table: Table) -> None:
+    flight = in_flight(table).where(slice(0, 4000))
+    network = thrust_network_for(flight, (2,))
+    truth = network.initial(0)
+    truth[0] = np.log(0.02 / FIRST_LAG)  # rotors of 20 ms
+    recalled = Recollection(network, flight.time, flight.x, flight.gaps).upto(4000, truth)
+    y = network.evaluate(recalled, truth) + 0.1 * np.random.default_rng(0).standard_normal(
+        (4000, 1)
+    )
+    learner = ExtendedLearner(network, prior_deviation=0.5, measurement_deviation=0.1)
+    memory = Recollection(network, flight.time, flight.x, flight.gaps)
+    for k in range(4000):
+        before = learner.weights
+        learner.update(memory.upto(k + 1, before)[-1], y[k])
+        memory.heed(learner.weights - before)
+    # the network beside may take up part: within three deviations as the filter states them
+    deviation = np.sqrt(learner.variances[0])
+    assert abs(learner.weights[0] - truth[0]) < 3 * deviation < 0.6
