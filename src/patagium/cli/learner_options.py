@@ -19,12 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification import (
-        FlowNetwork,
-        HiddenFlowNetwork,
-        HiddenStripNetwork,
-        StripNetwork,
-    )
+    from patagium.identification.network import Network
     from patagium.robot import Robot
 
 
@@ -346,20 +341,15 @@ def network_shape(
 
 def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
-) -> FlowNetwork | HiddenFlowNetwork | HiddenStripNetwork | StripNetwork:
+) -> Network:
     """The network that knows the wings; the one of strips unless asked."""
-    from patagium.identification import (
-        FlowNetwork,
-        HiddenFlowNetwork,
-        HiddenStripNetwork,
-        StripNetwork,
-    )
+    from patagium import identification as found
 
     if kind is NetworkKind.HIDDEN_STRIP:
-        return HiddenStripNetwork(robot, hidden, air=air, activation=activation)
+        return found.HiddenStripNetwork(robot, hidden, air=air, activation=activation)
     if kind is NetworkKind.HIDDEN_FLOW:
-        return HiddenFlowNetwork(robot, hidden, air=air, activation=activation)
-    make = FlowNetwork if kind is NetworkKind.FLOW else StripNetwork
+        return found.HiddenFlowNetwork(robot, hidden, air=air, activation=activation)
+    make = found.FlowNetwork if kind is NetworkKind.FLOW else found.StripNetwork
     return make(robot, hidden, air, activation)
 
 
