@@ -114,12 +114,11 @@ def test_learners_take_it(kind, network, log):
     y = network.evaluate(network.recall(truth, time, state)[0], truth)
     found = stream(learner, time, state, y, every=2)
     assert found.scores["outcome"] == "COMPLETED"
-    late, scale = slice(40, None), y.var(axis=0).mean()
+    late = slice(40, None)
     wrong = found.prediction["prediction"].values[late] - y[late]
     untaught = network.initial(0)
     before = network.evaluate(network.recall(untaught, time, state)[0], untaught)[late] - y[late]
     assert (wrong**2).mean() < 0.2 * (before**2).mean()
-    assert scale > 0
 
 
 def test_description_and_pickle_make_it_again(network, weights, log):

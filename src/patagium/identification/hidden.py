@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import pi, radians
-from typing import Any, Self
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -36,7 +36,8 @@ from patagium.identification.hidden_numbers import (
 )
 from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.network import Encoding
+from patagium.identification.recalling_network import RecallingNetwork
 from patagium.identification.structure import Indices
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -46,7 +47,7 @@ Array = NDArray[np.float64]
 _LAST = 0.05  # of the usual size: at first the section is that of theory
 
 
-class HiddenStripNetwork(Network):
+class HiddenStripNetwork(RecallingNetwork):
     """Lifting line with hidden states, its numbers and its section learned.
 
     With w_e the normalwash of a strip at three quarters of its chord in the wind that all
@@ -130,12 +131,6 @@ class HiddenStripNetwork(Network):
             label=f"hidden strip network of {robot.name}",
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.from_description, (self.describe(),)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self
-
     @property
     def inputs(self) -> int:
         """Length of [q, v, z, vec S, W_m]."""
@@ -167,11 +162,6 @@ class HiddenStripNetwork(Network):
         layers = self._perceptron.neurons
         moved = tuple(tuple(neuron + self._numbers for neuron in layer) for layer in layers)
         return ((np.arange(self._numbers),), *moved)
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer."""
-        return self._perceptron.widths[1:-1]
 
     @property
     def fan_in(self) -> Array:

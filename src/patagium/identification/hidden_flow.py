@@ -8,7 +8,7 @@ Neglected: hidden states that drive each other, Reynolds number, forces on anyth
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,8 @@ from patagium.errors import ParameterError
 from patagium.identification.dense import described
 from patagium.identification.flow import FlowNetwork
 from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.network import Encoding
+from patagium.identification.recalling_network import RecallingNetwork
 from patagium.identification.structure import Indices
 from patagium.robot.model import Robot
 
@@ -40,7 +41,7 @@ class _Remembered(NamedTuple):
     weights: Array
 
 
-class HiddenFlowNetwork(Network):
+class HiddenFlowNetwork(RecallingNetwork):
     """Dense network with hidden states, in dimensionless quantities.
 
         dxi_k/dt = (2 V b_k / c) (gamma_1(f; W_1)_k - xi_k),    b_k = b_k0 exp(w_k / 2),
@@ -94,12 +95,6 @@ class HiddenFlowNetwork(Network):
         pressure = self.air.density / 2 * self.coefficient_scale
         self._pressure = pressure * float(self._flow.lever[0])
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.from_description, (self.describe(),)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self
-
     @property
     def inputs(self) -> int:
         """Length of [q, v, xi, vec S, W_m]."""
@@ -130,11 +125,6 @@ class HiddenFlowNetwork(Network):
             for layer in perceptron.neurons
         )
         return ((np.arange(self._states),), *moved)
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of gamma_2."""
-        return self._perceptron.widths[1:-1]
 
     @property
     def fan_in(self) -> Array:
@@ -219,11 +209,6 @@ class HiddenFlowNetwork(Network):
         seen = self._flow.encode(measured)
         features = np.concatenate([seen.features, x[:, None, self.measured_inputs :]], axis=2)
         return Encoding(features, seen.readout, seen.offset)
-
-    def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample."""
-        features, readout, offset = self.encode(x[None])
-        return Encoding(features[0], readout[0], offset)
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of samples encoded before, (N, n_y).

@@ -6,6 +6,7 @@ Each is made where it will be seen: on a page, in print, on slides (`report.styl
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import xarray as xr
@@ -45,10 +46,8 @@ def flight_figures(
             "strips": _strips(flight),
         }
         if gait_period(flight) is not None:
-            try:
+            with suppress(FlightError):  # shorter than two wingbeats
                 figures["wingbeat"] = wingbeat(cycle_statistics(flight))
-            except FlightError:  # shorter than two wingbeats
-                figures.pop("wingbeat", None)
         if model is not None:
             figures["forces"] = _forces(flight, model)
     return figures

@@ -9,7 +9,7 @@ Learned weights are for this study; model files do not know the network.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import ParameterError
 from patagium.identification.dense import DESCRIBED, DenseNetwork, described
 from patagium.identification.logs import network_for
-from patagium.identification.mlp import Perceptron
-from patagium.identification.network import Encoding, Network
+from patagium.identification.network import Encoding
+from patagium.identification.recalling_network import RecallingNetwork
 from patagium.identification.structure import Indices
 from patagium.identification.table import Table
 
@@ -40,7 +40,7 @@ class _Remembered(NamedTuple):
     weight: float
 
 
-class ThrustNetwork(Network):
+class ThrustNetwork(RecallingNetwork):
     """Specific force of four lagging rotors, and a dense network beside.
 
         dz_i/dt = (u_i - z_i) / tau,    tau = tau_0 exp(w),
@@ -66,16 +66,7 @@ class ThrustNetwork(Network):
             found = f"{dense.inputs} inputs, {dense.outputs} outputs"
             raise ParameterError("network beside", "4 commands, then rates, and one output", found)
         self._dense, self._scale = dense, float(dense.output_scale[0])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.from_description, (self.describe(),)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self
-
-    @property
-    def _perceptron(self) -> Perceptron:
-        return self._dense.perceptron
+        self._perceptron = dense.perceptron
 
     @property
     def inputs(self) -> int:
@@ -102,11 +93,6 @@ class ThrustNetwork(Network):
         """Weights of the physics together, then those of each neuron, layer by layer."""
         beside = (tuple(n + PHYSICAL for n in layer) for layer in self._perceptron.neurons)
         return ((np.arange(PHYSICAL),), *beside)
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of the network beside."""
-        return self._perceptron.widths[1:-1]
 
     @property
     def fan_in(self) -> Array:
@@ -185,11 +171,6 @@ class ThrustNetwork(Network):
         features = np.concatenate([rates, x[:, n:]], axis=1)[:, None]
         readout = np.full((len(x), 1, 1), self._scale)
         return Encoding(features, readout, np.zeros(1))
-
-    def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample."""
-        features, readout, offset = self.encode(x[None])
-        return Encoding(features[0], readout[0], offset)
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of samples encoded before, (N, 1).
