@@ -1,4 +1,4 @@
-"""A run whose step was too long is told so, with the longest step; one that left its range is not."""
+"""A run whose step was too long is told so; one that left its range by itself is not."""
 
 from __future__ import annotations
 
