@@ -135,6 +135,7 @@ class Outcome(IntEnum):
     LATE = 5
     DUPLICATE = 6
     BLIND = 7
+    STEP_TOO_LONG = 8
 
     @property
     def remedy(self) -> str:
@@ -148,6 +149,7 @@ class Outcome(IntEnum):
             Outcome.LATE: "check the order of the samples; this one was not learned from",
             Outcome.DUPLICATE: "check the source of the samples; this one was not learned from",
             Outcome.BLIND: "check the sensors of the outputs; no channel was usable",
+            Outcome.STEP_TOO_LONG: "shorten the time step",
         }[self]
 
 

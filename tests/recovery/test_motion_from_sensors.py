@@ -190,3 +190,22 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
         tracker.now(0.0)
     with pytest.raises(ParameterError, match="name: expected one of"):
         tracker.push("gps", 0.0, np.zeros(3))
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_sensors_without_any_noise_are_believed_to_their_floors(
+    flight: xr.Dataset, filtered: bool
+) -> None:
+    units = (
+        replace(P.icm_42688_p("body", rate=500.0), name="unit"),
+        replace(P.icm_42688_p("left_humerus", rate=500.0), name="wing_unit"),
+    )
+    exact = [sensor.scaled(0.0) for sensor in (*units, *SENSORS[1:])]
+    found = pt.estimate_motion(pt.sense(flight, exact), filtered=filtered)
+    covariance = found["covariance"].values
+    deviation = np.sqrt(np.einsum("nii->ni", covariance))
+    assert (deviation > 0).all()
+    correlation = covariance / deviation[:, :, None] / deviation[:, None, :]
+    assert np.linalg.eigvalsh(correlation).min() > -1e-12  # rounding of the product of its roots
+    error, _ = errors(found, flight)
+    assert np.abs(error[:, : flight.sizes["dof"]]).max() < 1e-3  # m, rad; noisy sensors: 1e-2

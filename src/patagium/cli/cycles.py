@@ -47,7 +47,7 @@ def cycles(
 
         save_figure(wingbeat(statistics), figure)
     if table is not None:
-        from patagium.identification.whole_file import write_whole
+        from patagium.whole_file import write_whole
 
         rows = statistics.drop_dims("cycle").to_dataframe().reset_index()
         write_whole(table, rows.to_csv(index=False).encode())

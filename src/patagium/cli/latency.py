@@ -31,8 +31,8 @@ def latency(
     """
     from patagium.cli.words import json_text, show_table, stage_bar
     from patagium.report import Table
-    from patagium.report.page import write_whole
     from patagium.studies.latency import LOADS, QUANTILES, measure_latency
+    from patagium.whole_file import write_whole
 
     with stage_bar("Timing") as progress:
         found = measure_latency(samples, load or LOADS[:2], progress=progress)

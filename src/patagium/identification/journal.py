@@ -19,6 +19,7 @@ from typing import Any
 from patagium.errors import LogError, Outcome
 from patagium.identification.foresight import Foresight
 from patagium.identification.scores import json_ready
+from patagium.whole_file import write_whole
 
 FORMAT = "patagium trials 1"
 
@@ -41,7 +42,7 @@ class Journal:
         if self._path is not None and self._path.exists():
             self._read(self._path, json.loads(head))
         elif self._path is not None:
-            _write_whole(self._path, head + "\n")
+            write_whole(self._path, head + "\n")
 
     def __len__(self) -> int:
         return len(self._found)
@@ -86,7 +87,7 @@ class Journal:
                 raise LogError(f"{path}: expected a trial in each line, found: {line}") from problem
             whole.append(line)
         if len(whole) != len(lines) + 1 or not text.endswith("\n"):
-            _write_whole(path, "\n".join(whole) + "\n")
+            write_whole(path, "\n".join(whole) + "\n")
 
 
 def described_foresight(foresight: Foresight) -> dict[str, Any]:
@@ -132,9 +133,3 @@ def _object(line: str) -> dict[str, Any] | None:
 
 def _key(trial: Mapping[str, Any]) -> str:
     return json.dumps(trial, sort_keys=True)
-
-
-def _write_whole(path: Path, text: str) -> None:
-    from patagium.report.page import write_whole
-
-    write_whole(path, text)

@@ -28,7 +28,7 @@ from patagium.identification.learner_description import (
     first_difference,
     learner_from_description,
 )
-from patagium.identification.whole_file import write_whole
+from patagium.whole_file import write_whole
 
 FORMAT = "patagium learner 1"
 

@@ -8,8 +8,6 @@ at 10 kHz take about 8 MB/s.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from patagium.identification.air_force import PARTS, packet_parts
 from patagium.identification.pipeline import Pipeline, Records
 from patagium.identification.scores import json_ready
 from patagium.simulation import quantities
+from patagium.whole_file import Draft
 
 Array = NDArray[np.float64]
 
@@ -54,17 +53,14 @@ class StreamFile:
     """
 
     def __init__(self, path: str | Path, pipeline: Pipeline) -> None:
-        self._path, self._pipeline = Path(path), pipeline
+        self._pipeline = pipeline
         self._waiting: list[tuple[Array, Records]] = []
         self._held, self._written = 0, 0
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self._path.parent, prefix=f".{self._path.name}.")
-            os.close(handle)
+            self._draft = Draft(path)
         except OSError as error:
-            raise FlightError(f"{self._path}: cannot be written: {error.strerror}") from None
-        self._draft = Path(name)
-        self._file = netCDF4.Dataset(name, "w", format="NETCDF4")
+            raise FlightError(f"{path}: cannot be written: {error.strerror}") from None
+        self._file = netCDF4.Dataset(self._draft.path, "w", format="NETCDF4")
         self._lay_out()
 
     def append(self, packets: Array, records: Records) -> None:
@@ -86,17 +82,13 @@ class StreamFile:
         self._write()
         self._file.summary = json.dumps(json_ready(facts))
         self._file.close()
-        umask = os.umask(0)
-        os.umask(umask)
-        self._draft.chmod(0o666 & ~umask)
-        self._draft.replace(self._path)
-        return self._path
+        return self._draft.publish()
 
     def discard(self) -> None:
         """Give it up; nothing once it is closed."""
         if self._file.isopen():
             self._file.close()
-        self._draft.unlink(missing_ok=True)
+        self._draft.discard()
 
     def _lay_out(self) -> None:
         file, robot, network = self._file, self._pipeline.robot, self._pipeline.learner.network

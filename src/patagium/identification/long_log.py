@@ -28,7 +28,7 @@ from patagium.identification.schedule import used_samples
 from patagium.identification.scores import SILENT_RATIO, coverage, persistence, span_scores
 from patagium.identification.stream import Progress, StreamRun
 from patagium.identification.table import Table, find_gaps
-from patagium.identification.whole_file import write_whole
+from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 

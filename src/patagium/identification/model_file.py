@@ -26,7 +26,7 @@ from patagium.identification.weight_covariance import (
     block_covariance,
     covariance_from,
 )
-from patagium.identification.whole_file import write_whole
+from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 

@@ -3,11 +3,13 @@
 Each coordinate is a chain of integrators driven by white noise; attitude is an error-state about a
 rotation (a rotation vector in body axes, reset after each measurement). Biases of inertial units
 are estimated with it. Extended Kalman filter, iterated where a measurement moves it far, and
-Rauch-Tung-Striebel smoother. Neglected: what resets do to the covariance, of second order.
+Rauch-Tung-Striebel smoother, both on square roots of the covariance: definite by construction,
+however exact the sensors. Neglected: what resets do to the covariance, of second order.
 
 References:
     Markley (2003), Attitude error representations for Kalman filtering; Rauch (1965),
-    Maximum likelihood estimates of linear dynamic systems.
+    Maximum likelihood estimates of linear dynamic systems; Kailath, Sayed & Hassibi (2000), Linear
+    Estimation, ch. 12 (array algorithms).
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import solve_triangular
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.identification.attitude import rotation_of, vector_of
@@ -39,12 +41,18 @@ class Belief:
     Attributes:
         motion: Mean of the motion.
         biases: Of the inertial units, (6 units,) [m/s^2, rad/s].
-        covariance: Of (levels of the estimated coordinates one after the other, biases), (s, s).
+        root: S with covariance S S^T of (levels of the estimated coordinates one after the
+            other, biases), (s, s).
     """
 
     motion: Motion
     biases: Array
-    covariance: Array
+    root: Array
+
+    @property
+    def covariance(self) -> Array:
+        """S S^T, (s, s)."""
+        return np.asarray(self.root @ self.root.T)
 
 
 @dataclass(frozen=True)
@@ -109,13 +117,8 @@ class MotionFilter:
             span: Zero or more [s].
         """
         motion, step = self._moved(belief.motion, span)
-        forth = self.advance(belief.covariance, step)
-        covariance = self.advance(forth.T, step)
-        main = self.order * len(self.columns)
-        covariance[:main, :main] += self._blocks(span)[1]
-        rows = main + np.arange(len(self._walk))
-        covariance[rows, rows] += self._walk * span
-        return Belief(motion, belief.biases, _even(covariance)), step
+        root = _triangle(self._ahead(belief.root, step))
+        return Belief(motion, belief.biases, root), step
 
     def update(self, belief: Belief, observations: Sequence[Observation]) -> tuple[Belief, float]:
         """The motion given measurements made now.
@@ -128,30 +131,30 @@ class MotionFilter:
             After them, and the normalized innovation squared.
 
         Raises:
-            FilterDiverged: If the covariance of the innovation is not positive definite.
+            FilterDiverged: If the estimate or its covariance is not finite.
         """
         now, change = belief, np.zeros(self.size)
         for _ in range(_MOST_LOOKS):
             residual, slope, variance = self._compared(now, observations)
-            cross = belief.covariance @ slope.T
-            try:
-                factor = cho_factor(slope @ cross + np.diag(variance))
-            except LinAlgError:
+            m = len(residual)
+            # [R^1/2, H S; 0, S] made triangular: roots of the innovation's and the new covariance
+            rows = [np.hstack([np.diag(np.sqrt(variance)), slope @ belief.root])]
+            rows.append(np.hstack([np.zeros((self.size, m)), belief.root]))
+            corner = _triangle(np.vstack(rows))
+            innovation = residual + slope @ change
+            before = change
+            scaled = solve_triangular(corner[:m, :m], innovation, lower=True, check_finite=False)
+            change = corner[m:, :m] @ scaled
+            if not np.isfinite(change).all():
                 raise FilterDiverged(
                     f"motion filter: measurements of {', '.join(o.name for o in observations)} "
-                    "cannot be weighed: the covariance was lost; raise their deviation",
-                    Outcome.COVARIANCE_LOST,
-                ) from None
-            innovation = residual + slope @ change
-            before, change = change, cross @ cho_solve(factor, innovation)
+                    "cannot be weighed: the estimate is not finite; raise their deviation",
+                    Outcome.NOT_FINITE,
+                )
             now = self.corrected(belief, change)
             if not self._is_far(change - before):
                 break
-        gain = cho_solve(factor, cross.T).T  # Joseph's form: definite to rounding
-        keep = np.eye(self.size) - gain @ slope
-        covariance = _even(keep @ belief.covariance @ keep.T + (gain * variance) @ gain.T)
-        nis = float(innovation @ cho_solve(factor, innovation))
-        return replace(now, covariance=covariance), nis
+        return replace(now, root=corner[m:, m:]), float(scaled @ scaled)
 
     def _is_far(self, change: Array) -> bool:
         """Whether a change is so large that slopes are others there."""
@@ -184,7 +187,7 @@ class MotionFilter:
             attitude = attitude @ rotation_of(levels[0, turned])
             levels[0, turned] = 0.0
         biases = belief.biases + change[self.order * n :]
-        return Belief(Motion(levels, attitude), biases, belief.covariance)
+        return Belief(Motion(levels, attitude), biases, belief.root)
 
     def apart(self, one: Belief, other: Belief) -> Array:
         """The error-state that moves the other to the one, (s,)."""
@@ -217,11 +220,28 @@ class MotionFilter:
             after: The next, given everything.
         """
         ahead, _ = self.predict(belief, step.span)
-        gain = _divided(self.advance(belief.covariance, step), ahead.covariance).T
-        change = after.covariance - ahead.covariance
-        covariance = _even(belief.covariance + gain @ change @ gain.T)
+        forth = self._ahead(belief.root, step)
+        still = np.zeros((self.size, forth.shape[1] - self.size))
+        corner = _triangle(np.vstack([forth, np.hstack([belief.root, still])]))
+        first, across = corner[: self.size, : self.size], corner[self.size :, : self.size]
+        gain = solve_triangular(first.T, across.T, check_finite=False).T
+        root = _triangle(np.hstack([corner[self.size :, self.size :], gain @ after.root]))
+        if not np.isfinite(root).all():
+            raise FilterDiverged(
+                "motion smoother: the covariance was lost; raise the density or lower the order",
+                Outcome.COVARIANCE_LOST,
+            )
         moved = self.corrected(belief, gain @ self.apart(after, ahead))
-        return replace(moved, covariance=covariance)
+        return replace(moved, root=root)
+
+    def _ahead(self, root: Array, step: Step) -> Array:
+        """A wide root of the covariance a step later: [F S, root of what noise adds]."""
+        main = self.order * len(self.columns)
+        added = np.zeros((self.size, self.size))
+        added[:main, :main] = self._blocks(step.span)[1]
+        rows = main + np.arange(len(self._walk))
+        added[rows, rows] = np.sqrt(self._walk * step.span)
+        return np.hstack([self.advance(root, step), added])
 
     def _moved(self, motion: Motion, span: float) -> tuple[Motion, Step]:
         move, _ = self._blocks(span)
@@ -253,26 +273,14 @@ class MotionFilter:
         if key not in self._cached:
             if len(self._cached) > 1000:
                 self._cached.clear()
-            added = np.kron(added_covariance(self.order, span), np.diag(self.density))
+            # a chain's noise over a second, each level in its own power of the span
+            power = np.sqrt(span) * span ** np.arange(self.order - 1, -1, -1)
+            root = power[:, None] * np.linalg.cholesky(added_covariance(self.order, 1.0))
+            added = np.kron(root, np.diag(np.sqrt(self.density)))
             self._cached[key] = transition(self.order, span), np.asarray(added, float)
         return self._cached[key]
 
 
-def _even(matrix: Array) -> Array:
-    return np.asarray(0.5 * (matrix + matrix.T))
-
-
-def _divided(left: Array, matrix: Array) -> Array:
-    """matrix^-1 left for a symmetric matrix, scaled to a unit diagonal first."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale
-    for jitter in (0.0, 1e-12, 1e-10, 1e-8):  # of the unit diagonal
-        try:
-            factor = cho_factor(scaled + jitter * np.eye(len(scaled)), lower=True)
-        except LinAlgError:
-            continue
-        return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * left))
-    raise FilterDiverged(
-        "motion smoother: the covariance was lost; raise the density or lower the order",
-        Outcome.COVARIANCE_LOST,
-    )
+def _triangle(wide: Array) -> Array:
+    """Lower triangular T, (k, k), with T T^T = A A^T, of a wide A, (k, l >= k)."""
+    return np.asarray(np.linalg.qr(wide.T, mode="r")).T

@@ -231,7 +231,7 @@ def start(motion_filter: MotionFilter, streams: Sequence[Stream]) -> Belief:
     least = np.zeros((order, 1))
     least[:3, 0] = UNKNOWN
     deviation = np.concatenate([np.maximum(owed, least).ravel(), *biases])
-    return Belief(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(deviation**2))
+    return Belief(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(deviation))
 
 
 def by_smoother(robot: Robot, streams: Sequence[Stream], times: Array, smoother: Smoother) -> Found:

@@ -6,8 +6,6 @@ An `Identification` saves itself as one netCDF file and draws itself as one page
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ import xarray as xr
 
 from patagium.errors import LogError, Outcome
 from patagium.identification.scores import json_ready
+from patagium.whole_file import whole_file
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,8 @@ class Identification:
         record = self.prediction.copy()
         record.attrs = {**record.attrs, "scores": json.dumps(json_ready(self.scores))}
         record.attrs["format"] = "patagium identification 1"
-        file = Path(path)
-        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        os.close(handle)
-        try:
-            record.to_netcdf(name, engine="netcdf4")
-            os.replace(name, file)
-        finally:
-            Path(name).unlink(missing_ok=True)
+        with whole_file(path) as draft:
+            record.to_netcdf(draft, engine="netcdf4")
 
     def report(
         self, path: str | Path, title: str = "Identification", replay: str | None = None

@@ -19,6 +19,7 @@ from patagium.identification.extended import ExtendedLearner
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.knobs import KNOBS, LearnerKind, keywords
 from patagium.identification.network import Network
+from patagium.whole_file import write_whole
 
 _HEAD = """\
 # Settings of a learner, found by `patagium tune`; taken by
@@ -113,8 +114,6 @@ class Settings(BaseModel):
         Args:
             path: The file, replaced if it exists.
         """
-        from patagium.report.page import write_whole
-
         words = self.model_dump(mode="json")
         text = yaml.dump(words, sort_keys=False, default_flow_style=None, width=96)
         return write_whole(path, _HEAD + text)

@@ -21,8 +21,8 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from patagium.report.page import write_whole
 from patagium.report.style import COLORS, TRUTH
+from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ import numpy as np
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
 from patagium.simulation.march import Array, Equations, Run
+from patagium.simulation.stiffness import TooLong
 
 SPEED_LIMIT = 340.0
 """Speed beyond which a run is stopped: sound [m/s]."""
@@ -102,8 +103,19 @@ def message_of(
     steps: int,
     time_step: float,
     singular: tuple[int, ...] = (),
+    cause: TooLong | None = None,
 ) -> str:
-    """How a run ended, in words: when, which quantity, what to do."""
+    """How a run ended, in words: when, which quantity, what to do.
+
+    Args:
+        run: The run.
+        names: Of the entries of the state.
+        equations: What was integrated, with its limits.
+        steps: Steps that were to be taken.
+        time_step: Step [s].
+        singular: Places in the state of pitch angles.
+        cause: Why the step was too long, if it was.
+    """
     if run.outcome is Outcome.COMPLETED:
         return f"completed {steps} steps of {time_step:g} s"
     when = f"stopped at t = {run.steps * time_step:.6g} s, step {run.steps + 1} of {steps}"
@@ -115,4 +127,9 @@ def message_of(
         low, high = equations.lower[run.which], equations.upper[run.which]
         reason = f"{names[run.which]} reached {value:.4g}, outside of {low:.4g} to {high:.4g}"
         remedy = SINGULARITY_REMEDY if run.which in singular else remedy
+    if cause is not None:
+        remedy = (
+            f"the time step is too long for {names[cause.which]}, which answers at "
+            f"{cause.rate:.4g} 1/s: {Outcome.STEP_TOO_LONG.remedy} to {cause.longest:.2g} s or less"
+        )
     return f"{when}: {reason}; {remedy}"

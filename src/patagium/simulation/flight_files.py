@@ -5,8 +5,6 @@ Neglected: compression; a flight of 1 s at 1e-4 s takes about 16 MB.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +20,7 @@ from patagium.simulation.flight import (
     quantities,
     robot_of,
 )
+from patagium.whole_file import whole_file
 
 
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
@@ -38,24 +37,12 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
         FlightError: If the flight misses a quantity, or the file cannot be written.
     """
     check_flight(flight, "flight")
-    path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-    except OSError as error:
-        raise FlightError(f"{path}: cannot be written: {error.strerror}") from None
-    try:
-        flight.to_netcdf(name, format="NETCDF4", engine="netcdf4")
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, path)
+        with whole_file(path) as draft:
+            flight.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
     except OSError as error:
         raise FlightError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return path
+    return Path(path)
 
 
 def load_flight(path: str | Path) -> xr.Dataset:

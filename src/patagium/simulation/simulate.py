@@ -34,6 +34,7 @@ from patagium.simulation.stage import (
     flight_functions,
     layout_of,
 )
+from patagium.simulation.stiffness import too_long
 
 
 def simulate(
@@ -112,16 +113,30 @@ def simulate(
     singular = singular_places(layout.machine, layout.passive_coordinates)
     check_start(equations, layout.state_names, state, singular)
     run = march(equations, state, rows, steps, time_step, progress)
-    message = message_of(run, layout.state_names, equations, steps, time_step, singular)
+    cause = None
+    if run.outcome is not Outcome.COMPLETED:
+
+        def state_of(samples: dict[str, Array], k: int) -> Array:
+            parts = [samples["q"][k, places], samples["v"][k, passive]]
+            return np.concatenate([*parts, *(samples[name][k] for name in _CARRIED)])
+
+        known = run.samples
+        cause = too_long(equations, state_of, known, rows, run.steps, steps, time_step)
+    message = message_of(run, layout.state_names, equations, steps, time_step, singular, cause)
+    outcome = run.outcome if cause is None else Outcome.STEP_TOO_LONG
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
     stepping = "partitioned RK4"
     origin = Origin(robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass)
     origin = replace(origin, mount_path=held.describe(), load_cells=cells)
-    flight = flight_record(origin, time, run.samples, run.outcome, message)
-    if throw and run.outcome is not Outcome.COMPLETED:
-        raise SimulationFailed(message, flight, run.outcome)
+    flight = flight_record(origin, time, run.samples, outcome, message)
+    if throw and outcome is not Outcome.COMPLETED:
+        raise SimulationFailed(message, flight, outcome)
     return flight
+
+
+_CARRIED = ("aero_state", "works", "impulse")
+"""What follows coordinates and velocities in the state, as recorded."""
 
 
 def _equations(

@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from patagium.report.figures import save_figure
-from patagium.report.page import write_whole
 from patagium.report.style import TRUTH, color, panels, styled
 from patagium.report.tables import cell_text
 from patagium.studies.learners_entries import SPANS
+from patagium.whole_file import write_whole
 
 Row = dict[str, Any]
 FIGURE = "learners.svg"

@@ -24,7 +24,6 @@ from patagium import __version__
 from patagium.identification.result import Identification
 from patagium.identification.scores import json_ready
 from patagium.report import Section, write_page
-from patagium.report.page import write_whole
 from patagium.robot import load_robot
 from patagium.simulation import save_flight
 from patagium.studies import overhead, yeo
@@ -49,6 +48,7 @@ from patagium.studies.unsteady_flights import MOUNTS
 from patagium.studies.unsteady_report import draw_unsteady, unsteady_scores
 from patagium.studies.workers import Job, run_jobs
 from patagium.viewer import replay
+from patagium.whole_file import write_whole
 
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""

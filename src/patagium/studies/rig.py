@@ -15,7 +15,6 @@ from typing import Any
 from patagium import __version__
 from patagium.identification.scores import json_ready
 from patagium.report import write_page
-from patagium.report.page import write_whole
 from patagium.simulation import robot_of
 from patagium.simulation.sensors import Sensor
 from patagium.studies import rig_figures as figures
@@ -37,6 +36,7 @@ from patagium.studies.rig_plan import (
 )
 from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, sections, summary
 from patagium.studies.workers import WORKERS, Job, run_jobs
+from patagium.whole_file import write_whole
 
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""

@@ -39,7 +39,7 @@ from patagium.identification.importing.writer import CsvWriter, NetcdfWriter, Wr
 from patagium.identification.log_files.channels import LogFile
 from patagium.identification.log_files.opening import open_log
 from patagium.identification.mapping import TableMapping, load_mapping
-from patagium.identification.whole_file import force_folder
+from patagium.whole_file import force_folder
 
 Tell = Callable[[Sequence[Finding]], None]
 

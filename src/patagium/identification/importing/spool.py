@@ -21,7 +21,7 @@ from patagium.errors import LogError
 from patagium.identification.importing.plan import Plan
 from patagium.identification.importing.survey import StampSurvey, ValueSurvey
 from patagium.identification.log_files.channels import Array, LogFile, Stamps
-from patagium.identification.whole_file import write_whole
+from patagium.whole_file import write_whole
 
 Progress = Callable[[int, int], None]
 

@@ -6,8 +6,6 @@ Written whole or not at all. Neglected: compression.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ from patagium.simulation.sensors.load_cell import LoadCell
 from patagium.simulation.sensors.motion_capture import MotionCapture
 from patagium.simulation.sensors.sense import SensorLog
 from patagium.simulation.sensors.sensor import Sensor
+from patagium.whole_file import whole_file
 
 _KINDS: dict[str, type[Sensor]] = {
     kind.__name__: kind for kind in (Imu, Encoder, MotorCurrent, LoadCell, MotionCapture)
@@ -42,29 +41,17 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
     Raises:
         LogError: If the file cannot be written.
     """
-    path = Path(path)
+    origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror}") from None
-    try:
-        origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
-        xr.Dataset(attrs=origin).to_netcdf(name, mode="w", engine="netcdf4")
-        for label, reading in log.readings.items():
-            known = json.dumps(log.sensors[label].describe())
-            described = reading.assign_attrs(sensor=known)
-            described.to_netcdf(name, mode="a", group=label, engine="netcdf4")
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, path)
+        with whole_file(path) as draft:
+            xr.Dataset(attrs=origin).to_netcdf(draft, mode="w", engine="netcdf4")
+            for label, reading in log.readings.items():
+                known = json.dumps(log.sensors[label].describe())
+                described = reading.assign_attrs(sensor=known)
+                described.to_netcdf(draft, mode="a", group=label, engine="netcdf4")
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return path
+    return Path(path)
 
 
 def load_sensor_log(path: str | Path) -> SensorLog:
