@@ -20,7 +20,6 @@ from typing import Any
 
 import xarray as xr
 
-from patagium import __version__
 from patagium.identification.result import Identification
 from patagium.identification.scores import json_ready
 from patagium.report import Section, write_page
@@ -31,8 +30,8 @@ from patagium.studies import overhead, yeo
 from patagium.studies import reproduction_figures as figures
 from patagium.studies import reproduction_flights as flights
 from patagium.studies import reproduction_subjects as subjects
-from patagium.studies.benchmark import environment
 from patagium.studies.claims import claims
+from patagium.studies.conditions import conditions
 from patagium.studies.reproduction_errors import fly_case
 from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
@@ -119,7 +118,7 @@ def reproduce(
     summaries = _summaries(flown, unseen)
     starts = [_brief(run, summaries["unseen_within"]) for run in runs if run.trial.starts]
     metrics: dict[str, Any] = {
-        "environment": {"program": f"patagium {__version__}", "machine": environment().note},
+        "environment": conditions(),
         "plan": plan.describe(),
         "choices": _choices(),
         "flights": summaries,

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from patagium import __version__
 from patagium.identification.scores import json_ready
 from patagium.report import write_page
 from patagium.report.page import write_whole
@@ -20,7 +19,7 @@ from patagium.simulation import robot_of
 from patagium.simulation.sensors import Sensor
 from patagium.studies import rig_figures as figures
 from patagium.studies import rig_scores as scores
-from patagium.studies.benchmark import environment
+from patagium.studies.conditions import conditions
 from patagium.studies.reproduction_figures import Gallery
 from patagium.studies.rig_flights import Flown, fly
 from patagium.studies.rig_learning import LogRun, learn_from_log
@@ -123,7 +122,7 @@ def _metrics(
     plan: RigPlan, flown: Flown, runs: dict[float, LogRun], limits: list[dict[str, Any]]
 ) -> dict[str, Any]:
     metrics: dict[str, Any] = {
-        "environment": {"program": f"patagium {__version__}", "machine": environment().note},
+        "environment": conditions(),
         "plan": plan.describe(),
         "instruments": _instruments(flown.sensors),
         "arm": _arm(plan, flown),
