@@ -167,6 +167,10 @@ def _simulation(bench: DynamicsBench) -> Iterator[Result]:
         yield learning.flight_result(bench.robot)
 
 
+def _pipeline(bench: DynamicsBench) -> Iterator[Result]:
+    yield from learning.pipeline_results()
+
+
 def _compile(bench: DynamicsBench) -> Iterator[Result]:
     yield from learning.compile_results()
 
@@ -186,6 +190,7 @@ GROUPS: dict[str, Group] = {
     "air-models": _models,
     "strips": _strips,
     "update": _update,
+    "pipeline": _pipeline,
     "simulation": _simulation,
     "compile": _compile,
 }
@@ -194,6 +199,6 @@ GROUPS: dict[str, Group] = {
 QUICK = tuple(
     g
     for g in GROUPS
-    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "compile")
+    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "pipeline", "compile")
 )
 """Groups whose rivals compile in seconds."""

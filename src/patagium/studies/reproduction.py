@@ -35,7 +35,7 @@ from patagium.studies.conditions import conditions
 from patagium.studies.reproduction_errors import fly_case
 from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
-from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+from patagium.studies.reproduction_report import TITLE, facts, results, sections, summary
 from patagium.studies.reproduction_tables import start_spans
 from patagium.studies.targets import targets
 from patagium.studies.unsteady import (
@@ -83,6 +83,7 @@ def reproduce(
     progress: Stages | None = None,
     quick: bool = False,
     crazyflie: Path | None = None,
+    page: Path | None = None,
 ) -> Path:
     """Run everything and write the report.
 
@@ -94,6 +95,7 @@ def reproduce(
         progress: Told the stage and the part of all done.
         quick: Short flights and fewer runs: the same pages, rougher numbers.
         crazyflie: The log of a quadrotor, `log16.csv.gz`, for a section on it.
+        page: A page of the results to write too, Markdown or HTML.
 
     Returns:
         Path of report.html; beside it metrics.json, the flights (*.nc, *.html) and figures/.
@@ -141,16 +143,14 @@ def reproduce(
     metrics["claims"] = claims(metrics)
     text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
     write_whole(out / "metrics.json", text + "\n")
-    page = write_page(
-        out / "report.html",
-        TITLE,
-        sections(metrics, gallery.pictures, measured),
-        summary=summary(metrics),
-        facts=facts(metrics),
-    )
+    found, origin = summary(metrics), facts(metrics)
+    whole = sections(metrics, gallery.pictures, measured)
+    report = write_page(out / "report.html", TITLE, whole, summary=found, facts=origin)
+    if page is not None:
+        write_page(page, TITLE, results(metrics, gallery.vectors()), summary=found, facts=origin)
     if progress is not None:
         progress("done", 1.0)
-    return page
+    return report
 
 
 def _fly(

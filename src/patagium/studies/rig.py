@@ -34,7 +34,7 @@ from patagium.studies.rig_plan import (
     RigPlan,
     learned_motion,
 )
-from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, sections, summary
+from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, results, sections, summary
 from patagium.studies.workers import WORKERS, Job, run_jobs
 
 Stages = Callable[[str, float], None]
@@ -44,7 +44,12 @@ LEARNING_COST, CASE_COST = 60.0, 10.0
 
 
 def run_rig(
-    out: Path, plan: RigPlan, *, progress: Stages | None = None, workers: int = WORKERS
+    out: Path,
+    plan: RigPlan,
+    *,
+    progress: Stages | None = None,
+    workers: int = WORKERS,
+    page: Path | None = None,
 ) -> Path:
     """Fly, sense, learn from logs, compare, report.
 
@@ -56,6 +61,7 @@ def run_rig(
         plan: What to do.
         progress: Told the stage and the part of all done.
         workers: Number of processes; 0: all in this one.
+        page: A page of the results to write too, Markdown or HTML.
 
     Returns:
         Path of report.html; beside it metrics.json, logs/, models/, truth/ and figures/.
@@ -86,16 +92,15 @@ def run_rig(
     metrics["seconds"] = time.perf_counter() - begun
     text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
     write_whole(out / "metrics.json", text + "\n")
-    page = write_page(
-        out / "report.html",
-        TITLE,
-        sections(metrics, gallery.pictures),
-        summary=summary(metrics),
-        facts=facts(metrics),
+    found, origin = summary(metrics), facts(metrics)
+    report = write_page(
+        out / "report.html", TITLE, sections(metrics, gallery.pictures), summary=found, facts=origin
     )
+    if page is not None:
+        write_page(page, TITLE, results(metrics, gallery.vectors()), summary=found, facts=origin)
     if progress is not None:
         progress("done", 1.0)
-    return page
+    return report
 
 
 def _work(
