@@ -62,20 +62,22 @@ def _targets(results: Sequence[CaseResult]) -> Table:
     return Table(("case: model", "error", "found", "at most", "met"), rows, caption)
 
 
-def _failures(results: Sequence[CaseResult]) -> list[str]:
+def _failures(results: Sequence[CaseResult]) -> list[str | Table]:
     """What misses its target, and what has none to meet."""
-    said = [
+    missed = [
         f"**{result.name}**: {count_met(target_rows([result]))} {result.note}"
         for result in results
         if any(row["met"] is False for row in target_rows([result]))
     ]
-    bare = [result.name for result in results if not result.targets]
+    bare = [
+        [row["case"], row["model"], row["error"], row["measure"]]
+        for row in error_rows([result for result in results if not result.targets])
+    ]
+    said: list[str | Table] = [*missed] or ["No case misses its target."]
     if bare:
-        said.append(
-            f"No target, because nobody says how near is near enough: {'; '.join(bare)}. "
-            "Read their errors and notes."
-        )
-    return said or ["No case misses its target."]
+        caption = "Cases without a target, because nobody says how near is near enough."
+        said.append(Table(("case", "model", "error", "measure"), bare, caption))
+    return said
 
 
 def _case(result: CaseResult) -> Section:
