@@ -79,7 +79,7 @@ def speed_targets(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def figure_text(value: float | None, unit: str) -> str:
-    """A figure with its unit, times to three digits.
+    """A figure with its unit on the same line, times to three digits.
 
     Args:
         value: The figure; None for none.
@@ -88,8 +88,10 @@ def figure_text(value: float | None, unit: str) -> str:
     if value is None:
         return "–"
     if unit in UNITS:
-        return seconds_text(value * UNITS[unit])
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+        text = seconds_text(value * UNITS[unit])
+    else:
+        text = f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+    return text.replace(" ", "\u00a0")
 
 
 def _row(target: SpeedTarget, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
