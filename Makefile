@@ -5,6 +5,8 @@
 #   make check    format, lint, types, layers, spelling, and the tests
 #   make docs     the documentation as pages: out/docs/index.html
 #   make bench    times of the compiled functions, against their rivals
+#   make pages    the documentation's pages that the program writes, made anew (half an hour);
+#                 LOG=log16.csv.gz is the quadrotor's log for the race of the learners
 #
 # The first call makes .venv from requirements.lock. PYTHON=python3.12 picks another Python.
 
@@ -17,7 +19,7 @@ UV ?= uv
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: install demo test lint check docs bench lock
+.PHONY: install demo test lint check docs bench pages lock
 
 install: $(STAMP)
 
@@ -53,8 +55,14 @@ docs: $(STAMP)
 	@echo "The documentation is in $(OUT)/docs/index.html"
 
 bench: $(STAMP)
-	@mkdir -p $(OUT)
-	@$(BIN)/patagium bench --json $(OUT)/bench.json
+	@$(BIN)/patagium bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
+
+pages: $(STAMP)
+	@$(BIN)/patagium validate -o docs/validation.md
+	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json
+	@$(BIN)/patagium bench learners -o docs/learners.md $(if $(LOG),--log $(LOG))
+	@$(BIN)/patagium reproduce --out $(OUT)/demo -o docs/results.md
+	@$(BIN)/patagium rig --out $(OUT)/rig -o docs/rig.md
 
 # Needs uv. The lock names no index: the one pip is configured with serves it.
 lock:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from patagium.cli.main import run
 from patagium.errors import ParameterError, PatagiumError
 from patagium.native import compiler_name
 from patagium.robot import load_robot
 from patagium.studies.benchmark import GROUPS, QUICK, run_benchmark
 from patagium.studies.benchmark_dynamics import ARGUMENTS, DynamicsBench
+from patagium.studies.benchmark_targets import figure_text
 from patagium.studies.benchmark_timing import compiled_call, time_call
 from patagium.studies.rivals import energy_rival
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
-FIELDS = {"name", "value", "unit", "against", "ratio", "note", "against_value"}
+FIELDS = {"group", "name", "value", "unit", "against", "ratio", "note", "against_value"}
 
 
 @needs_compiler
@@ -29,6 +32,8 @@ def test_lines_are_whole() -> None:
     assert results[0]["unit"] == "cores" and "cc" in results[0]["note"]
     alone = {result["name"] for result in results if result["against"] is None}
     assert set(ARGUMENTS) <= alone
+    assert {"time taken by dynamics", "load average at the start"} <= alone
+    assert {result["group"] for result in results} == {"conditions", "dynamics", "batch"}
     beside = [result for result in results if result["against"]]
     assert len(beside) == len(ARGUMENTS)
     for result in beside:
@@ -50,6 +55,20 @@ def test_groups_by_name() -> None:
     assert set(QUICK) < set(GROUPS)
     with pytest.raises(ParameterError, match="dynamics"):
         run_benchmark(["speed"])
+
+
+@needs_compiler
+def test_the_command_writes_the_page(tmp_path: Path) -> None:
+    page, figures = tmp_path / "page.md", tmp_path / "figures.json"
+    with pytest.raises(SystemExit) as left:
+        run(["bench", "--only", "dynamics", "-o", str(page), "--json", str(figures)])
+    assert not left.value.code
+    text = page.read_text("utf-8")
+    rows = json.loads(figures.read_text())
+    for row in rows[2:9]:
+        name, value = row["name"].replace("_", " "), figure_text(row["value"], row["unit"])
+        assert f"| {name} | {value} |" in text
+    assert rows[0]["note"] in text and rows[1]["note"] in text
 
 
 @needs_compiler

@@ -85,8 +85,8 @@ def test_what_is_missing_or_slow_is_said(found):
 
 def test_the_page_shows_every_row_and_its_figure(found, tmp_path):
     text = write_learners(tmp_path / "page.md", found).read_text("utf-8")
-    assert (tmp_path / "learners.svg").stat().st_size > 5_000
-    assert "](learners.svg)" in text
+    assert (tmp_path / "page" / "error-against-time.svg").stat().st_size > 5_000
+    assert "](page/error-against-time.svg)" in text
     for row in found["courses"][0]["rows"]:
         assert text.count(f"| {row['title']} |") >= 2
     assert "Nobody is both faster and better after 0.04 s" in text

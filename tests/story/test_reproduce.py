@@ -15,6 +15,8 @@ import xarray as xr
 from patagium.report import cell_text
 from patagium.studies.reproduction import reproduce
 from patagium.studies.reproduction_plan import Plan
+from patagium.studies.reproduction_report import RESULTS
+from patagium.studies.verdicts import verdict
 
 SECTIONS = (
     "Two experiments",
@@ -59,7 +61,8 @@ FIGURES = (
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("reproduction")
     told: list[float] = []
-    report = reproduce(out, quick=True, progress=lambda stage, part: told.append(part))
+    page = out / "results.md"
+    report = reproduce(out, quick=True, progress=lambda stage, part: told.append(part), page=page)
     return {
         "out": out,
         "report": report,
@@ -88,6 +91,18 @@ def test_the_report_has_every_section_and_picture(outcome: dict[str, Any]) -> No
     found = [html.unescape(t) for t in re.findall(r"<h2>\d+\. (.*?)</h2>", outcome["page"])]
     assert [title for title in SECTIONS if title not in found] == []
     assert outcome["page"].count("<img ") >= len(FIGURES)
+
+
+def test_the_page_of_results_has_the_targets_and_what_was_found(outcome: dict[str, Any]) -> None:
+    text = (outcome["out"] / "results.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == [*RESULTS, "Where it comes from"]
+    for row in outcome["metrics"]["targets"]:
+        found = math.nan if row["found"] is None else row["found"]
+        cells = [row["target"], row["limit"], cell_text(found)]
+        assert f"| {' | '.join(cells)} |" in text and verdict(row["met"]) in text
+    assert "`patagium reproduce`, flights of 0.2 s" in text
+    shown = re.findall(r"\]\(results/([^)]+\.svg)\)", text)
+    assert len(shown) > 8 and {p.name for p in (outcome["out"] / "results").iterdir()} == {*shown}
 
 
 def test_the_report_opens_offline(outcome: dict[str, Any]) -> None:

@@ -20,6 +20,8 @@ from patagium.studies.rig import run_rig
 from patagium.studies.rig_learning import SOURCES
 from patagium.studies.rig_limits import CASES
 from patagium.studies.rig_plan import CELL, MOTORS, RigPlan, carriers, instruments
+from patagium.studies.rig_report import RESULTS
+from patagium.studies.verdicts import verdict
 
 SECTIONS = (
     "The rig",
@@ -43,7 +45,13 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     told: list[float] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rig_module, "CASES", (CASES[0], CASES[-2]))
-        page = run_rig(folder / "out", plan, progress=lambda _, part: told.append(part), workers=0)
+        page = run_rig(
+            folder / "out",
+            plan,
+            progress=lambda _, part: told.append(part),
+            workers=0,
+            page=folder / "results.md",
+        )
     assert page == folder / "out" / "report.html"
     assert told == sorted(told) and told[-1] == 1.0
     return folder / "out"
@@ -53,6 +61,17 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def metrics(out: Path) -> dict[str, Any]:
     found: dict[str, Any] = json.loads((out / "metrics.json").read_text())
     return found
+
+
+def test_the_page_of_results_has_the_targets_and_what_was_found(
+    out: Path, metrics: dict[str, Any]
+) -> None:
+    text = (out.parent / "results.md").read_text("utf-8")
+    assert [title for title in RESULTS if f"\n## {title}\n" not in text] == []
+    for row in metrics["targets"]:
+        cells = [row["target"], row["limit"], cell_text(row["found"]), verdict(row["met"])]
+        assert f"| {' | '.join(cells)} |" in text
+    assert "`patagium rig`, 0.3 eights" in text
 
 
 def test_a_log_teaches_what_the_truth_is(metrics: dict[str, Any]) -> None:

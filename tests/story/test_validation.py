@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,6 +38,23 @@ def test_errors_against_theory_are_the_ones_promised(errors):
         assert errors[f"Elliptic wing, {quantity}", "limit of many strips"] < 1e-4
     # Jones' own exponentials, on the wing without end
     assert errors["Sudden plunge, wing without end", "lifting line"] < 1e-3
+
+
+def test_the_page_of_the_documentation_is_of_these_models(errors):
+    text = (Path(__file__).parents[2] / "docs" / "validation.md").read_text("utf-8")
+    for (case, model), error in errors.items():
+        part = text.split(f"\n## {case}\n")[1].split("\n## ")[0]
+        found = re.search(rf"\n\| {re.escape(model)} \| ([^|]+) \|", part)
+        # three digits are printed; tiny ones are rounding
+        assert cell_number(found[1]) == pytest.approx(error, rel=0.02, abs=1e-4), (case, model)
+    assert "\n## A measured flapping wing\n" in text
+
+
+def cell_number(text):
+    """A number as a table prints it."""
+    digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
+    mantissa, _, exponent = text.partition("×10")
+    return float(mantissa) * 10.0 ** int(exponent.translate(digits) or 0)
 
 
 def test_the_pitching_section_is_nearer_than_its_static_polar(errors):

@@ -10,7 +10,7 @@ import typer
 
 EXAMPLES = (
     "patagium bench",
-    "patagium bench --json bench.json",
+    "patagium bench -o docs/benchmarks.md --json bench.json",
     "patagium bench --quick",
     "patagium bench --only update --only simulation",
     "patagium bench learners -o docs/learners.md --log log16.csv.gz",
@@ -40,8 +40,11 @@ def bench(
         list[str] | None, typer.Option(help="One group of figures, or one learner. Repeat it.")
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Page of the learners to write (Markdown).")
-    ] = Path("learners.md"),
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Page to write (.md or HTML); else benchmarks.md or learners.md."
+        ),
+    ] = None,
     log: Annotated[
         Path | None,
         typer.Option(help="The Crazyflie log (log16.csv.gz), for learners; left out without it."),
@@ -54,15 +57,16 @@ def bench(
     rival that is missing is named, with the reason.
     """
     if subject is Subject.LEARNERS:
-        _learners(output, json_file, quick, only, log)
+        _learners(output or Path("learners.md"), json_file, quick, only, log)
     else:
-        _speed(json_file, quick, only)
+        _speed(output or Path("benchmarks.md"), json_file, quick, only)
 
 
-def _speed(json_file: Path | None, quick: bool, only: list[str] | None) -> None:
+def _speed(output: Path, json_file: Path | None, quick: bool, only: list[str] | None) -> None:
     from patagium.cli.words import json_text, show_table, stage_bar
     from patagium.report import Table
     from patagium.studies.benchmark import QUICK, run_benchmark
+    from patagium.studies.benchmark_page import write_benchmark
     from patagium.whole_file import write_whole
 
     chosen = only or (QUICK if quick else None)
@@ -71,6 +75,7 @@ def _speed(json_file: Path | None, quick: bool, only: list[str] | None) -> None:
     heads = ("name", "value", "unit", "against", "against_value", "ratio", "note")
     rows = [[figure[head] for head in heads] for figure in figures]
     show_table(Table([head.replace("_", " ") for head in heads], rows))
+    typer.echo(f"Written to {write_benchmark(output, figures)}", err=True)
     if json_file is not None:
         write_whole(json_file, json_text(figures) + "\n")
         typer.echo(f"Written to {json_file}", err=True)
@@ -93,8 +98,7 @@ def _learners(
         courses = [flight_course(name, plan.after[-1]) for name in ("published", "corrected")]
         courses += [] if path is None else [log_course(path)]
         found = run_learners(courses, plan, only, progress)
-    write_learners(output, found)
-    typer.echo(f"Written to {output}", err=True)
+    typer.echo(f"Written to {write_learners(output, found)}", err=True)
     if json_file is not None:
         write_whole(json_file, json_text(found) + "\n")
         typer.echo(f"Written to {json_file}", err=True)

@@ -10,6 +10,7 @@ import typer
 EXAMPLES = (
     "patagium reproduce --out out/demo",
     "patagium reproduce --out out/quick --quick",
+    "patagium reproduce --out out/demo -o docs/results.md",
 )
 
 
@@ -21,6 +22,10 @@ def reproduce(
     crazyflie: Annotated[
         Path | None, typer.Option(help="A quadrotor's log, log16.csv.gz, for a section on it.")
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Page of the results to write too (.md or HTML)."),
+    ] = None,
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.
 
@@ -31,5 +36,5 @@ def reproduce(
 
     with stage_bar("Reproducing the paper") as progress:
         log = None if crazyflie is None else existing(crazyflie)
-        report = run(out, progress=progress, quick=quick, crazyflie=log)
+        report = run(out, progress=progress, quick=quick, crazyflie=log, page=page)
     typer.echo(f"The report is in {report}")

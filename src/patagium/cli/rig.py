@@ -11,6 +11,7 @@ from patagium.cli.words import quantity
 
 EXAMPLES = (
     "patagium rig --out out/rig",
+    "patagium rig --out out/rig -o docs/rig.md",
     'patagium rig --out out/slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
 )
 
@@ -37,6 +38,10 @@ def rig(
     quick: Annotated[
         bool, typer.Option("--quick", help="One eight, and no look at what limits the forces.")
     ] = False,
+    page: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Page of the results to write too (.md or HTML)."),
+    ] = None,
 ) -> None:
     """Run the rig: fly on an arm, sense, learn the air from logs alone, compare with the truth.
 
@@ -57,7 +62,7 @@ def rig(
         limits=not quick,
     )
     with stage_bar("Rig") as progress:
-        report = run_rig(out, plan, progress=progress)
+        report = run_rig(out, plan, progress=progress, page=page)
     typer.echo(f"The report is in {report}")
 
 

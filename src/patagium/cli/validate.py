@@ -10,13 +10,14 @@ import typer
 EXAMPLES = (
     "patagium validate",
     "patagium validate --only wagner --only theodorsen -o page.html --json",
+    "patagium validate -o docs/validation.md",
 )
 
 
 def validate(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Page to write (HTML).")] = Path(
-        "validation.html"
-    ),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
+    ] = Path("validation.html"),
     only: Annotated[list[str] | None, typer.Option(help="One case. Repeat it.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The errors as JSON on stdout.")] = False,
 ) -> None:
@@ -27,10 +28,11 @@ def validate(
     """
     from patagium.cli.words import json_text, progress_bar, show_table
     from patagium.studies import validation
+    from patagium.studies.validation_page import write_validation
 
     with progress_bar("Validating") as progress:
         results = validation.validate(only, progress)
-    validation.write_validation(output, results)
+    write_validation(output, results)
     if as_json:
         typer.echo(json_text(validation.error_rows(results)))
     else:

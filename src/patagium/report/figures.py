@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError, ShapeError
-from patagium.report.page import draw
+from patagium.report.blocks import draw
 from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled
 
 Vectors = NDArray[np.float64]

@@ -1,104 +1,23 @@
-"""One self-contained HTML page: prose, tables and pictures in numbered sections.
+"""A page of prose, tables and pictures in sections: one self-contained HTML file, or Markdown.
 
-Everything is inline, so that the file opens offline and survives being mailed.
-Neglected: scripts (a `Link` leads to pages that have them). The page reads in light and dark,
-and prints.
+In HTML everything is inline, so that the file opens offline and survives being mailed; it reads
+in light and dark, and prints. Neglected: scripts (a `Link` leads to pages that have them).
 """
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
+from patagium.report.blocks import Link, Note, Picture, Section
+from patagium.report.markdown import markdown_page
 from patagium.report.tables import Table
 from patagium.whole_file import write_whole
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True)
-class Picture:
-    """An image that travels inside the page.
-
-    Attributes:
-        source: The image as a data address.
-        caption: What is seen, and what to look for.
-    """
-
-    source: str
-    caption: str
-
-
-@dataclass(frozen=True)
-class Note:
-    """A remark set apart: a limit, a warning, a definition."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Link:
-    """A way to another page that lies beside this one.
-
-    Attributes:
-        text: What is there.
-        address: Of the page, relative to this one.
-    """
-
-    text: str
-    address: str
-
-
-Block: TypeAlias = "str | Table | Picture | Note | Link"
-
-
-@dataclass(frozen=True)
-class Section:
-    """A titled run of blocks.
-
-    Attributes:
-        title: Heading.
-        blocks: Prose (`code` and **bold** are understood), tables, pictures, notes, links.
-    """
-
-    title: str
-    blocks: Sequence[Block]
-
-
-def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -> Picture:
-    """An image of a figure, to be put on a page.
-
-    Args:
-        figure: What to draw.
-        caption: What is seen, and what to look for.
-        kind: "svg" stays sharp; "png" is smaller for tens of thousands of points.
-    """
-    stream = io.BytesIO()
-    draw(figure, stream, kind)
-    kinds = {"svg": "image/svg+xml", "png": "image/png"}
-    address = base64.b64encode(stream.getvalue()).decode("ascii")
-    return Picture(f"data:{kinds[kind]};base64,{address}", caption)
-
-
-_UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
-
-
-def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", "pdf"]) -> None:
-    """Write a figure, the same bytes each time it is the same figure."""
-    from matplotlib import rc_context
-
-    with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
-        figure.savefig(target, format=kind, dpi=160, metadata=_UNSTAMPED[kind])
 
 
 def write_page(
@@ -109,10 +28,12 @@ def write_page(
     summary: str = "",
     facts: Mapping[str, str] | None = None,
 ) -> Path:
-    """A self-contained HTML report, written whole or not at all.
+    """A report, written whole or not at all.
 
     Args:
-        path: File to write; its folder is made.
+        path: File to write; its folder is made. A name ending in .md makes a Markdown page
+            with its pictures in a folder of the same name beside it, any other a
+            self-contained HTML page.
         title: Title of the page.
         sections: In reading order; a table of contents is made of their titles.
         summary: What was found, in a few sentences, under the title.
@@ -121,12 +42,13 @@ def write_page(
     Returns:
         The path written.
     """
-    text = _template().render(
-        title=title,
-        summary=summary,
-        sections=sections,
-        facts=dict(facts or {}),
-    )
+    path, told = Path(path), dict(facts or {})
+    if path.suffix == ".md":
+        text, pictures = markdown_page(title, sections, summary, told, path.stem)
+        for name, image in pictures.items():
+            write_whole(path.with_suffix("") / name, image)
+    else:
+        text = _template().render(title=title, summary=summary, sections=sections, facts=told)
     return write_whole(path, text)
 
 

@@ -8,20 +8,18 @@ compiled with like. Neglected: accuracy (the oracles' business), cold caches.
 from __future__ import annotations
 
 import os
-import platform
-import subprocess
+import time
 from collections.abc import Callable, Collection, Iterator
-from importlib.metadata import version
 from typing import Any
 
 from patagium.errors import ParameterError
-from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 from patagium.robot import load_robot
 from patagium.studies import benchmark_air
 from patagium.studies import benchmark_learning as learning
 from patagium.studies.benchmark_dynamics import DynamicsBench
 from patagium.studies.benchmark_result import Progress, Result
 from patagium.studies.benchmark_timing import one_core
+from patagium.studies.conditions import load_average, machine
 from patagium.studies.rivals import (
     energy_rival,
     mujoco_rival,
@@ -33,6 +31,8 @@ from patagium.studies.rivals.python_rivals import python_rivals
 from patagium.studies.rivals.symbolic_code import SymbolicCode
 
 Group = Callable[[DynamicsBench], Iterator[Result]]
+CONDITIONS = "conditions"
+"""Group of the lines that say where and when."""
 
 
 def run_benchmark(
@@ -49,8 +49,10 @@ def run_benchmark(
         progress: Told the stage and the part of all done.
 
     Returns:
-        One dictionary a figure: name, value, unit, against, ratio, note, against_value.
-        A rival that is missing is one line of value None whose note says why.
+        One dictionary a figure: group, name, value, unit, against, ratio, note,
+        against_value. A rival that is missing is one line of value None whose note says
+        why. The group "conditions" is the machine, its load before and after, and the time
+        each group took.
 
     Raises:
         ParameterError: If a group is unknown.
@@ -60,41 +62,23 @@ def run_benchmark(
     for name in selection or ():
         if name not in GROUPS:
             raise ParameterError("selection", f"some of {', '.join(GROUPS)}", name)
-    results = [environment()]
+    rows = [_condition("processors", float(os.cpu_count() or 1), "cores", machine())]
+    rows.append(_condition("load average at the start", None, "1", load_average()))
     bench = DynamicsBench(load_robot("aerobat"))
     for number, name in enumerate(chosen):
         if progress is not None:
             progress(name, number / len(chosen))
-        results += GROUPS[name](bench)
+        started = time.perf_counter()
+        rows += [{"group": name, **result.as_dict()} for result in GROUPS[name](bench)]
+        rows.append(_condition(f"time taken by {name}", time.perf_counter() - started, "s"))
+    rows.append(_condition("load average at the end", None, "1", load_average()))
     if progress is not None:
         progress("done", 1.0)
-    return [result.as_dict() for result in results]
+    return rows
 
 
-def environment() -> Result:
-    """What the figures depend on: processor, compiler and flags, versions."""
-    path = compiler_path()
-    compiler = "no C compiler"
-    if path is not None:
-        done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-        flags = " ".join(flag for flag in STRAIGHT_LINE if flag != "-fPIC")
-        compiler = f"{done.stdout.splitlines()[0]}, {flags}"
-    packages = ", ".join(f"{name} {version(name)}" for name in ("casadi", "numpy"))
-    note = (
-        f"{_processor()}; one core used; {compiler}; Python {platform.python_version()}; {packages}"
-    )
-    return Result("processors", float(os.cpu_count() or 1), "cores", note=note)
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo") as file:
-            names = [
-                line.split(":", 1)[1].strip() for line in file if line.startswith("model name")
-            ]
-        return names[0]
-    except (OSError, IndexError):
-        return platform.processor() or platform.machine()
+def _condition(name: str, value: float | None, unit: str, note: str = "") -> dict[str, Any]:
+    return {"group": CONDITIONS, **Result(name, value, unit, note=note).as_dict()}
 
 
 def _ours(bench: DynamicsBench) -> Iterator[Result]:
@@ -183,6 +167,10 @@ def _simulation(bench: DynamicsBench) -> Iterator[Result]:
         yield learning.flight_result(bench.robot)
 
 
+def _pipeline(bench: DynamicsBench) -> Iterator[Result]:
+    yield from learning.pipeline_results()
+
+
 def _compile(bench: DynamicsBench) -> Iterator[Result]:
     yield from learning.compile_results()
 
@@ -202,6 +190,7 @@ GROUPS: dict[str, Group] = {
     "air-models": _models,
     "strips": _strips,
     "update": _update,
+    "pipeline": _pipeline,
     "simulation": _simulation,
     "compile": _compile,
 }
@@ -210,6 +199,6 @@ GROUPS: dict[str, Group] = {
 QUICK = tuple(
     g
     for g in GROUPS
-    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "compile")
+    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "pipeline", "compile")
 )
 """Groups whose rivals compile in seconds."""

@@ -30,6 +30,7 @@ from patagium.identification.network import Network
 from patagium.identification.strip import StripNetwork
 from patagium.identification.wing_network import WingNetwork
 from patagium.native import NativeFunction, load_functions
+from patagium.native.compiler import compiler_path
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
 from patagium.simulation import gaits, simulate
@@ -43,9 +44,12 @@ from patagium.studies.benchmark_timing import (
     time_python,
 )
 from patagium.studies.benchmark_update import full_covariance_results, low_rank_results
+from patagium.studies.latency import LOADS, measure_latency
 
 Array = NDArray[np.float64]
 _BATCH = 4096
+PACKETS = 50_000
+"""Of each case of the pipeline."""
 _AIR = "aerodynamic_force"
 _BATCH_NOTE = f"a state, {_BATCH} in one Python call, everything included"
 
@@ -210,6 +214,27 @@ def flight_result(robot: Robot) -> Result:
     seconds = (time.perf_counter() - started) * 10_000 / steps
     note = f"RK4 at 1e-4 s, free, quasi-steady air, every quantity recorded ({steps} steps flown)"
     return Result("simulation of 1 s of flight", seconds, "s", note=note)
+
+
+def pipeline_results(samples: int = PACKETS) -> Iterator[Result]:
+    """The whole of a learner's work for a packet: median and tail, and the response at 10 kHz.
+
+    Args:
+        samples: Packets of each case.
+    """
+    if compiler_path() is None:
+        yield Result("rival left out", None, "us", note="no C compiler: no compiled pipeline")
+        return
+    for one in measure_latency(samples, LOADS[:1]):
+        note, took = f"{samples} packets", {k: 1e6 * v for k, v in one.duration.items()}
+        if one.paced:
+            response = 1e6 * one.response["p99"]
+            yield Result(f"{one.learner}: at 10 kHz, 99 % answered within", response, "us",
+                         note=note)  # fmt: skip
+            continue
+        tail = f"{note}, one after the other; slowest {took['slowest']:.0f} us"
+        yield Result(f"{one.learner}: median", took["p50"], "us", note=note)
+        yield Result(f"{one.learner}: 99 % within", took["p99"], "us", note=tail)
 
 
 _START = """

@@ -8,7 +8,6 @@ are timed in turns. Neglected: several starts of the weights.
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Sequence
 from functools import partial
@@ -19,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import ParameterError
-from patagium.studies.benchmark import environment
 from patagium.studies.benchmark_result import Progress
 from patagium.studies.benchmark_timing import one_core
+from patagium.studies.conditions import conditions, load_average
 from patagium.studies.learners_course import Course, load_course
 from patagium.studies.learners_entries import ENTRIES, Entry, entries_of, entry
 from patagium.studies.learners_race import RacePlan, race, search
@@ -55,7 +54,7 @@ def run_learners(
         workers: Number of processes; 0: all in this one.
 
     Returns:
-        `environment`: what the figures depend on; `courses`: of each its key, title, note,
+        `conditions`: what the figures depend on; `courses`: of each its key, title, note,
         horizons and rows, one row an entry: key, title, program, weights, setting,
         microseconds, errors, factor, coverage, scaled, samples, outcome.
 
@@ -66,7 +65,7 @@ def run_learners(
     for key in only or ():
         if key not in known:
             raise ParameterError("entry", f"one of {', '.join(known)}", key)
-    tell = progress or (lambda stage, part: None)
+    tell, before = progress or (lambda stage, part: None), load_average()
     chosen = {c.name: [e for e in entries_of(c) if not only or e.key in only] for c in courses}
     with tempfile.TemporaryDirectory() as folder:
         paths = {course.name: course.save(Path(folder)) for course in courses}
@@ -74,9 +73,12 @@ def run_learners(
         found |= _twins(paths, chosen, plan, workers, tell, found)
         _time(paths, chosen, plan, min(workers, 1), tell, found)
     tell("done", 1.0)
-    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     return {
-        "environment": f"{environment().note}; load average {load} at the end",
+        "conditions": {
+            **conditions(),
+            "load average at the start": before,
+            "load average at the end": load_average(),
+        },
         "plan": {"after": plan.after, "tuning": plan.tuning, "draws": plan.draws,
                  "limit": plan.limit, "twin_limit": plan.twin_limit},
         "courses": [_course(c, chosen[c.name], found) for c in courses],

@@ -13,51 +13,48 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from patagium.report.figures import save_figure
+from patagium.report import Section, Table, cell_text, picture, write_page
 from patagium.report.style import TRUTH, color, panels, styled
-from patagium.report.tables import cell_text
 from patagium.studies.learners_entries import SPANS
-from patagium.whole_file import write_whole
 
 Row = dict[str, Any]
-FIGURE = "learners.svg"
+SUMMARY = (
+    "Our learners and other programs', on the same flights and the same log, every sample, each "
+    "tuned by the same search: what an update costs, what it foresees, what its interval is worth."
+)
 
 
 def write_learners(path: str | Path, found: dict[str, Any]) -> Path:
-    """The page and, beside it, its figure.
+    """The page.
 
     Args:
-        path: Markdown file to write.
+        path: File to write, Markdown or HTML.
         found: What `run_learners` gave.
     """
-    page = Path(path)
-    figure = save_figure(accuracy_against_time(found["courses"]), page.with_name(FIGURE))
-    return write_whole(page, learners_text(found, figure.name))
+    facts = {"made by": "`patagium bench learners`", **found["conditions"]}
+    title, sections = "Learners and their rivals", learners_sections(found)
+    return write_page(path, title, sections, summary=SUMMARY, facts=facts)
 
 
-def learners_text(found: dict[str, Any], figure: str) -> str:
-    """The page as Markdown.
+def learners_sections(found: dict[str, Any]) -> list[Section]:
+    """The page in reading order.
 
     Args:
         found: What `run_learners` gave.
-        figure: Name of the figure's file.
     """
     plan, courses = found["plan"], found["courses"]
-    parts = [
-        "# Learners and their rivals",
-        f"Written by `patagium bench learners`; do not edit. Measured on: {found['environment']}.",
-        *_rules(plan),
-        f"![Error 10 ms ahead against time of an update]({figure})",
-        f"*Error 10 ms ahead after {plan['after'][-1]:g} s (or where a learner stopped, hollow) "
+    caption = (
+        f"Error 10 ms ahead after {plan['after'][-1]:g} s (or where a learner stopped, hollow) "
         "against the time of an update; numbers are those of the tables, blue ours, orange other "
-        "programs', the dashed line is the last used sample held.*",
-        *(text for course in courses for text in _course(course, plan)),
-        "## What was chosen",
-        "Prior deviation (times 1/√fan-in), measurement deviation (in scales of the output), "
-        "memory (in samples), spread, step, wandering (of the prior), gain.",
-        _settings(courses),
+        "programs', the dashed line is the last used sample held."
+    )
+    figure = picture(accuracy_against_time(courses), caption)
+    return [
+        Section("Error against time", [figure]),
+        Section("How they were raced", _rules(plan)),
+        *(_course(course, plan) for course in courses),
+        Section("What was chosen", [_settings(courses)]),
     ]
-    return "\n\n".join(parts) + "\n"
 
 
 def _rules(plan: Row) -> list[str]:
@@ -102,36 +99,29 @@ def _rules(plan: Row) -> list[str]:
     ]
 
 
-def _course(course: Row, plan: Row) -> list[str]:
+def _course(course: Row, plan: Row) -> Section:
     after = [f"{t:g}" for t in plan["after"]]
     rows = _numbered(course["rows"])
-    first = [
-        ["#", "learner", "program", "weights", "µs an update", *(f"{t} s" for t in after),
-         "inside 95 %", "scaled", "samples"],
-        *([number, row["title"], row["program"], row["weights"] or None, row["microseconds"],
-           *(_error(row, t, "short") for t in after), _share(row["coverage"]),
-           _share(row["scaled"]), _samples(row)]
-          for number, row in rows),
-    ]  # fmt: skip
-    second = [
-        ["#", "learner", *(f"hold after {t} s" for t in after),
-         *(f"{course['beat_name']} after {t} s" for t in after)],
-        *([number, row["title"], *(_error(row, t, "hold") for t in after),
-           *(_error(row, t, "long") for t in after)] for number, row in rows),
-    ]  # fmt: skip
+    ahead = Table(
+        ("#", "learner", "program", "weights", "µs an update", *(f"{t} s" for t in after),
+         "inside 95 %", "scaled", "samples"),
+        [[number, row["title"], row["program"], row["weights"] or None, row["microseconds"],
+          *(_error(row, t, "short") for t in after), _share(row["coverage"]),
+          _share(row["scaled"]), _samples(row)]
+         for number, row in rows],
+        "Error 10 ms ahead, after so many seconds of flight.",
+    )  # fmt: skip
     hold = f"{1e3 * course['hold']:.3g} ms"
-    return [
-        f"## {course['title']}",
-        course["note"],
-        "Error 10 ms ahead, after so many seconds of flight:",
-        _markdown(first),
+    further = Table(
+        ("#", "learner", *(f"hold after {t} s" for t in after),
+         *(f"{course['beat_name']} after {t} s" for t in after)),
+        [[number, row["title"], *(_error(row, t, "hold") for t in after),
+          *(_error(row, t, "long") for t in after)] for number, row in rows],
         f"Error over the hold interval of {hold}, and over {course['beat_name']} "
-        f"({course['beat']:.3g} s), weights frozen:",
-        _markdown(second),
-        _front(course, plan),
-        _behind(course, plan),
-        _faster(course),
-    ]
+        f"({course['beat']:.3g} s), weights frozen.",
+    )  # fmt: skip
+    said = (_front(course, plan), _behind(course, plan), _faster(course))
+    return Section(course["title"], [course["note"], ahead, further, *said])
 
 
 def _front(course: Row, plan: Row) -> str:
@@ -180,14 +170,18 @@ def _faster(course: Row) -> str:
     return f"The same filter elsewhere, beside ours: {'; '.join(pairs) or 'none timed'}."
 
 
-def _settings(courses: Sequence[Row]) -> str:
-    rows: list[list[Any]] = [["learner", "course", *SPANS]]
-    for course in courses:
-        for number, row in _numbered(course["rows"]):
-            if row["setting"] and not row["twin"]:
-                values = [row["setting"].get(knob) for knob in SPANS]
-                rows.append([f"{row['title']} ({number})", course["key"], *values])
-    return _markdown(rows)
+def _settings(courses: Sequence[Row]) -> Table:
+    rows = [
+        [f"{row['title']} ({number})", course["key"], *(row["setting"].get(k) for k in SPANS)]
+        for course in courses
+        for number, row in _numbered(course["rows"])
+        if row["setting"] and not row["twin"]
+    ]
+    caption = (
+        "Prior deviation (times 1/√fan-in), measurement deviation (in scales of the output), "
+        "memory (in samples), spread, step, wandering (of the prior), gain."
+    )
+    return Table(("learner", "course", *SPANS), rows, caption)
 
 
 def _numbered(rows: Sequence[Row]) -> list[tuple[int, Row]]:
@@ -211,12 +205,6 @@ def _samples(row: Row) -> str:
     return f"{row['samples']}" if row["outcome"] == "completed" else (
         f"{row['samples']}, {row['outcome']}" if row["samples"] else str(row["outcome"])
     )  # fmt: skip
-
-
-def _markdown(rows: Sequence[Sequence[Any]]) -> str:
-    head, *body = rows
-    lines = [head, ["---"] * len(head), *([cell_text(cell) for cell in row] for row in body)]
-    return "\n".join(f"| {' | '.join(str(cell) for cell in line)} |" for line in lines)
 
 
 @styled

@@ -20,7 +20,6 @@ from typing import Any
 
 import xarray as xr
 
-from patagium import __version__
 from patagium.identification.result import Identification
 from patagium.identification.scores import json_ready
 from patagium.report import Section, write_page
@@ -30,12 +29,12 @@ from patagium.studies import overhead, yeo
 from patagium.studies import reproduction_figures as figures
 from patagium.studies import reproduction_flights as flights
 from patagium.studies import reproduction_subjects as subjects
-from patagium.studies.benchmark import environment
 from patagium.studies.claims import claims
+from patagium.studies.conditions import conditions
 from patagium.studies.reproduction_errors import fly_case
 from patagium.studies.reproduction_learning import Run, run_trial, write_samples
 from patagium.studies.reproduction_plan import Plan
-from patagium.studies.reproduction_report import TITLE, facts, sections, summary
+from patagium.studies.reproduction_report import TITLE, facts, results, sections, summary
 from patagium.studies.reproduction_tables import start_spans
 from patagium.studies.targets import targets
 from patagium.studies.unsteady import (
@@ -84,6 +83,7 @@ def reproduce(
     progress: Stages | None = None,
     quick: bool = False,
     crazyflie: Path | None = None,
+    page: Path | None = None,
 ) -> Path:
     """Run everything and write the report.
 
@@ -95,6 +95,7 @@ def reproduce(
         progress: Told the stage and the part of all done.
         quick: Short flights and fewer runs: the same pages, rougher numbers.
         crazyflie: The log of a quadrotor, `log16.csv.gz`, for a section on it.
+        page: A page of the results to write too, Markdown or HTML.
 
     Returns:
         Path of report.html; beside it metrics.json, the flights (*.nc, *.html) and figures/.
@@ -119,7 +120,7 @@ def reproduce(
     summaries = _summaries(flown, unseen)
     starts = [_brief(run, summaries["unseen_within"]) for run in runs if run.trial.starts]
     metrics: dict[str, Any] = {
-        "environment": {"program": f"patagium {__version__}", "machine": environment().note},
+        "environment": conditions(),
         "plan": plan.describe(),
         "choices": _choices(),
         "flights": summaries,
@@ -142,16 +143,14 @@ def reproduce(
     metrics["claims"] = claims(metrics)
     text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
     write_whole(out / "metrics.json", text + "\n")
-    page = write_page(
-        out / "report.html",
-        TITLE,
-        sections(metrics, gallery.pictures, measured),
-        summary=summary(metrics),
-        facts=facts(metrics),
-    )
+    found, origin = summary(metrics), facts(metrics)
+    whole = sections(metrics, gallery.pictures, measured)
+    report = write_page(out / "report.html", TITLE, whole, summary=found, facts=origin)
+    if page is not None:
+        write_page(page, TITLE, results(metrics, gallery.vectors()), summary=found, facts=origin)
     if progress is not None:
         progress("done", 1.0)
-    return page
+    return report
 
 
 def _fly(

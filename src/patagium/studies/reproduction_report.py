@@ -24,10 +24,21 @@ from patagium.studies.reproduction_tables import (
 )
 from patagium.studies.targets import targets_table
 from patagium.studies.unsteady_report import unsteady_section
+from patagium.studies.verdicts import count_met
 
 Metrics = Mapping[str, Any]
 Pictures = Mapping[str, Picture]
 
+RESULTS = (
+    "Targets",
+    "The claims of the paper",
+    "Overhead of dynamics and of aerodynamics",
+    "Learning the corrected flight",
+    "Gaits never seen",
+    "Air with memory",
+    "How it was run",
+)
+"""Sections of the page of results."""
 TITLE = "Morphing-wing flight and learned air: the paper, as published and corrected"
 
 
@@ -42,7 +53,7 @@ def sections(metrics: Metrics, pictures: Pictures, measured: Sequence[Section]) 
     return [
         _experiments(metrics, pictures),
         Section("The claims of the paper", [_CLAIMS, claims_table(metrics)]),
-        Section("Targets", [_TARGETS, targets_table(metrics)]),
+        Section("Targets", [_TARGETS, count_met(metrics["targets"]), targets_table(metrics)]),
         _errors(metrics),
         _overhead(metrics, pictures),
         _learning(metrics, pictures, "published"),
@@ -54,6 +65,17 @@ def sections(metrics: Metrics, pictures: Pictures, measured: Sequence[Section]) 
         *measured,
         Section("How it was run", [*_method(metrics), stage_table(metrics)]),
     ]
+
+
+def results(metrics: Metrics, pictures: Pictures) -> list[Section]:
+    """What came out, without what led there: the sections of a page of results.
+
+    Args:
+        metrics: Of the reproduction.
+        pictures: By name.
+    """
+    whole = {section.title: section for section in sections(metrics, pictures, [])}
+    return [whole[title] for title in RESULTS]
 
 
 def summary(metrics: Metrics) -> str:
@@ -81,7 +103,8 @@ def facts(metrics: Metrics) -> dict[str, str]:
     Args:
         metrics: Of the reproduction.
     """
-    return {key: str(value) for key, value in metrics["environment"].items()}
+    made = f"`patagium reproduce`, flights of {metrics['plan']['duration']:g} s"
+    return {"made by": made, **metrics["environment"]}
 
 
 def _experiments(metrics: Metrics, pictures: Pictures) -> Section:

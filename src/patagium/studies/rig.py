@@ -12,14 +12,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from patagium import __version__
 from patagium.identification.scores import json_ready
 from patagium.report import write_page
 from patagium.simulation import robot_of
 from patagium.simulation.sensors import Sensor
 from patagium.studies import rig_figures as figures
 from patagium.studies import rig_scores as scores
-from patagium.studies.benchmark import environment
+from patagium.studies.conditions import conditions
 from patagium.studies.reproduction_figures import Gallery
 from patagium.studies.rig_flights import Flown, fly
 from patagium.studies.rig_learning import LogRun, learn_from_log
@@ -34,7 +33,7 @@ from patagium.studies.rig_plan import (
     RigPlan,
     learned_motion,
 )
-from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, sections, summary
+from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, results, sections, summary
 from patagium.studies.workers import WORKERS, Job, run_jobs
 from patagium.whole_file import write_whole
 
@@ -45,7 +44,12 @@ LEARNING_COST, CASE_COST = 60.0, 10.0
 
 
 def run_rig(
-    out: Path, plan: RigPlan, *, progress: Stages | None = None, workers: int = WORKERS
+    out: Path,
+    plan: RigPlan,
+    *,
+    progress: Stages | None = None,
+    workers: int = WORKERS,
+    page: Path | None = None,
 ) -> Path:
     """Fly, sense, learn from logs, compare, report.
 
@@ -57,6 +61,7 @@ def run_rig(
         plan: What to do.
         progress: Told the stage and the part of all done.
         workers: Number of processes; 0: all in this one.
+        page: A page of the results to write too, Markdown or HTML.
 
     Returns:
         Path of report.html; beside it metrics.json, logs/, models/, truth/ and figures/.
@@ -87,16 +92,15 @@ def run_rig(
     metrics["seconds"] = time.perf_counter() - begun
     text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
     write_whole(out / "metrics.json", text + "\n")
-    page = write_page(
-        out / "report.html",
-        TITLE,
-        sections(metrics, gallery.pictures),
-        summary=summary(metrics),
-        facts=facts(metrics),
+    found, origin = summary(metrics), facts(metrics)
+    report = write_page(
+        out / "report.html", TITLE, sections(metrics, gallery.pictures), summary=found, facts=origin
     )
+    if page is not None:
+        write_page(page, TITLE, results(metrics, gallery.vectors()), summary=found, facts=origin)
     if progress is not None:
         progress("done", 1.0)
-    return page
+    return report
 
 
 def _work(
@@ -123,7 +127,7 @@ def _metrics(
     plan: RigPlan, flown: Flown, runs: dict[float, LogRun], limits: list[dict[str, Any]]
 ) -> dict[str, Any]:
     metrics: dict[str, Any] = {
-        "environment": {"program": f"patagium {__version__}", "machine": environment().note},
+        "environment": conditions(),
         "plan": plan.describe(),
         "instruments": _instruments(flown.sensors),
         "arm": _arm(plan, flown),

@@ -10,10 +10,20 @@ from typing import Any
 
 from patagium.report import Note, Picture, Section, Table, cell_text
 from patagium.studies.rig_learning import OBSERVER_GAIN, SOURCES
+from patagium.studies.verdicts import count_met, verdict
 
 Metrics = Mapping[str, Any]
 Pictures = Mapping[str, Picture]
 
+RESULTS = (
+    "Targets",
+    "Clocks, delays and motion",
+    "Errors against noise",
+    "Force by force",
+    "What limits the measured force",
+    "What was known beside the logs",
+)
+"""Sections of the page of results, those that were run."""
 TITLE = "From a robot arm and its sensors to a model of the air"
 
 
@@ -27,7 +37,7 @@ def sections(metrics: Metrics, pictures: Pictures) -> list[Section]:
     limits = [_limits(metrics, pictures)] if metrics["limits"] else []
     return [
         _rig(metrics, pictures),
-        Section("Targets", [_targets(metrics)]),
+        Section("Targets", [count_met(metrics["targets"]), _targets(metrics)]),
         _clocks(metrics),
         _noise(metrics, pictures),
         _forces(metrics, pictures),
@@ -35,6 +45,16 @@ def sections(metrics: Metrics, pictures: Pictures) -> list[Section]:
         _wingbeat(metrics, pictures),
         Section("What was known beside the logs", [Note(text) for text in metrics["left_out"]]),
     ]
+
+
+def results(metrics: Metrics, pictures: Pictures) -> list[Section]:
+    """What came out, without how: the sections of a page of results.
+
+    Args:
+        metrics: Of the rig.
+        pictures: By name.
+    """
+    return [section for section in sections(metrics, pictures) if section.title in RESULTS]
 
 
 def summary(metrics: Metrics) -> str:
@@ -62,7 +82,8 @@ def facts(metrics: Metrics) -> dict[str, str]:
     Args:
         metrics: Of the rig.
     """
-    return {key: str(value) for key, value in metrics["environment"].items()}
+    made = f"`patagium rig`, {metrics['plan']['eights']:g} eights of the arm"
+    return {"made by": made, **metrics["environment"]}
 
 
 def _rig(metrics: Metrics, pictures: Pictures) -> Section:
@@ -92,7 +113,10 @@ def _rig(metrics: Metrics, pictures: Pictures) -> Section:
 
 
 def _targets(metrics: Metrics) -> Table:
-    rows = [[row["target"], row["limit"], row["found"], row["met"]] for row in metrics["targets"]]
+    rows = [
+        [row["target"], row["limit"], row["found"], verdict(row["met"])]
+        for row in metrics["targets"]
+    ]
     return Table(("target", "limit", "found", "met"), rows, "Against the truth.")
 
 

@@ -1,7 +1,7 @@
 """The targets the reproduction set itself: limit, found, met or not.
 
 Every figure comes from the metrics that the report is made of; nothing is measured here.
-Neglected: targets of speed; `patagium bench` has those.
+Neglected: targets of speed, which are the bench's.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from patagium.report import Table
 from patagium.studies.claims import Metrics, Row, best_strip, run_of, starts_of
 from patagium.studies.unsteady_report import unsteady_targets
+from patagium.studies.verdicts import verdict
 
 
 def targets(metrics: Metrics) -> list[Row]:
@@ -60,7 +61,7 @@ def targets_table(metrics: Metrics) -> Table:
         metrics: Of the reproduction, `targets` among them.
     """
     rows = [
-        [row["target"], row["limit"], row["found"], row["worst"], row["met"]]
+        [row["target"], row["limit"], row["found"], row["worst"], verdict(row["met"])]
         for row in metrics["targets"]
     ]
     return Table(

@@ -1,4 +1,4 @@
-"""The models of the air beside what is known: one page, a table and a figure a case.
+"""The models of the air beside what is known: errors, case by case, against their targets.
 
 Every case is a module of `validation_cases`. Neglected: the time a case takes.
 """
@@ -7,23 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from patagium import __version__
 from patagium.errors import ParameterError
-from patagium.report import Section, Table, picture
-from patagium.report.figures import curves
-from patagium.report.page import write_page
+from patagium.report import Table
 from patagium.studies.validation_cases import CASES
 from patagium.studies.validation_cases.case import CaseResult
-
-SUMMARY = (
-    "The models of the air beside closed forms, classical tables and measurements. "
-    "No constant of a model is tuned to a case; where others reached a figure it stands beside."
-)
 
 
 def validate(
@@ -56,51 +45,51 @@ def error_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
 
     Args:
         results: What `validate` gave.
+
+    Returns:
+        case, model, error, measure, whether it is ours, and limit, reason and met of its
+        target, each None where it has none.
     """
     return [
         {"case": r.name, "model": name, "error": error, "measure": r.measure, "ours": ours}
+        | _target(r, name, error)
         for r in results
         for errors, ours in ((r.errors, True), (r.known, False))
         for name, error in errors.items()
     ]
 
 
+def target_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
+    """The targets among them: target, limit, found, met, and where each comes from.
+
+    Args:
+        results: What `validate` gave.
+    """
+    return [
+        {"target": f"{row['case']}: {row['model']}", "found": row["error"]}
+        | {key: row[key] for key in ("measure", "limit", "reason", "met")}
+        for row in error_rows(results)
+        if row["limit"] is not None
+    ]
+
+
 def error_table(results: Sequence[CaseResult]) -> Table:
-    """The same as a table.
+    """The errors as a table.
 
     Args:
         results: What `validate` gave.
     """
     rows = [
-        [r["case"], r["model"] if r["ours"] else f"{r['model']} (known)", r["error"], r["measure"]]
+        [r["case"], r["model"] if r["ours"] else f"{r['model']} (known)", r["error"], r["limit"],
+         r["met"], r["measure"]]
         for r in error_rows(results)
-    ]
-    return Table(["case", "model", "error", "measure"], rows, "Every error, in one place.")
+    ]  # fmt: skip
+    columns = ["case", "model", "error", "at most", "met", "measure"]
+    return Table(columns, rows, "Every error, in one place.")
 
 
-def write_validation(path: str | Path, results: Sequence[CaseResult]) -> Path:
-    """Write the page.
-
-    Args:
-        path: File to write.
-        results: What `validate` gave.
-    """
-    sections = [Section("Errors", [error_table(results)]), *(_section(r) for r in results)]
-    facts = {"program": f"patagium {__version__}"}
-    return write_page(path, "Models of the air, validated", sections, summary=SUMMARY, facts=facts)
-
-
-def _section(result: CaseResult) -> Section:
-    note = f"{result.note} Expected: {result.source}."
-    caption = f"{result.name}: expected and found."
-    return Section(result.name, [note, error_table([result]), picture(_figure(result), caption)])
-
-
-def _figure(result: CaseResult) -> Figure:
-    return curves(
-        result.x,
-        result.expected,
-        result.models,
-        abscissa=result.abscissa,
-        ordinate=result.ordinate,
-    )
+def _target(result: CaseResult, model: str, error: float) -> dict[str, Any]:
+    target = result.targets.get(model)
+    if target is None:
+        return {"limit": None, "reason": None, "met": None}
+    return {"limit": target.limit, "reason": target.reason, "met": bool(error <= target.limit)}

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Target:
+    """How small an error is meant to be.
+
+    Attributes:
+        limit: Largest error that meets it, in the unit of the case's measure.
+        reason: Where the limit comes from.
+    """
+
+    limit: float
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -28,7 +41,8 @@ class CaseResult:
         measure: How the error is measured, with its unit.
         errors: By name of a model.
         known: Error that others reached on the same case, by name; empty where none is known.
-        note: What to look for.
+        note: What to look for, and why a target is missed if one is.
+        targets: By name of a model; a model without one is there to be compared with.
     """
 
     name: str
@@ -42,11 +56,15 @@ class CaseResult:
     errors: Mapping[str, float]
     known: Mapping[str, float]
     note: str
+    targets: Mapping[str, Target] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, values in {"expected": self.expected, **self.models}.items():
             if values.shape != self.x.shape:
                 raise ShapeError(name, self.x.shape, values.shape)
+        for name in self.targets:
+            if name not in self.errors:
+                raise ParameterError("target", f"one of {', '.join(self.errors)}", name)
 
 
 def largest_difference(expected: Array, models: Mapping[str, Array]) -> dict[str, float]:

@@ -8,7 +8,11 @@ import numpy as np
 
 from patagium.aerodynamics import NO_STATE
 from patagium.robot import Robot
-from patagium.studies.validation_cases.case import CaseResult, largest_relative_difference
+from patagium.studies.validation_cases.case import (
+    CaseResult,
+    Target,
+    largest_relative_difference,
+)
 from patagium.studies.validation_cases.wings import (
     elliptic_wing,
     lifting_line,
@@ -21,6 +25,12 @@ MANY = {4.0: 40, 6.0: 40, 20.0: 100}
 """Strips of the finest of the three elliptic wings that tell the limit, by aspect ratio."""
 RECTANGULAR = {4.0: (4.0279, 1.3280), 6.0: (4.5299, 1.1413), 8.0: (4.8372, 0.9940)}
 """Aspect ratio: lift over angle, induced drag over its square (Glauert's series, 200 terms)."""
+
+
+TARGETS = {
+    f"{STRIPS} strips": Target(0.01, "1 %: a wing's own numbers are known no better"),
+    "limit of many strips": Target(1e-4, "1e-4 of the closed form"),
+}
 
 
 def compute() -> list[CaseResult]:
@@ -57,6 +67,7 @@ def compute() -> list[CaseResult]:
                     largest_relative_difference(expected[k], models),
                     {},
                     NOTE,
+                    {name: TARGETS[name] for name in models},
                 )
             )
     return cases

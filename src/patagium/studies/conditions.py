@@ -1,0 +1,61 @@
+"""Under what conditions a study's figures were found: program, machine, compiler, load, day.
+
+Neglected: clock rates and temperatures; a ratio of two figures of one run suffers least.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from datetime import date
+from importlib.metadata import version
+
+from patagium import __version__
+from patagium.native.compiler import STRAIGHT_LINE, compiler_path
+
+
+def conditions() -> dict[str, str]:
+    """Program, machine and day, for the foot of a page."""
+    return {
+        "program": f"patagium {__version__}",
+        "machine": machine(),
+        "date": date.today().isoformat(),
+    }
+
+
+def machine() -> str:
+    """What figures depend on: processor, system, compiler and flags, versions."""
+    packages = ", ".join(f"{name} {version(name)}" for name in ("casadi", "numpy"))
+    return (
+        f"{_processor()}, {os.cpu_count() or 1} cores; {platform.system()} {platform.machine()}; "
+        f"{_compiler()}; Python {platform.python_version()}; {packages}"
+    )
+
+
+def load_average() -> str:
+    """Processes that ran or wanted to over the last minutes; "unknown" where nobody counts."""
+    if not hasattr(os, "getloadavg"):
+        return "unknown"
+    last, five, fifteen = os.getloadavg()
+    return f"{last:.1f} ({five:.1f} over 5 minutes, {fifteen:.1f} over 15)"
+
+
+def _compiler() -> str:
+    path = compiler_path()
+    if path is None:
+        return "no C compiler"
+    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+    flags = " ".join(flag for flag in STRAIGHT_LINE if flag != "-fPIC")
+    return f"{done.stdout.splitlines()[0]}, {flags}"
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo") as file:
+            names = [
+                line.split(":", 1)[1].strip() for line in file if line.startswith("model name")
+            ]
+        return names[0]
+    except (OSError, IndexError):
+        return platform.processor() or platform.machine()

@@ -1,0 +1,73 @@
+"""A page as Markdown says what the same page says in HTML, its pictures in files beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from patagium.report import Link, Note, Section, Table, figures, picture, write_page
+from patagium.report.markdown import MARK, prose, table_text
+
+HOSTILE = (
+    "a * b * c, _x_ and x_1_2, <b>no</b>, 5 < 6 & 7, &amp; $x$, [1] [2](3), back\\slash, "
+    "n_y n_y, ** alone"
+)
+
+
+def read(text: str) -> str:
+    """What a reader of Markdown sees of a paragraph, marks of bold and code dropped."""
+    parser = pytest.importorskip("markdown_it").MarkdownIt()
+    inline = parser.parse(text)[1]
+    return "".join(child.content for child in inline.children)
+
+
+def test_prose_is_read_as_it_was_written() -> None:
+    for text in (HOSTILE, "# no heading", "1. no list", "- no list", "> no quotation"):
+        assert read(prose(text) if text == HOSTILE else _block(text)) == text
+
+
+def test_code_and_bold_keep_their_meaning() -> None:
+    text = "A `a*b_c` and **one `d_` of _them**."
+    assert prose(text) == "A `a*b_c` and **one `d_` of \\_them**."
+
+
+def test_a_table_keeps_its_cells_and_sets_numbers_right() -> None:
+    text = table_text(Table(("name", "value [1]"), [["a|b", 0.5], ["**no**", 2.0]]))
+    assert text.splitlines() == [
+        "| name | value [1] |",
+        "| --- | ---: |",
+        "| a\\|b | 0.500 |",
+        "| **no** | 2.00 |",
+    ]
+
+
+def test_a_page_and_its_pictures(tmp_path: Path) -> None:
+    figure = figures.histories(np.linspace(0, 1, 5), {"Height": ("m", {"z": np.zeros(5)})})
+    sections = [
+        Section("First, of two", [picture(figure, "Rise"), picture(figure, "Again")]),
+        Section("Second", ["Words.", Note("But"), Link("Elsewhere", "there.html")]),
+        Section("Third", [Table(("a",), [[1.0]], "Numbers"), picture(figure, "Once more", "png")]),
+    ]
+    path = write_page(tmp_path / "page.md", "Title", sections, summary="Sum.", facts={"by": "us"})
+    text = path.read_text("utf-8")
+    assert text.startswith(f"{MARK}\n\n# Title\n\nSum.\n\n## First, of two\n")
+    assert "> But" in text and "[Elsewhere](there.html)" in text and "*Numbers*" in text
+    assert text.endswith("## Where it comes from\n\n- **by**: us\n")
+    drawn = {one.name: one.read_bytes()[:5] for one in (tmp_path / "page").iterdir()}
+    assert drawn == {
+        "first-of-two.svg": b"<?xml",
+        "first-of-two-2.svg": b"<?xml",
+        "third.png": b"\x89PNG\r",
+    }
+    assert all(f"](page/{name})" in text for name in drawn)
+
+
+def _block(text: str) -> str:
+    """A paragraph as it stands on a page."""
+    from patagium.report.markdown import markdown_page
+
+    page, pictures = markdown_page("t", [Section("s", [text])], "", {}, "f")
+    assert not pictures
+    return page.split("## s\n\n")[1]
