@@ -19,7 +19,8 @@ OPTIONS = (
     *("--headless=new", "--no-sandbox", "--no-first-run", "--disable-extensions"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--host-resolver-rules=MAP * ~NOTFOUND", "--hide-scrollbars", "--mute-audio"),
+    *("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--hide-scrollbars"),
+    "--mute-audio",
     *("--disable-dev-shm-usage", "--remote-debugging-pipe"),
 )
 PATIENCE = 60.0

@@ -51,6 +51,7 @@ from patagium.cli.learner_options import (
     watched,
     winged_network,
 )
+from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,7 +69,7 @@ EXAMPLES = (
     "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
     "--covariance node --prior-deviation 0.5 --measurement-deviation 1e-3 --idle 5",
     "sensors | patagium stream - --robot robot.yaml --prior-deviation 0.3 "
-    "--measurement-deviation 1e-3",
+    "--measurement-deviation 1e-3 --live",
 )
 _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
@@ -131,6 +132,8 @@ def stream(
     autosave: Annotated[
         float, typer.Option(min=0.1, help="How often the state is kept [s], and at the end.")
     ] = 60.0,
+    live: LiveOption = False,
+    live_address: LiveAddressOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="The summary as JSON.")] = False,
 ) -> None:
     """Learn what the air does while the robot flies, every sample, from packets as they come.
@@ -183,9 +186,10 @@ def stream(
     columns = [column.name for column in packet_columns(machine)]
     queue = PacketQueue(room, len(columns), intake)
     rhythms = _saving(student, state, autosave)
-    facts, problem = _learn(
-        source_of(source, columns, idle=idle), queue, pipeline, status, record, rhythms, samples
-    )
+    came = source_of(source, columns, idle=idle)
+    with live_stream(live, live_address, pipeline, status, intake) as shown:
+        beside = Shown(shown.sinks, (*shown.rhythms, *rhythms))
+        facts, problem = _learn(came, queue, pipeline, status, record, beside, samples)
     if problem is not None and not facts["samples"]:
         raise problem
     keep_state(student, state)
@@ -203,7 +207,7 @@ def _learn(
     pipeline: Pipeline,
     status: Status,
     record: Path | None,
-    rhythms: tuple[Rhythm, ...],
+    beside: Shown,
     samples: int | None,
 ) -> tuple[dict[str, Any], Exception | None]:
     """The stream itself: its summary, and what ended it before its time."""
@@ -218,9 +222,10 @@ def _learn(
         _line(status, pipeline, queue.intake) as show,
     ):
         reader = start_reading(source, queue, stop)
-        often = (Rhythm(_LINE_PERIOD, show), *rhythms)
+        often = (Rhythm(_LINE_PERIOD, show), *beside.rhythms)
+        sinks = Several((*beside.sinks, *([] if sink is None else [sink])))
         try:
-            follow(queue, pipeline, status, stop, sink=sink, rhythms=often, most=samples)
+            follow(queue, pipeline, status, stop, sink=sinks, rhythms=often, most=samples)
         except (PatagiumError, OSError) as error:
             problem = error
         stop.set()

@@ -29,15 +29,38 @@ def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
     Raises:
         ShapeError: If `q` is not (N, n_q).
     """
-    states = np.asarray(q, float)
-    if states.ndim != 2 or states.shape[1] != robot.coordinate_count or not len(states):
-        raise ShapeError("q", ("N", robot.coordinate_count), states.shape)
-    key, label = f"{robot.structure} poses", f"poses of {robot.name}"
-    function = load_functions(key, lambda: [_poses(robot)], label=label)["poses"]
-    position, rotation = function.batch(states, robot.parameters)
-    shape = (len(states), 3, len(robot.bodies))
-    columns = rotation.reshape(len(states), 3, len(robot.bodies), 3)
-    return position.reshape(shape).transpose(0, 2, 1), columns.transpose(0, 2, 1, 3)
+    return Poses(robot)(q)
+
+
+class Poses:
+    """The same of one robot again and again.
+
+    Args:
+        robot: The machine.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        key, label = f"{robot.structure} poses", f"poses of {robot.name}"
+        self._function = load_functions(key, lambda: [_poses(robot)], label=label)["poses"]
+        self._bodies, self._coordinates = len(robot.bodies), robot.coordinate_count
+        self._parameters = robot.parameters
+
+    def __call__(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Origin and axes of every body, as `poses_at` gives them.
+
+        Args:
+            q: Generalized coordinates, (N, n_q) [m, rad, 1].
+
+        Raises:
+            ShapeError: If `q` is not (N, n_q).
+        """
+        states = np.asarray(q, float)
+        if states.ndim != 2 or states.shape[1] != self._coordinates or not len(states):
+            raise ShapeError("q", ("N", self._coordinates), states.shape)
+        position, rotation = self._function.batch(states, self._parameters)
+        shape = (len(states), 3, self._bodies)
+        columns = rotation.reshape(len(states), 3, self._bodies, 3)
+        return position.reshape(shape).transpose(0, 2, 1), columns.transpose(0, 2, 1, 3)
 
 
 def _poses(robot: Robot) -> ca.Function:

@@ -26,6 +26,7 @@ BLOCK = 512
 """Packets that go through the pipeline in one call at most."""
 PATIENCE = 0.1
 """How long nothing may come before the loop looks around [s]."""
+_SPAN = 0.1  # s that a rate is counted over at least
 _USUAL = 5  # steps that show what is usual
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}
 
@@ -180,7 +181,7 @@ class _Clock:
 
     def look(self, now: float) -> None:
         status = self._status
-        if self._began is None or now <= self._seen:
+        if self._began is None or now <= self._seen + _SPAN:
             return
         status.rate = (status.tally.samples - self._counted) / (now - self._seen)
         self._seen, self._counted = now, status.tally.samples

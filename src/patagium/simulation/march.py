@@ -71,6 +71,77 @@ class Run:
     which: int
 
 
+class March:
+    """An integration that goes on as far as it is asked to.
+
+    Args:
+        equations: What to integrate.
+        state: Initial state, (size,).
+        rows: Table rows at given times, (N,) to (N, row_size).
+        steps: Steps to take at most.
+        time_step: Step [s].
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        state: Array,
+        rows: Callable[[Array], Array],
+        steps: int,
+        time_step: float,
+    ) -> None:
+        self._equations, self._rows, self._time_step = equations, rows, time_step
+        self._state = np.array(state, float)
+        self._samples = _room(equations, steps)
+        self._advance = _compiled(equations) or _in_python(equations)
+        self._outcome, self._which = Outcome.COMPLETED, -1
+        self.steps, self.done = steps, 0
+        self._recorded = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """COMPLETED while all is well."""
+        return self._outcome
+
+    @property
+    def run(self) -> Run:
+        """What was integrated so far."""
+        if not self._recorded:
+            self._chunk(0)
+        kept = {name: values[: self.done + 1] for name, values in self._samples.items()}
+        return Run(kept, self.done, self._outcome, self._state, self._which)
+
+    def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
+        """Integrate further, or up to the first state that is not sound; not beyond one.
+
+        Args:
+            steps: Steps to take, fewer where fewer are left.
+            progress: Told the steps done and to do, after every chunk.
+
+        Returns:
+            COMPLETED while all is well.
+        """
+        last = min(self.steps, self.done + steps)
+        while self._outcome is Outcome.COMPLETED and self.done < last:
+            self._chunk(min(CHUNK, last - self.done))
+            if progress is not None:
+                progress(self.done, self.steps)
+        return self._outcome
+
+    def _chunk(self, count: int) -> None:
+        times = times_of(2 * self.done, 2 * count + 1, 0.5 * self._time_step)
+        table = np.ascontiguousarray(self._rows(times))
+        states = np.empty((count + 1, self._state.size))
+        with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
+            self._outcome, taken, self._which = self._advance(
+                count, self._time_step, self._state, table, states
+            )
+        rows = table[: 2 * taken + 1 : 2]
+        _record(self._equations, states[: taken + 1], rows, self._samples, self.done)
+        self.done += taken
+        self._recorded = True
+
+
 def march(
     equations: Equations,
     state: Array,
@@ -89,25 +160,9 @@ def march(
         time_step: Step [s].
         progress: Told the steps done and to do, after every chunk.
     """
-    state = np.array(state, float)
-    samples = _room(equations, steps)
-    start = 0
-    advance = _compiled(equations) or _in_python(equations)
-    while True:
-        count = min(CHUNK, steps - start)
-        times = times_of(2 * start, 2 * count + 1, 0.5 * time_step)
-        table = np.ascontiguousarray(rows(times))
-        states = np.empty((count + 1, state.size))
-        with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
-            outcome, done, which = advance(count, time_step, state, table, states)
-        _record(equations, states[: done + 1], table[: 2 * done + 1 : 2], samples, start)
-        start += done
-        if progress is not None:
-            progress(start, steps)
-        if outcome is not Outcome.COMPLETED or start == steps:
-            break
-    kept = {name: values[: start + 1] for name, values in samples.items()}
-    return Run(kept, start, outcome, state, which)
+    marching = March(equations, state, rows, steps, time_step)
+    marching.advance(steps, progress)
+    return marching.run
 
 
 def times_of(first: int, count: int, time_step: float) -> Array:

@@ -26,8 +26,8 @@ from patagium.simulation.bounds import check_start, limits, message_of
 from patagium.simulation.flight import Origin, flight_record
 from patagium.simulation.gaits import sinusoidal
 from patagium.simulation.march import Array, Equations, Progress, march, times_of
-from patagium.simulation.simulate import check_robots, whole_steps
 from patagium.simulation.stage import IMPULSE, RECORDED, WORKS, external_force, observed
+from patagium.simulation.starts import check_robots, whole_steps
 
 INITIAL_YAW = 2 * np.pi
 """Heading the published experiment starts with [rad] (E7)."""

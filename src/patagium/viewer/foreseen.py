@@ -109,5 +109,21 @@ def _measuring(network: Network, measured: Any) -> StripNetwork:
 
 
 def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array:
-    every = _measuring(network, np.eye(3 * len(robot.strips)).tolist())
+    every = strip_measuring(network, robot)
+    assert every is not None
     return every.evaluate(x, weights).reshape(len(x), len(robot.strips), 3)
+
+
+def strip_measuring(network: Network, robot: Robot) -> StripNetwork | None:
+    """The same network, its weights too, seen through the force on each strip.
+
+    Args:
+        network: Any; of strips or not.
+        robot: Its machine.
+
+    Returns:
+        A network of 3 n_strips outputs, world axes, strip by strip; None where it has no strips.
+    """
+    if type(network) is not StripNetwork:
+        return None
+    return _measuring(network, np.eye(3 * len(robot.strips)).tolist())

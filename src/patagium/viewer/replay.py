@@ -83,7 +83,7 @@ def replay(
     inside = frames - span[0]
     origin = position[:, 0]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
-    center = _center_of_mass(robot, position[inside], rotation[inside])
+    center = center_of_mass(robot, position[inside], rotation[inside])
     return write_replay(
         path,
         Replay(
@@ -166,8 +166,14 @@ def _arrows(shown: xr.Dataset, origin: Array, center: Array, foreseen: Foreseen 
     return Arrows(point - origin[:, None], force, guess, center - origin, force.sum(axis=1), total)
 
 
-def _center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
-    """Of the robot at many states, (N, 3) [m]."""
+def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
+    """Center of mass of the robot at many states, (N, 3) [m].
+
+    Args:
+        robot: The machine, with numbers for parameters.
+        position: Origins of its bodies, (N, n_bodies, 3) [m].
+        rotation: Their axes, (N, n_bodies, 3, 3).
+    """
     mass = np.array([float(body.mass) for body in robot.bodies])
     offsets = np.array([body.center_of_mass for body in robot.bodies], float)
     centers = position + np.einsum("nbij,bj->nbi", rotation, offsets)

@@ -1,0 +1,231 @@
+"""A simulation in its own time, shown, steered, and learned from as it flies.
+
+Short pieces of flight are integrated as the clock goes; where that takes longer than it flies,
+the flight falls behind and says so. Whatever time is left goes to a learner, along every sample
+or as many as keep pace. Neglected: the rest of what the machine does.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.errors import Outcome
+from patagium.identification.pipeline import Pipeline, Records
+from patagium.identification.tally import Tally
+from patagium.robot import Robot
+from patagium.simulation.flying import Flying
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.steered_gait import SteeredGait, largest_amplitude, steered
+from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
+from patagium.viewer.live_view import PERIOD, LiveView
+
+Array = NDArray[np.float64]
+
+LONGEST = 0.03
+"""Flight that is integrated in one piece at most [s]."""
+_BEHIND = 0.2  # s after which lost time is given up
+_MOST_AMPLITUDE, _FASTEST, _SLOWEST = 2.0, 3.0, 0.1  # over the gait's own
+_MEMORY = 5_000.0  # samples that running scores reach back
+_SHARE = 0.8  # of the time that integration leaves, for learning
+
+
+def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subject:
+    """What the page of a simulation shows.
+
+    Args:
+        robot: The machine.
+        gait: What its joints do; one that stands still cannot be steered.
+        pipeline: What learns; None where nothing does.
+    """
+    network = None if pipeline is None else pipeline.learner.network
+    outputs = robot.dof_names if network is None else network.output_names
+    steering = None
+    if gait.period:
+        most = min(_MOST_AMPLITUDE, largest_amplitude(robot, steered(gait)))
+        own = 1.0 / gait.period
+        steering = Steering(own, _SLOWEST * own, _FASTEST * own, max(1.0, most))
+    title = f"{robot.name}: flying" + ("" if network is None else " and learning")
+    return Subject(robot, tuple(outputs), network, title, gait.period, steering, strips=True)
+
+
+class LiveFlight:
+    """A flight that goes as the clock does.
+
+    Args:
+        start: Begins a flight with a gait.
+        robot: The machine.
+        gait: What its joints do until somebody steers.
+        time_step: Of the integrator [s].
+        view: The page.
+        subject: What it shows.
+        pipeline: What learns; None where nothing does.
+        every: Samples from which one at most is learned.
+    """
+
+    def __init__(
+        self,
+        start: Callable[[Gait], Flying],
+        robot: Robot,
+        gait: Gait,
+        time_step: float,
+        view: LiveView,
+        subject: Subject,
+        pipeline: Pipeline | None = None,
+        every: int = 1,
+    ) -> None:
+        self._start, self._robot, self._own = start, robot, gait
+        self._step, self._view, self._pipeline = time_step, view, pipeline
+        self._steering = subject.steering
+        learner = None if pipeline is None else pipeline.learner
+        self._feed = Feed(view.letters, subject, learner)
+        self._tally = Tally(len(subject.outputs), _MEMORY)
+        self._every, self._share, self._offset = every, every, 0
+        self._resets, self._paused = 0, False
+        self._asked = (0.0, 0.0)
+        self._flown_for = self._learned_for = float("nan")  # clock a step, clock a sample
+        self._begin()
+
+    def fly(self, stop: threading.Event, look: Callable[[], object] | None = None) -> xr.Dataset:
+        """Fly to the end, or until somebody stops it; the flight since it last began.
+
+        Args:
+            stop: Ends it.
+            look: Called with every frame.
+
+        Returns:
+            What was flown.
+        """
+        due = 0.0
+        while not stop.is_set() and not self._over:
+            self._obey()
+            steps = self._steps_due()
+            if steps:
+                self._advance(steps)
+            now = time.monotonic()
+            if now >= due:
+                self._post()
+                due = now + PERIOD
+                if look is not None:
+                    look()
+            if not steps:
+                stop.wait(min(self._step, 0.5 * PERIOD) if self._sound else 0.5 * PERIOD)
+        self._post()
+        return self._flying.flight()
+
+    @property
+    def _sound(self) -> bool:
+        return self._outcome is Outcome.COMPLETED and not self._paused
+
+    @property
+    def _over(self) -> bool:
+        return self._outcome is Outcome.COMPLETED and self._done >= self._flying.steps
+
+    def _begin(self) -> None:
+        """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
+        self._gait: Gait | SteeredGait = steered(self._own) if self._steering else self._own
+        self._flying = self._start(self._gait)
+        self._done, self._outcome = 0, Outcome.COMPLETED
+        self._strips: Array = np.zeros((len(self._robot.strips), 3))
+        if self._steering and self._asked != (0.0, 0.0):
+            self._steer(*self._asked)
+        self._anchor()
+
+    def _anchor(self) -> None:
+        self._clock, self._from = time.monotonic(), self._flying.time
+
+    def _obey(self) -> None:
+        """Do what was asked for on the page."""
+        command = self._view.command
+        if command is None:
+            return
+        if bool(command["paused"]) != self._paused:
+            self._paused = bool(command["paused"])
+            self._anchor()
+        asked = float(command["frequency"]), float(command["amplitude"])
+        if self._steering and asked != self._asked and asked[0] > 0:
+            self._steer(*asked)
+        if int(command["resets"]) != self._resets:
+            self._resets = int(command["resets"])
+            self._begin()
+
+    def _steer(self, frequency: float, amplitude: float) -> None:
+        assert isinstance(self._gait, SteeredGait)
+        self._asked = frequency, amplitude
+        self._gait = self._gait.asked(self._flying.time, frequency, amplitude)
+        self._flying.steer(self._gait)
+
+    def _steps_due(self) -> int:
+        """Steps to take now for the flight to be where the clock is."""
+        if not self._sound:
+            return 0
+        now, flown = time.monotonic(), self._flying.time
+        behind = self._from + now - self._clock - flown
+        if behind > _BEHIND:
+            self._anchor()
+        return int(min(behind, LONGEST) / self._step)
+
+    def _advance(self, steps: int) -> None:
+        began, before = time.perf_counter(), self._done
+        self._outcome = self._flying.advance(steps)
+        run = self._flying.run
+        self._done = run.steps
+        fresh = slice(before + 1, run.steps + 1)
+        if run.steps > before:
+            self._flown_for = _faded(
+                self._flown_for, (time.perf_counter() - began) / (run.steps - before)
+            )
+            samples = {name: values[fresh] for name, values in run.samples.items()}
+            self._strips = samples["strip_force"][-1]
+            self._learn(self._step * np.arange(fresh.start, fresh.stop), samples)
+
+    def _learn(self, times: Array, samples: dict[str, Array]) -> None:
+        force = samples["u1"] + samples["mount_force"]  # a stand's pull is known here
+        packets = np.column_stack([times, samples["q"], samples["v"], samples["a"], force])
+        if self._pipeline is None:
+            self._feed.append(packets, unlearned(packets, samples["aero_force"]))
+            return
+        chosen = packets[-(self._offset + 1) % self._share :: self._share]
+        self._offset = (self._offset + len(packets)) % self._share
+        if not len(chosen):
+            return
+        began = time.perf_counter()
+        records: Records = self._pipeline.run(chosen)
+        spent = (time.perf_counter() - began) / len(chosen)
+        self._learned_for = _faded(self._learned_for, spent)
+        self._tally.add(records)
+        self._feed.append(chosen, records)
+        left = _SHARE * max(self._step - self._flown_for, 0.05 * self._step)
+        self._share = max(self._every, math.ceil(self._learned_for / left))
+
+    def _post(self) -> None:
+        facts: dict[str, Any] = {"strip_force": self._strips, "share": self._share}
+        facts |= {"paused": self._paused, "ended": self._outcome is not Outcome.COMPLETED}
+        facts["words"] = self._words()
+        if isinstance(self._gait, SteeredGait):
+            facts["frequency"], facts["amplitude"] = self._gait.now(self._flying.time)
+        tally = self._tally
+        if self._pipeline is not None:
+            facts |= {"samples": tally.samples, "failed": tally.samples - tally.learned}
+            facts |= {"nmse": tally.nmse_mean, "coverage": tally.coverage}
+            facts["time_per_call"] = tally.duration(0.5)
+        self._feed.post(**facts)
+
+    def _words(self) -> str:
+        if self._outcome is not Outcome.COMPLETED:
+            return f"The flight broke down; R flies again from the start. {self._flying.message()}"
+        if self._over:
+            return "The flight is over."
+        return "Paused." if self._paused else ""
+
+
+def _faded(before: float, now: float) -> float:
+    """A running mean over about ten values."""
+    return now if math.isnan(before) else 0.9 * before + 0.1 * now

@@ -1,0 +1,195 @@
+"""What travels from a learner or a simulation to its page, thirty times a second or so.
+
+A frame is the last sample, the scores so far, and the forces since the frame before, thinned,
+so that a wingbeat can be plotted although only few of its pictures are drawn. Making one copies
+a few kilobytes; nothing is drawn here. Neglected: samples between those that travel.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import LogError
+from patagium.identification.air_force import packet_parts
+from patagium.identification.learner import Learner
+from patagium.identification.network import Network
+from patagium.identification.pipeline import Records
+from patagium.robot import Robot
+from patagium.viewer.live_mailbox import Mailbox
+
+Array = NDArray[np.float64]
+
+TRACE = 32
+"""Samples a frame holds at most, of those since the one before."""
+SLOTS = 32
+"""Frames that wait for a page that is late: about a second."""
+_WORDS = 480  # bytes
+COMMAND = (
+    ("frequency", "f8"),
+    ("amplitude", "f8"),
+    ("paused", "?"),
+    ("resets", "i8"),
+    ("drawn", "i8"),
+)
+"""What a page sends back: what was asked for, and how many frames it drew."""
+
+
+@dataclass(frozen=True)
+class Steering:
+    """What a page may ask of a gait.
+
+    Attributes:
+        frequency: Beats a second at first [Hz].
+        least: Fewest beats a second [Hz].
+        most: Most beats a second [Hz].
+        amplitude: Largest excursion over the gait's own that the joints allow.
+    """
+
+    frequency: float
+    least: float
+    most: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a page shows, told once.
+
+    Attributes:
+        robot: The machine.
+        outputs: Coordinates whose force of the air is known or learned.
+        network: What is learned; None where nothing is.
+        title: Heading.
+        beat: One wingbeat [s]; None where unknown.
+        steering: What it may ask for; None where nothing listens.
+        strips: Whether the true force on each strip is known.
+    """
+
+    robot: Robot
+    outputs: tuple[str, ...]
+    network: Network | None
+    title: str
+    beat: float | None = None
+    steering: Steering | None = None
+    strips: bool = False
+
+    @property
+    def layout(self) -> list[Any]:
+        """Fields of a frame."""
+        m, robot = len(self.outputs), self.robot
+        weights = 0 if self.network is None else self.network.size
+        return [
+            *(("time", "f8"), ("q", "f8", (robot.coordinate_count,)), ("v", "f8", (robot.dof,))),
+            *((name, "f8", (m,)) for name in FORCES),
+            ("strip_force", "f8", (len(robot.strips) if self.strips else 0, 3)),
+            ("weights", "f8", (weights,)),
+            *(("trace", "f8", (TRACE, 1 + len(FORCES) * m)), ("traced", "i8")),
+            *((name, "f8") for name in ("posted", "load", "nmse", "coverage", "time_per_call")),
+            *((name, "f8") for name in ("pace", "frequency", "amplitude", "share")),
+            *((name, "i8") for name in ("samples", "failed", "resets")),
+            *(("paused", "?"), ("ended", "?"), ("words", f"S{_WORDS}")),
+        ]
+
+
+FORCES = ("measurement", "prediction", "deviation")
+"""Generalized force of the air as it was, as it was foreseen, and how sure that was."""
+
+
+class Feed:
+    """Samples as they come, kept as they are until the next frame leaves.
+
+    Args:
+        letters: Where frames go.
+        subject: What they show.
+        learner: What learns; None where nothing does.
+    """
+
+    def __init__(self, letters: Mailbox, subject: Subject, learner: Learner | None = None) -> None:
+        self._letters, self._subject, self._learner = letters, subject, learner
+        self._waiting: list[tuple[Array, Records]] = []
+        self._last: dict[str, Any] | None = None
+
+    def append(self, packets: Array, records: Records) -> None:
+        """More samples, (k, 1 + n_q + 3 n), and what became of them; they are not copied."""
+        self._waiting.append((packets, records))
+
+    def post(self, **facts: Any) -> None:
+        """Send a frame: the last sample there is, and facts by the name of their field.
+
+        Args:
+            **facts: Scores, strip forces, words.
+        """
+        if self._waiting:
+            self._last = self._samples()
+            self._waiting = []
+        if self._last is None:
+            return
+        words = str(facts.pop("words", "")).encode()[:_WORDS]
+        posted = {"posted": time.monotonic(), "words": words}
+        self._letters.put(self._last | posted | facts)
+        self._last |= {"traced": 0}
+
+    def _samples(self) -> dict[str, Any]:
+        packets, records = self._waiting[-1]
+        q, v, _, _ = packet_parts(packets[-1], self._subject.robot)
+        trace = self._trace()
+        found = {"time": packets[-1, 0], "q": q, "v": v, "traced": len(trace)}
+        found |= {name: getattr(records, name)[-1] for name in FORCES}
+        if self._learner is not None and self._subject.network is not None:
+            found["weights"] = self._learner.weights
+        room = np.zeros((TRACE, trace.shape[1]))
+        room[: len(trace)] = trace
+        return found | {"trace": room}
+
+    def _trace(self) -> Array:
+        """Samples since the last frame, thinned: time and forces, (at most TRACE, 1 + 3 m)."""
+        blocks = self._waiting[:: -(-len(self._waiting) // TRACE)]
+        each = max(1, TRACE // len(blocks))
+        rows = []
+        for packets, records in blocks:
+            thin = slice(None, None, -(-len(packets) // each))
+            forces = [getattr(records, name)[thin] for name in FORCES]
+            rows.append(np.column_stack([packets[thin, 0], *forces]))
+        return np.concatenate(rows)[:TRACE]
+
+
+def words_of(letter: Any) -> str:
+    """Words of a frame.
+
+    Args:
+        letter: A frame.
+    """
+    return bytes(letter["words"]).decode(errors="replace")
+
+
+def unlearned(packets: Array, force: Array) -> Records:
+    """Records of samples that nobody learned from.
+
+    Args:
+        packets: (N, 1 + n_q + 3 n).
+        force: Force of the air, (N, m) [N, N m].
+
+    Raises:
+        LogError: If they differ in length.
+    """
+    if len(packets) != len(force):
+        raise LogError(f"forces: expected {len(packets)} rows, found {len(force)}")
+    m = force.shape[1]
+    rows = np.full((len(force), 3 * m + 4), np.nan)
+    rows[:, 2 * m : 3 * m], rows[:, -3:] = force, 0.0
+    return Records(rows)
+
+
+def command_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A command as a mailbox takes it.
+
+    Args:
+        values: By field of `COMMAND`.
+    """
+    return {name: values[name] for name, _ in COMMAND}
