@@ -6,8 +6,8 @@ class Arrows {
   constructor(count, color, { thickness, halo }) {
     const look = { color, fog: false, transparent: true, opacity: halo ? 0.62 : 1, depthWrite: !halo };
     const material = new THREE.MeshBasicMaterial(look);
-    const shaft = new THREE.CylinderGeometry(1, 1, 1, 10).translate(0, 0.5, 0);
-    const head = new THREE.ConeGeometry(1, 1, 14).translate(0, 0.5, 0);
+    const shaft = new THREE.CylinderGeometry(1, 1, 1, 8, 1, true).translate(0, 0.5, 0);
+    const head = new THREE.ConeGeometry(1, 1, 12).translate(0, 0.5, 0);
     this.shafts = new THREE.InstancedMesh(shaft, material, count);
     this.heads = new THREE.InstancedMesh(head, material, count);
     this.group = new THREE.Group();

@@ -62,8 +62,10 @@ class Flight {
   }
 
   // A point fixed to a body at a stored frame, relative to the origin of that frame.
-  pointAt(frame, body, offset) {
-    const at = { frame, next: frame, part: 0 };
+  pointAt(frame, body, offset) { return this.pointWhen({ frame, next: frame, part: 0 }, body, offset); }
+
+  // The same between frames.
+  pointWhen(at, body, offset) {
     const [x, y, z, w] = this.turnAt(body, at);
     const p = this.mix(this.position, 3 * this.bodies.length, 3 * body, 3, at, [0, 0, 0]);
     const [a, b, c] = offset;
@@ -111,4 +113,9 @@ function numberText(x) {
 function lengthText(meters) {
   const [value, unit] = meters >= 1 ? [meters, "m"] : meters >= 0.01 ? [100 * meters, "cm"] : [1000 * meters, "mm"];
   return `${+value.toPrecision(3)} ${unit}`;
+}
+
+// Texts are set when they change: the page is laid out anew for each.
+function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
 }

@@ -2,6 +2,7 @@
 // Time: plays, steps, loops; what the buttons and keys do; and what other programs may ask.
 
 const SPEEDS = [1 / 200, 1 / 100, 1 / 50, 1 / 20, 1 / 10, 1 / 5, 1 / 2, 1];
+const STILL = 200, WORDS = 100; // ms: at rest after so long; numbers change so often
 const flight = new Flight(JSON.parse(document.getElementById("flight").textContent));
 const $ = (id) => document.getElementById(id);
 
@@ -11,6 +12,8 @@ class Player {
     this.playing = false;
     this.loop = null;
     this.shown = { forces: true, predicted: true, total: false, trail: true };
+    this.pace = new Pace();
+    this.said = -Infinity;
     this.plots = new Plots($("plots"), $("choice").querySelector("div"), flight, (t) => this.seek(t));
     try {
       this.view = new View($("view"), flight);
@@ -21,6 +24,7 @@ class Player {
     }
     this.prepare();
     this.listen();
+    this.sayShown();
     this.resize();
     this.seek(this.asked("t") ?? flight.begin);
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches || this.asked("play") === 0;
@@ -176,11 +180,18 @@ class Player {
 
   toggle(name) {
     this.shown[name] = !this.shown[name];
+    this.sayShown();
+  }
+
+  sayShown() {
+    for (const [name, on] of Object.entries(this.shown)) $(name).setAttribute("aria-pressed", on);
+    if (this.view) this.view.show(this.shown);
     this.stale = true;
   }
 
   resize() {
     if (this.view) this.view.resize();
+    this.plots.measure();
     this.stale = true;
   }
 
@@ -195,13 +206,16 @@ class Player {
 
   tick(now) {
     if (this.playing) {
-      const passed = this.last === undefined ? 0 : Math.min(now - this.last, 100) / 1000;
+      const gap = this.last === undefined ? 0 : now - this.last;
+      if (gap) this.pace.heed(gap);
       this.last = now;
-      this.advance(this.time + passed * this.speed);
+      this.advance(this.time + (Math.min(gap, 100) / 1000) * this.speed);
     }
     if (this.stale) {
-      this.stale = false;
-      this.draw();
+      this.moved = now;
+      this.draw(now, false);
+    } else if (this.coarse && !this.playing && now - this.moved > STILL) {
+      this.draw(now, true);
     }
     requestAnimationFrame((next) => this.tick(next));
   }
@@ -216,22 +230,26 @@ class Player {
     this.seek(t);
   }
 
-  draw() {
-    const { view, shown } = this;
-    for (const [name, on] of Object.entries(shown)) $(name).setAttribute("aria-pressed", on);
-    $("scrub").value = this.time;
+  // All at the time shown. Words follow a few times a second while it plays: no eye reads faster.
+  draw(now, atRest) {
+    const { view, time } = this, words = !this.playing || now - this.said > WORDS;
+    this.stale = false;
+    this.plots.draw(time, this.span(), words);
+    $("scrub").value = time;
+    if (words) this.say(now);
+    if (view) {
+      view.draw(time, atRest ? view.finest : view.usual * this.pace.share);
+      this.coarse = view.ratio < view.finest;
+      triad($("triad"), view.camera);
+      setText($("scales"), view.scales(this.shown));
+    }
+    this.drawn = time;
+  }
+
+  say(now) {
+    this.said = now;
     $("scrub").setAttribute("aria-valuetext", `${this.time.toFixed(4)} s`);
-    this.plots.draw(this.time, this.span());
-    $("moment").textContent = this.words();
-    if (!view) return;
-    view.paths.visible = view.traces.visible = shown.trail;
-    if (view.forces) view.forces.show(shown);
-    view.update(this.time);
-    view.draw();
-    const scales = view.forces ? [view.forces.legend(view.reach, shown)] : [];
-    $("scales").textContent = [...scales, `grid ${lengthText(view.square)}`].filter(Boolean).join(" · ");
-    triad($("triad"), view.camera);
-    this.drawn = this.time;
+    setText($("moment"), this.words());
   }
 
   words() {
@@ -246,6 +264,9 @@ class Player {
 
 // World axes as the camera sees them.
 function triad(canvas, camera) {
+  const seenFrom = camera.quaternion.toArray().join();
+  if (canvas.dataset.seenFrom === seenFrom) return;
+  canvas.dataset.seenFrom = seenFrom;
   const pen = canvas.getContext("2d"), half = canvas.width / 2, turn = camera.quaternion.clone().invert();
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.font = "600 22px system-ui, sans-serif";
@@ -284,5 +305,7 @@ window.replay = {
   pause: () => player.pause(),
   seek: (t) => player.seek(t),
   mark: (index) => player.view.markAt(index),
-  cursors: () => [...player.plots.plots].map(([name, plot]) => ({ name, time: plot.timeAt(plot.cursor), x: plot.cursor })),
+  cursors: () => player.plots.plots.map((plot) => ({ name: plot.series.name, time: plot.timeAt(plot.cursor), x: plot.cursor })),
+  // How it is drawn: pixels along an edge of those it could have, and frames a second while it plays.
+  get pace() { return { share: player.pace.share, rate: 1000 / player.pace.gap, atRest: !player.playing && !player.stale && !player.coarse }; },
 };

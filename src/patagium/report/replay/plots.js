@@ -1,23 +1,29 @@
 "use strict";
-// Quantities over time, each on its own canvas, with a cursor at the time shown.
-// The curves are kept as an image; only the cursor is drawn anew as time passes.
+// Quantities over time, each on two canvases: curves, drawn when the span changes, and over
+// them the cursor at the time shown, of which only the old and new places are touched.
+
+const ROOM = { left: 46, right: 8, top: 5, bottom: 16 }; // around the curves [px]
 
 class Plot {
   constructor(parent, series, flight, onSeek) {
     this.series = series;
     this.flight = flight;
+    this.guesses = series.predicted ? [series.values, series.predicted] : [series.values];
     this.element = document.createElement("figure");
     this.element.className = "plot";
-    this.element.innerHTML = "<figcaption><b></b><i></i><span></span></figcaption><canvas></canvas>";
+    this.element.innerHTML = "<figcaption><b></b><i></i><span></span></figcaption><div><canvas></canvas><canvas aria-hidden=true></canvas></div>";
     this.element.querySelector("b").textContent = series.name.replaceAll("_", " ");
     this.element.querySelector("i").textContent = `[${series.unit}]`;
-    this.readout = this.element.querySelector("span");
-    this.canvas = this.element.querySelector("canvas");
+    this.readouts = this.guesses.map((_, k) => {
+      const readout = document.createElement("em");
+      readout.style.color = flight.colors[k];
+      this.element.querySelector("span").append(readout);
+      return readout;
+    });
+    [this.canvas, this.curves] = this.element.querySelectorAll("canvas");
     this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", `${series.group}: ${series.name} over time`);
+    this.canvas.setAttribute("aria-label", `${series.group}: ${series.name.replaceAll("_", " ")} over time`);
     parent.append(this.element);
-    this.curves = document.createElement("canvas");
-    this.stale = true;
     this.range = valueRange(series);
     const seek = (event) => {
       const box = this.canvas.getBoundingClientRect();
@@ -33,63 +39,64 @@ class Plot {
   }
 
   timeAt(x) {
-    const { left, width } = this.area();
+    const { left, width } = this.area;
     const part = Math.min(Math.max((x - left) / width, 0), 1);
     return this.span[0] + part * (this.span[1] - this.span[0]);
   }
 
-  area() {
-    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
-    return { left: 46, top: 5, width: Math.max(width - 46 - 8, 10), height: Math.max(height - 5 - 16, 10) };
+  // Takes its size from the page; asked for all plots at once, before any is drawn.
+  measure() {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.size = [clientWidth, clientHeight];
+    const { left, right, top, bottom } = ROOM;
+    this.area = { left, top, width: Math.max(clientWidth - left - right, 10), height: Math.max(clientHeight - top - bottom, 10) };
+    this.span = undefined;
   }
 
-  draw(t, span) {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const wide = Math.round(this.canvas.clientWidth * ratio), high = Math.round(this.canvas.clientHeight * ratio);
+  draw(t, span, words) {
+    const [wide, high] = this.size.map((k) => Math.round(k * this.ratio));
     if (!wide || !high) return;
-    const moved = !this.span || span[0] !== this.span[0] || span[1] !== this.span[1];
-    this.span = span;
-    if (this.stale || moved || this.curves.width !== wide || this.curves.height !== high) {
-      this.canvas.width = this.curves.width = wide;
-      this.canvas.height = this.curves.height = high;
-      this.drawCurves(ratio);
-      this.stale = false;
+    if (!this.span || span[0] !== this.span[0] || span[1] !== this.span[1]) {
+      this.span = span;
+      for (const canvas of [this.canvas, this.curves]) {
+        if (canvas.width !== wide) canvas.width = wide;
+        if (canvas.height !== high) canvas.height = high;
+      }
+      this.drawCurves();
     }
-    const pen = this.canvas.getContext("2d"), { left, top, width, height } = this.area();
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.clearRect(0, 0, wide, high);
-    pen.drawImage(this.curves, 0, 0);
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    this.cursor = left + (width * (t - span[0])) / (span[1] - span[0] || 1);
+    this.drawCursor(t);
+    if (words) this.values.forEach((value, k) => setText(this.readouts[k], numberText(value)));
+  }
+
+  drawCursor(t) {
+    const { left, top, width, height } = this.area, [begin, end] = this.span, colors = this.flight.colors;
+    const pen = (this.pen ||= this.canvas.getContext("2d"));
+    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    if (this.cursor !== undefined) pen.clearRect(this.cursor - 5, 0, 10, this.size[1]);
+    this.cursor = left + (width * (t - begin)) / (end - begin || 1);
     pen.fillStyle = "#0b5c94";
     pen.fillRect(this.cursor - 0.75, top, 1.5, height);
-    this.dots(pen, t);
-  }
-
-  dots(pen, t) {
-    const at = this.flight.locate(t), { values, predicted } = this.series, colors = this.flight.colors, one = [0];
-    const words = [];
-    for (const [k, curve] of [values, predicted].entries()) {
-      if (!curve) continue;
+    const at = this.flight.locate(t), one = [0];
+    this.values = this.guesses.map((curve, k) => {
       const value = this.flight.mix(curve, 1, 0, 1, at, one)[0];
       pen.fillStyle = colors[k];
       pen.beginPath();
       pen.arc(this.cursor, this.height(value), 2.6, 0, 7);
       pen.fill();
-      words.push(`<em style="color:${colors[k]}">${numberText(value)}</em>`);
-    }
-    this.readout.innerHTML = words.join(" ");
+      return value;
+    });
   }
 
   height(value) {
-    const { top, height } = this.area(), [low, high] = this.range;
+    const { top, height } = this.area, [low, high] = this.range;
     return top + height * (1 - (Math.min(Math.max(value, low), high) - low) / (high - low));
   }
 
-  drawCurves(ratio) {
-    const pen = this.curves.getContext("2d"), { left, top, width, height } = this.area();
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, this.canvas.clientWidth, this.canvas.clientHeight);
+  drawCurves() {
+    const pen = this.curves.getContext("2d"), { left, top, width, height } = this.area;
+    pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    pen.clearRect(0, 0, ...this.size);
     pen.font = "10.5px system-ui, sans-serif";
     this.axes(pen, left, top, width, height);
     pen.save();
@@ -103,7 +110,7 @@ class Plot {
   }
 
   curve(pen, values, color, width, dash = []) {
-    const { flight, span } = this, { left, width: wide } = this.area();
+    const { flight, span } = this, { left, width: wide } = this.area;
     const first = flight.locate(span[0]).frame, last = flight.locate(span[1]).next;
     pen.beginPath();
     for (let i = first; i <= last; i++) {
@@ -120,7 +127,6 @@ class Plot {
 
   axes(pen, left, top, width, height) {
     const [low, high] = this.range, step = tickStep((high - low) / 3.6), digits = Math.max(0, -Math.floor(Math.log10(step)));
-    pen.fillStyle = "#5a6570";
     pen.textAlign = "right";
     pen.textBaseline = "middle";
     for (let value = step * Math.ceil(low / step); value <= high; value += step) {
@@ -168,9 +174,9 @@ function tickStep(rough) {
 // The column of plots, and the choice of what is in it.
 class Plots {
   constructor(column, chooser, flight, onSeek) {
-    Object.assign(this, { column, flight, onSeek, plots: new Map() });
+    Object.assign(this, { column, flight, onSeek, plots: [] });
     let group = null, list = null;
-    flight.series.forEach((series, index) => {
+    for (const series of flight.series) {
       if (series.group !== group) {
         group = series.group;
         const part = document.createElement("fieldset");
@@ -187,13 +193,13 @@ class Plots {
       });
       label.append(box, ` ${series.name.replaceAll("_", " ")}`);
       list.append(label);
-    });
+    }
     this.arrange();
   }
 
   arrange() {
     this.column.textContent = "";
-    this.plots.clear();
+    this.plots = [];
     let group = null;
     for (const series of this.flight.series.filter((one) => one.shown)) {
       if (series.group !== group) {
@@ -201,14 +207,19 @@ class Plots {
         head.textContent = group = series.group;
         this.column.append(head);
       }
-      this.plots.set(series.name, new Plot(this.column, series, this.flight, this.onSeek));
+      this.plots.push(new Plot(this.column, series, this.flight, this.onSeek));
     }
-    if (this.time !== undefined) this.draw(this.time, this.span);
+    this.measure();
+    if (this.time !== undefined) this.draw(this.time, this.span, true);
   }
 
-  draw(t, span) {
+  measure() {
+    for (const plot of this.plots) plot.measure();
+  }
+
+  draw(t, span, words) {
     this.time = t;
     this.span = span;
-    for (const plot of this.plots.values()) plot.draw(t, span);
+    for (const plot of this.plots) plot.draw(t, span, words);
   }
 }

@@ -6,13 +6,15 @@ const LOOK = {
   paper: "#f4f7f9", grid: "#dbe2e8", gridMajor: "#bcc8d1", shadow: "#d3dbe1", bodies: "#8c9aa7",
   upper: "#9fc0d8", lower: "#7d9db6", edge: "#46627a", path: "#7b8894", ahead: "#c6cfd7", trace: "#4f86ad",
 };
+const MOST_DOTS = 3e6; // of a picture at rest that the processor draws
 const DIRECTIONS = { oblique: [-0.72, -0.75, 0.62], side: [0, -1, 0.04], behind: [-1, 0, 0.12], above: [-0.02, 0, 1] };
 
 class View {
   constructor(canvas, flight) {
     this.flight = flight;
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    this.software = drawsInSoftware();
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, preserveDrawingBuffer: true });
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(LOOK.paper);
     this.scene.fog = new THREE.Fog(LOOK.paper, 1, 10);
@@ -27,7 +29,8 @@ class View {
     this.bodies = this.build(this.robot, false);
     this.shadows = this.build(this.shadow, true);
     this.addGround();
-    this.addPaths();
+    this.paths = new Paths(flight, this.reach);
+    this.scene.add(this.paths.group);
     if (flight.arrows) {
       this.forces = new Forces(flight, this.reach);
       this.robot.add(this.forces.group);
@@ -68,9 +71,9 @@ class View {
   build(parent, flat) {
     const plain = (color) => new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide, depthWrite: false });
     const shadow = plain(LOOK.shadow);
-    const solid = flat ? shadow : new THREE.MeshStandardMaterial({ color: LOOK.bodies, roughness: 0.55, metalness: 0.1 });
-    const lit = (color, side) => new THREE.MeshStandardMaterial({
-      color, side, roughness: 0.8, transparent: true, opacity: 0.9,
+    const solid = flat ? shadow : new THREE.MeshLambertMaterial({ color: LOOK.bodies });
+    const lit = (color, side) => new THREE.MeshLambertMaterial({
+      color, side, transparent: true, opacity: 0.9,
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     });
     const skins = flat ? [shadow] : [lit(LOOK.upper, THREE.FrontSide), lit(LOOK.lower, THREE.BackSide)];
@@ -79,7 +82,7 @@ class View {
       const group = new THREE.Group();
       parent.add(group);
       for (const one of this.flight.solids.filter((k) => k.body === body)) {
-        const mesh = new THREE.Mesh(solidGeometry(one), solid);
+        const mesh = new THREE.Mesh(solidGeometry(one, flat), solid);
         mesh.position.fromArray(one.center);
         const up = one.kind === "cylinder" || one.kind === "capsule" ? one.axis : [0, 1, 0];
         mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...up).normalize());
@@ -117,44 +120,6 @@ class View {
     this.scene.add(this.grid);
   }
 
-  // The path of the origin, flown and to come, and what wing tips traced in the last beat.
-  addPaths() {
-    const { flight } = this, n = flight.frames;
-    this.start = [flight.origin[0], flight.origin[1], flight.origin[2]];
-    this.paths = new THREE.Group();
-    this.traces = new THREE.Group();
-    this.scene.add(this.paths, this.traces);
-    const relative = new Float32Array(3 * n);
-    let moved = 0;
-    for (let i = 0; i < 3 * n; i++) {
-      relative[i] = flight.origin[i] - this.start[i % 3];
-      moved = Math.max(moved, Math.abs(relative[i]));
-    }
-    if (n > 1 && moved > 0.02 * this.reach) {
-      this.ahead = fatLine(relative, { color: LOOK.ahead, linewidth: 1.2, depthWrite: false });
-      this.path = fatLine(relative, { color: LOOK.path, linewidth: 2.2 });
-      this.paths.add(this.ahead, this.path);
-    }
-    this.traceFrames = this.framesOfBeat();
-    this.tracePoints = n < 2 ? [] : flight.marks.map(({ body, offset }) => {
-      const points = new Float32Array(3 * n);
-      for (let i = 0; i < n; i++) {
-        const p = flight.pointAt(i, body, offset);
-        for (let k = 0; k < 3; k++) points[3 * i + k] = flight.origin[3 * i + k] - this.start[k] + p[k];
-      }
-      const line = fatLine(new Float32Array(3 * (this.traceFrames + 1)), { color: LOOK.trace, linewidth: 1.4, transparent: true, opacity: 0.75 });
-      this.traces.add(line);
-      return { points, line };
-    });
-  }
-
-  framesOfBeat() {
-    const { flight } = this;
-    const beat = flight.period || 0.1 * (flight.end - flight.begin);
-    const step = (flight.end - flight.begin) / Math.max(flight.frames - 1, 1) || 1;
-    return Math.max(2, Math.min(Math.round(beat / step), flight.frames - 1, 400));
-  }
-
   update(t) {
     const { flight, anchor } = this, at = flight.locate(t);
     if (this.following) flight.meanAt(at, anchor);
@@ -172,29 +137,27 @@ class View {
         one.quaternion.fromArray(turn);
       }
     });
-    const from = this.start.map((value, k) => value - anchor[k]);
-    this.paths.position.fromArray(from);
-    this.traces.position.fromArray(from);
-    if (this.path) this.path.geometry.instanceCount = Math.max(at.frame, 1);
-    this.trace(at.next);
+    const { group, start } = this.paths;
+    group.position.set(start[0] - anchor[0], start[1] - anchor[1], start[2] - anchor[2]);
+    if (group.visible) this.paths.update(at);
     if (this.forces) this.forces.update(at);
   }
 
-  trace(frame) {
-    const first = Math.max(0, frame - this.traceFrames);
-    for (const { points, line } of this.tracePoints) {
-      const ends = line.geometry.attributes.instanceStart.data;
-      const count = frame - first;
-      for (let i = 0; i < count; i++) {
-        for (let k = 0; k < 6; k++) ends.array[6 * i + k] = points[3 * (first + i) + k];
-      }
-      line.geometry.instanceCount = count;
-      ends.needsUpdate = true;
-    }
+  show(shown) {
+    this.paths.group.visible = shown.trail;
+    if (this.forces) this.forces.show(shown);
   }
 
-  draw() {
+  scales(shown) {
+    const forces = this.forces ? this.forces.legend(this.reach, shown) : "";
+    return [forces, `grid ${lengthText(this.square)}`].filter(Boolean).join(" · ");
+  }
+
+  // The robot at a time, with so many dots to a pixel of the page along an edge.
+  draw(t, ratio) {
     const { camera, controls } = this;
+    this.setRatio(ratio);
+    this.update(t);
     controls.update();
     const distance = camera.position.distanceTo(controls.target);
     camera.near = 0.02 * distance;
@@ -214,10 +177,20 @@ class View {
     this.renderer.render(this.scene, camera);
   }
 
+  setRatio(ratio) {
+    if (ratio === this.ratio) return;
+    this.ratio = ratio;
+    this.renderer.setPixelRatio(ratio);
+    this.paths.widen(ratio);
+  }
+
   resize() {
     const { clientWidth, clientHeight } = this.canvas.parentElement;
     if (!clientWidth || !clientHeight) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    const wanted = window.devicePixelRatio || 1;
+    this.usual = Math.min(wanted, this.software ? 1 : 2);
+    // without smoothed edges, more dots at rest make them smooth
+    this.finest = this.software ? Math.max(1, Math.min(2, Math.sqrt(MOST_DOTS / (clientWidth * clientHeight)))) : this.usual;
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();
@@ -258,12 +231,6 @@ class View {
   }
 }
 
-function fatLine(points, look) {
-  const line = new THREE.Line2(new THREE.LineGeometry().setPositions(points), new THREE.LineMaterial({ ...look, fog: true }));
-  line.frustumCulled = false;
-  return line;
-}
-
 function stripGeometry(strips) {
   const faces = [], edges = [];
   for (const { corners: [a, b, c, d] } of strips) {
@@ -279,17 +246,20 @@ function stripGeometry(strips) {
   return { faces: filled, edges: outlined };
 }
 
-function solidGeometry({ kind, size }) {
+// A shadow is flat and needs half the corners.
+function solidGeometry({ kind, size }, flat) {
+  const fine = flat ? 0.5 : 1;
   if (kind === "box") return new THREE.BoxGeometry(...size);
-  if (kind === "ellipsoid") return new THREE.SphereGeometry(1, 28, 18).scale(...size);
-  if (kind === "capsule") return new THREE.CapsuleGeometry(size[0], size[1], 8, 16);
+  if (kind === "ellipsoid") return new THREE.SphereGeometry(1, 24 * fine, 14 * fine).scale(...size);
+  if (kind === "capsule") return new THREE.CapsuleGeometry(size[0], size[1], 4 * fine, 14 * fine, 1);
   const [radius, length] = size, fillet = Math.min(0.18 * radius, 0.2 * length), profile = [[0, -length / 2]];
+  const corners = 4 * fine;
   for (const side of [-1, 1]) {
-    for (let k = 0; k <= 6; k++) {
-      const angle = ((side < 0 ? 6 - k : k) / 6) * (Math.PI / 2);
+    for (let k = 0; k <= corners; k++) {
+      const angle = ((side < 0 ? corners - k : k) / corners) * (Math.PI / 2);
       profile.push([radius - fillet + fillet * Math.cos(angle), side * (length / 2 - fillet + fillet * Math.sin(angle))]);
     }
   }
   profile.push([0, length / 2]);
-  return new THREE.LatheGeometry(profile.map(([r, y]) => new THREE.Vector2(r, y)), 40);
+  return new THREE.LatheGeometry(profile.map(([r, y]) => new THREE.Vector2(r, y)), 32 * fine);
 }
