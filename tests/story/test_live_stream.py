@@ -241,6 +241,22 @@ def test_a_stream_goes_on_where_the_last_one_stood(packets, tmp_path, capsys):
     np.testing.assert_array_equal(learner.weights, weights_after(packets[:400]))
 
 
+def test_a_network_with_memory_goes_on_where_it_stood(packets, tmp_path, capsys):
+    log, words = tmp_path / "log.csv", ["stream", "", "--robot", "aerobat", "--idle", "0.1"]
+    words[1] = str(log)
+    words += ["--network", "hidden_flow", "--hidden", "4", "--learner", "extended", "--json"]
+    words += ["--prior-deviation", "0.1", "--measurement-deviation", "3e-3"]
+    for state, part in (("a", packets[:20]), ("a", packets[20:50]), ("b", packets[:50])):
+        log.write_bytes(text_of(part))
+        with pytest.raises(SystemExit) as left:
+            run([*words, "--state", str(tmp_path / state)])
+        assert left.value.code == 0
+        assert json.loads(capsys.readouterr().out)["memory_resets"] == 0
+    pieces, whole = (load_learner(tmp_path / state) for state in "ab")
+    assert whole.count == 50
+    np.testing.assert_array_equal(pieces.weights, whole.weights)
+
+
 def test_options_reach_the_learner(packets, tmp_path, capsys):
     log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
     log.write_bytes(text_of(packets[:100]))

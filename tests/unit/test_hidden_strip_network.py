@@ -174,9 +174,10 @@ def test_streams_and_comparisons_recall(network, weights, log, kind):
         stream(learner, time, state[:, 1:], y, every=5)
 
 
-def test_the_live_learner_refuses_it(robot):
+def test_the_live_learner_takes_it(robot):
     from patagium.cli.learner_options import NetworkKind
     from patagium.cli.stream import _network
 
-    with pytest.raises(ParameterError, match="without memory"):
-        _network(robot, NetworkKind.HIDDEN_STRIP, (4,), "tanh", None)
+    found = _network(robot, NetworkKind.HIDDEN_STRIP, (4,), "tanh", None)
+    assert isinstance(found, pt.HiddenStripNetwork)
+    assert found.hidden == (4,)

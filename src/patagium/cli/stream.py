@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import (
-    REMEMBERING,
     Activation,
     ActivationOption,
     Asked,
@@ -54,8 +53,6 @@ from patagium.cli.learner_options import (
 from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from patagium.identification.live import Rhythm, Status
     from patagium.identification.packets import Intake
     from patagium.identification.pipeline import Pipeline
@@ -268,9 +265,6 @@ def _network(
     from patagium.identification import training_data
     from patagium.simulation import load_flight
 
-    if kind in REMEMBERING:
-        expected = "one without memory: the live learner takes every sample by itself"
-        raise ParameterError("--network", expected, kind.value)
     if kind is not NetworkKind.DENSE:
         if scale_by is not None:
             raise ParameterError("--scale-by", "a dense network to go with it", "one of wings")
@@ -334,11 +328,11 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
         nonlocal told
         now = time.monotonic()
         if rewritten:
-            sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline.learner.events))
+            sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline))
             sys.stderr.flush()
         elif status.tally.samples and now - told > _NOW_AND_THEN:
             told = now
-            typer.echo(live_line(status, intake, pipeline.learner.events), err=True)
+            typer.echo(live_line(status, intake, pipeline), err=True)
 
     try:
         yield show
@@ -347,13 +341,13 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
             sys.stderr.write("\n")
 
 
-def live_line(status: Status, intake: Intake, events: Mapping[str, int]) -> str:
+def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
     """How a stream goes, in one line.
 
     Args:
         status: Rate, error, coverage.
         intake: What came in, and what did not.
-        events: What the learner refused, left out or noticed.
+        pipeline: Where the learner says what it refused, left out or noticed.
     """
     tally = status.tally
     words = ["waiting for packets"]
@@ -365,7 +359,8 @@ def live_line(status: Status, intake: Intake, events: Mapping[str, int]) -> str:
             f"NMSE {tally.nmse_mean:.2e}",
             f"in the 95 % interval {tally.coverage:.1%}",
         ]
-    counts = {**intake.counts, "gaps": status.gaps, "failed": tally.failed, **events}
+    counts = {**intake.counts, "gaps": status.gaps, "failed": tally.failed}
+    counts |= {"memory_resets": pipeline.memory_resets, **pipeline.learner.events}
     del counts["received"]
     words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]
     return ", ".join(words)

@@ -111,12 +111,12 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
 
     Raises:
         ParameterError: If an output is no coordinate of the robot.
-        ShapeError: If the network sees another number of inputs.
+        ShapeError: If the network sees another number of inputs; what it recalls is not sent.
     """
     for name in network.output_names:
         if name not in robot.dof_names:
             known = ", ".join(robot.dof_names)
             raise ParameterError("outputs of the network", f"coordinates among {known}", name)
     count = robot.state_size if inputs is None else len(inputs)
-    if network.inputs != count:
-        raise ShapeError("inputs of the network", (count,), (network.inputs,))
+    if network.measured_inputs != count:
+        raise ShapeError("inputs of the network", (count,), (network.measured_inputs,))

@@ -20,6 +20,7 @@ from patagium.identification.assumptions import Assumptions
 from patagium.identification.filter_state import arrays_like, part, vector
 from patagium.identification.kernel_memory import Compiled
 from patagium.identification.learner import Saved, Stopwatch, as_input, diverged, shaped_sample
+from patagium.identification.live_memory import LiveMemory
 from patagium.identification.network import Network
 from patagium.identification.root import MatrixLost
 from patagium.identification.screening import REFUSALS
@@ -41,6 +42,7 @@ class FilterLearner(Saved):
         self._assumptions = assumptions
         self._stopwatch = Stopwatch()
         self._changes: list[int] = []
+        self.live_memory = LiveMemory(self._network)
         outputs = self._network.outputs
         self._innovation_covariance = np.full((outputs, outputs), np.nan)
 
@@ -277,6 +279,7 @@ class FilterLearner(Saved):
         kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
         kept["innovation_covariance"] = self._innovation_covariance.copy()
         kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
+        kept |= self.live_memory.state()
         return kept | {f"screen_{name}": a.copy() for name, a in self._filter.screen.arrays.items()}
 
     def resume(self, state: Mapping[str, Any]) -> None:
@@ -293,6 +296,7 @@ class FilterLearner(Saved):
         covariance = vector(state, "innovation_covariance", outputs, outputs)
         seen = arrays_like(self._filter.screen.arrays, part(state, "screen_"))
         changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
+        self.live_memory.resume(state)
         self._filter.resume(part(state, "filter_"))
         self._filter.screen.restore(seen)
         self._innovation_covariance, self._changes = covariance, changes

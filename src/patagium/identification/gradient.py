@@ -24,6 +24,7 @@ from patagium.identification.learner import (
     positive,
     shaped_sample,
 )
+from patagium.identification.live_memory import LiveMemory
 from patagium.identification.network import Encoding, Network
 from patagium.identification.screening import Screen, usable_channels
 
@@ -68,6 +69,7 @@ class GradientLearner(Saved):
         self._draw = np.random.default_rng(seed)
         self._stopwatch = Stopwatch()
         self._screen = Screen(np.ones(network.outputs))
+        self.live_memory = LiveMemory(network)
 
     @property
     def network(self) -> Network:
@@ -192,6 +194,7 @@ class GradientLearner(Saved):
             "scatter": self._scatter,
             "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
             "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
+            **self.live_memory.state(),
             **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
@@ -213,6 +216,7 @@ class GradientLearner(Saved):
         measured = vector(state, "replay_y", count, outputs)
         events = arrays_like(self._screen.arrays, part(state, "screen_"))
         stopwatch = Stopwatch(int(state["count"]))
+        self.live_memory.resume(state)
         self._draw.bit_generator.state = state["draw"]
         self._screen.restore(events)
         self._weights, self._mean, self._square = weights, mean, square

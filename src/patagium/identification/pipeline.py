@@ -2,7 +2,8 @@
 
 Packets go in, a record of each comes out; between them there is no Python where there is a
 compiler and the learner's filter is compiled. Otherwise the same goes through `Learner.update`,
-with the same results but for rounding. Neglected: two threads on one learner.
+with the same results but for rounding. Where the network remembers, what it remembers follows
+the packets (`LiveMemory`). Neglected: two threads on one learner.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from time import perf_counter_ns
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import FilterDiverged, Outcome, ShapeError
+from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.identification.air_force import (
     Column,
     air_force,
@@ -27,6 +28,7 @@ from patagium.identification.air_force import (
 from patagium.identification.filter_learner import FilterLearner
 from patagium.identification.kernel_memory import Compiled
 from patagium.identification.learner import Learner
+from patagium.identification.live_memory import UNSEEN, LiveMemory
 from patagium.identification.screening import REFUSALS
 from patagium.native import NativeFunction, load_kernel
 from patagium.robot import Robot
@@ -113,7 +115,8 @@ class Pipeline:
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
 
     Raises:
-        ParameterError: If an input or output has no such name.
+        ParameterError: If an input or output has no such name, or the network remembers and the
+            learner cannot keep what.
         ShapeError: If the network sees another number of inputs.
     """
 
@@ -127,6 +130,7 @@ class Pipeline:
         self._parameters = np.ascontiguousarray(robot.parameters, float)
         self._columns = len(packet_columns(robot))
         self._chain = _chain(learner, self._force, robot)
+        self._memory = _memory(learner)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -142,6 +146,11 @@ class Pipeline:
     def compiled(self) -> bool:
         """Whether no Python runs between two samples."""
         return self._chain is not None
+
+    @property
+    def memory_resets(self) -> int:
+        """How often the network's memory began anew; 0 without one."""
+        return 0 if self._memory is None else self._memory.resets
 
     def run(self, packets: ArrayLike) -> Records:
         """Learn packets in order, each foreseen before it is learned.
@@ -190,8 +199,18 @@ class Pipeline:
             x, y = map(np.atleast_1d, self._force(*packet_parts(row, self.robot), self._parameters))
             record[:] = np.nan
             record[2 * m : 3 * m], record[3 * m + 2] = y, 0.0
-            record[3 * m + 1] = _learned(self.learner, row[0], x, y, record)
+            record[3 * m + 1] = self._sample(float(row[0]), x, y, record)
             record[3 * m + 3] = perf_counter_ns() - started
+
+    def _sample(self, time: float, x: Array, y: Array, record: Array) -> Outcome:
+        """One sample recalled and learned; what became of it."""
+        if self._memory is None:
+            return _learned(self.learner, time, x, y, record)
+        before = self.learner.weights
+        x = self._memory.recalled(time, x, before)
+        outcome = _learned(self.learner, time, x, y, record)
+        self._memory.settle(outcome, self.learner.weights - before)
+        return outcome
 
 
 class _CompiledChain:
@@ -242,9 +261,20 @@ def _chain(learner: Learner, force: NativeFunction, robot: Robot) -> _CompiledCh
     return _CompiledChain(learner, compiled, kernel, force, robot)
 
 
+def _memory(learner: Learner) -> LiveMemory | None:
+    """What the learner keeps of what its network remembers; None without memory."""
+    network = learner.network
+    if network.measured_inputs == network.inputs:
+        return None
+    memory = getattr(learner, "live_memory", None)
+    if not isinstance(memory, LiveMemory):
+        expected = "a filter or gradient learner, for a network with memory"
+        raise ParameterError("learner", expected, type(learner).__name__)
+    return memory
+
+
 _OUTCOMES = {event: outcome for outcome, event in REFUSALS.items()}
 _OUTCOMES["refused"] = Outcome.NOT_FINITE
-_UNSEEN = (Outcome.BAD_INPUT, Outcome.LATE, Outcome.DUPLICATE)
 
 
 def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -> Outcome:
@@ -260,7 +290,7 @@ def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -
     after = learner.events
     for event, outcome in _OUTCOMES.items():
         if after[event] > before[event]:
-            record[: 2 * m] = np.nan if outcome in _UNSEEN else record[: 2 * m]
+            record[: 2 * m] = np.nan if outcome in UNSEEN else record[: 2 * m]
             return outcome
     record[3 * m] = getattr(learner, "nis", np.nan)
     record[3 * m + 2] = float(np.isnan(innovation) @ 2.0 ** np.arange(m))
