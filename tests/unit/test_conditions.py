@@ -17,6 +17,7 @@ def test_conditions_name_program_machine_and_day(monkeypatch: pytest.MonkeyPatch
     assert found["program"].startswith("patagium ")
     assert found["date"] == date.today().isoformat()
     assert all(word in found["machine"] for word in ("cores", "Python", "casadi", "numpy"))
+    assert found["load average at the end"]
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
     assert "no C compiler" in machine()
 

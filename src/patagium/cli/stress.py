@@ -23,9 +23,9 @@ def stress(
     updates: Annotated[
         int, typer.Option(help="Updates in float32 and in float64; the glide takes a tenth.")
     ] = 10_000_000,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Page to write (HTML).")] = Path(
-        "stress.html"
-    ),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
+    ] = Path("stress.html"),
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
     """Fly learners through faults, damage to a wing and long runs, on one page.

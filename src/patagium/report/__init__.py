@@ -3,8 +3,18 @@
 It knows nothing of robots, flights or learners, so that any layer above may draw.
 """
 
-from patagium.report.blocks import Link, Note, Picture, Section, picture
+from patagium.report.blocks import Block, Link, Note, Picture, Section, picture
 from patagium.report.page import write_page
 from patagium.report.tables import Table, cell_text
 
-__all__ = ["Link", "Note", "Picture", "Section", "Table", "cell_text", "picture", "write_page"]
+__all__ = [
+    "Block",
+    "Link",
+    "Note",
+    "Picture",
+    "Section",
+    "Table",
+    "cell_text",
+    "picture",
+    "write_page",
+]

@@ -16,11 +16,12 @@ from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 
 
 def conditions() -> dict[str, str]:
-    """Program, machine and day, for the foot of a page."""
+    """Program, machine, day and load now that the work is done, for the foot of a page."""
     return {
         "program": f"patagium {__version__}",
         "machine": machine(),
         "date": date.today().isoformat(),
+        "load average at the end": load_average(),
     }
 
 

@@ -77,7 +77,6 @@ def run_learners(
         "conditions": {
             **conditions(),
             "load average at the start": before,
-            "load average at the end": load_average(),
         },
         "plan": {"after": plan.after, "tuning": plan.tuning, "draws": plan.draws,
                  "limit": plan.limit, "twin_limit": plan.twin_limit},
