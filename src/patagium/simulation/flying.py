@@ -159,9 +159,9 @@ class Flying:
 
     def message(self) -> str:
         """How it went so far, in words."""
-        run, layout = self.run, self._layout
-        names, singular = layout.state_names, self._singular
-        return message_of(run, names, self._equations, self.steps, self._time_step, singular)
+        run, names, singular = self.run, self._layout.state_names, self._singular
+        steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
+        return message_of(run, names, self._equations, steps, self._time_step, singular)
 
     def flight(self) -> xr.Dataset:
         """The flight so far."""
