@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from patagium.cli.learner_options import (
+    REMEMBERING,
+    Activation,
+    Asked,
+    LearnerKind,
+    NetworkKind,
+    completed,
+    make_learner,
+    network_shape,
+    winged_network,
+)
+
 if TYPE_CHECKING:
+    from patagium.aerodynamics import Air
     from patagium.identification.live import Rhythm, Sink, Status
     from patagium.identification.packets import Intake
     from patagium.identification.pipeline import Pipeline
+    from patagium.robot import Robot
+    from patagium.simulation.flying import Flying
+    from patagium.simulation.gait_models import Gait
     from patagium.viewer.live_frames import Subject
     from patagium.viewer.live_view import LiveView
 
@@ -27,6 +46,26 @@ LiveAddressOption = Annotated[
         help=f"Where that page is served; {DEFAULT_ADDRESS}, this machine alone, if not said.",
     ),
 ]
+
+
+LearnAlongOption = Annotated[
+    Path | None,
+    typer.Option("--settings", help="Learn along, with settings that patagium tune wrote."),
+]
+
+
+class LiveAsked(NamedTuple):
+    """The live view that a simulation is asked for.
+
+    Attributes:
+        context: Of the verb.
+        address: HOST:PORT; None: where it usually is.
+        settings: What learns along; None: nothing.
+    """
+
+    context: typer.Context
+    address: str | None
+    settings: Path | None
 
 
 class Shown(NamedTuple):
@@ -75,29 +114,99 @@ def live_stream(
     if not _asked(live, address):
         yield Shown()
         return
-    from patagium.identification.live import Rhythm
-    from patagium.viewer.live_frames import Feed, Subject
-    from patagium.viewer.live_view import PERIOD
+    from patagium.viewer.live_frames import Subject
 
-    learner = pipeline.learner
-    network, robot = learner.network, pipeline.robot
+    network, robot = pipeline.learner.network, pipeline.robot
     subject = Subject(robot, network.output_names, network, f"{robot.name}: learning")
     with opened(subject, address) as view:
-        feed = Feed(view.letters, subject, learner)
+        yield beside_stream(view, pipeline, status, intake)
 
-        def tick() -> None:
-            tell_if_ended(view, "the learner goes on")
-            tally = status.tally
-            feed.post(
-                samples=tally.samples,
-                failed=tally.samples - tally.learned + intake.dropped,
-                load=status.load,
-                nmse=tally.nmse_mean,
-                coverage=tally.coverage,
-                time_per_call=tally.duration(0.5),
-            )
 
-        yield Shown((feed,), (Rhythm(PERIOD, tick),))
+def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: Intake) -> Shown:
+    """What a stream does for a page.
+
+    Args:
+        view: The page.
+        pipeline: What learns.
+        status: How it goes.
+        intake: What came in, and what did not.
+    """
+    from patagium.identification.live import Rhythm
+    from patagium.viewer.live_frames import Feed
+    from patagium.viewer.live_view import PERIOD
+
+    feed = Feed(view.letters, view.subject, pipeline.learner)
+
+    def tick() -> None:
+        tell_if_ended(view, "the learner goes on")
+        tally = status.tally
+        feed.post(
+            samples=tally.samples,
+            failed=tally.samples - tally.learned + intake.dropped,
+            load=status.load,
+            nmse=tally.nmse_mean,
+            coverage=tally.coverage,
+            time_per_call=tally.duration(0.5),
+        )
+
+    return Shown((feed,), (Rhythm(PERIOD, tick),))
+
+
+def live_asked(
+    context: typer.Context, live: bool, address: str | None, settings: Path | None
+) -> LiveAsked | None:
+    """What is asked for of a live view; None where there is to be none.
+
+    Args:
+        context: Of the verb.
+        live: Whether there is to be one.
+        address: HOST:PORT.
+        settings: What learns along.
+
+    Raises:
+        ParameterError: If something is asked for that only a live view has.
+    """
+    from patagium.errors import ParameterError
+
+    if _asked(live, address):
+        return LiveAsked(context, address, settings)
+    if settings is not None:
+        raise ParameterError("--settings", "--live with it, to learn along", str(settings))
+    return None
+
+
+def fly_live(
+    asked: LiveAsked,
+    start: Callable[[Gait], Flying],
+    robot: Robot,
+    gait: Gait,
+    time_step: float,
+    air: Air,
+) -> Any:
+    """A flight in its own time, shown and steered, until it is over or Ctrl-C.
+
+    Args:
+        asked: What was asked for.
+        start: Begins a flight with a gait.
+        robot: The machine.
+        gait: What its joints do until somebody steers.
+        time_step: Of the integrator [s].
+        air: What it flies in.
+
+    Returns:
+        The flight since it last began.
+
+    Raises:
+        ParameterError: If the page cannot be served, or no such learner can learn along.
+    """
+    from patagium.viewer.live_flight import LiveFlight, flight_subject
+
+    pipeline, every = _learning_along(asked, robot, air)
+    subject = flight_subject(robot, gait, pipeline)
+    start(gait)  # compiled before there is a page, and refused before
+    with opened(subject, asked.address) as view, _until_interrupted() as stop:
+        flying = LiveFlight(start, robot, gait, time_step, view, subject, pipeline, every)
+        return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 
 
 @contextmanager
@@ -131,6 +240,46 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
     reason = view.problem()
     if reason is not None:
         typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)
+
+
+def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline | None, int]:
+    """What learns along, and from one sample in how many at most."""
+    from patagium.errors import ParameterError
+    from patagium.identification.pipeline import Pipeline
+
+    if asked.settings is None:
+        return None, 1
+    nothing = Asked(LearnerKind.CUBATURE, {}, None, None, Activation.SOFTPLUS, 1, 0)
+    kind, options, network, hidden, activation, every, seed = completed(
+        asked.context, nothing, asked.settings
+    )
+    shape, layers = network_shape(network, hidden, kind)
+    if shape in REMEMBERING or shape is NetworkKind.DENSE:
+        expected = "those of a network of wings without memory, which needs no flight to begin"
+        raise ParameterError("--settings", expected, shape.value)
+    net = winged_network(shape, robot, layers, air, activation.value)
+    return Pipeline(make_learner(kind, net, options, seed), robot), every
+
+
+@contextmanager
+def _until_interrupted() -> Iterator[threading.Event]:
+    """Set by the first Ctrl-C or SIGTERM; the second one ends the program."""
+    stop = threading.Event()
+
+    def end(number: int, frame: object) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _asked(live: bool, address: str | None) -> bool:

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli import live as beside
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.words import Vector, quantity, vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from patagium.aerodynamics import AddedMass, Aerodynamics, Air
+    from patagium.aerodynamics import Aerodynamics, Air
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
-    from patagium.simulation.mounts import Mount
 
 
 class AirModel(StrEnum):
@@ -56,10 +56,13 @@ EXAMPLES = (
     "patagium simulate aerobat --gait linkage --frequency 5 --mount arm --path figure-of-eight "
     '--path-center "0.65,0,0.2" --path-size "0.9,0.3 m" --path-speed "2 m/s" --path-along 0,1,0 '
     '--path-across 0,0,1 --arm-turn "0,-90 deg,0" --load-cell body --duration 1 --time-step 1e-4',
+    'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
+    '--duration "60 s" --time-step 5e-4 --live',
 )
 
 
 def simulate(
+    context: typer.Context,
     robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a file.")],
     duration: Annotated[
         float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
@@ -173,17 +176,24 @@ def simulate(
     figure: Annotated[
         Path | None, typer.Option(help="Draw the flight at a glance, as .png or .svg.")
     ] = None,
+    live: beside.LiveOption = False,
+    live_address: beside.LiveAddressOption = None,
+    settings: beside.LearnAlongOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Fly a robot and keep the flight.
 
     Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s".
     A flight that breaks down is kept up to there; the exit code is then 2.
+    With --live it flies as the clock goes, shown in a browser where its gait can be steered, to
+    the end of its duration or Ctrl-C; `docs/live.md` tells more.
     """
     from patagium.aerodynamics import AddedMass, Air
     from patagium.errors import ParameterError
     from patagium.robot import load_robot
+    from patagium.simulation import mounts
 
+    shown = beside.live_asked(context, live, live_address, settings)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude.value)
@@ -193,6 +203,8 @@ def simulate(
     if stepping is Stepping.PUBLISHED:
         if carried is not None:
             raise ParameterError("--added-mass", "nothing with --stepping published", added_mass)
+        if shown is not None:
+            raise ParameterError("--live", "nothing with --stepping published", live)
         flight = _published(machine, model, frequency, plunge, speed, duration, time_step)
         _keep(flight, output, figure, as_json)
         return
@@ -205,8 +217,12 @@ def simulate(
     held = mount_from(mount, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
     if held is not None and held.path is not None and (speed or pitch):
         raise ParameterError("--speed, --pitch", "a path that says them", mount)
-    cells = tuple(load_cell or ())
-    flight = _fly(machine, model, carried, moves, duration, time_step, held, cells, speed, pitch)
+    q, v = _start(machine, speed, pitch)
+    conditions = {
+        "duration": duration, "time_step": time_step, "added_mass": carried, "mount": held,
+        "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
+    }  # fmt: skip
+    flight = _fly(machine, model, moves, conditions, shown)
     _keep(flight, output, figure, as_json)
 
 
@@ -306,36 +322,40 @@ def _refuse_what_is_unused(
 _LINKAGE_OFFSETS = {"plunge", "elbow"}
 
 
-def _fly(
-    machine: Robot,
-    model: Aerodynamics,
-    added_mass: AddedMass | None,
-    gait: Gait,
-    duration: float,
-    time_step: float,
-    mount: Mount | None,
-    cells: tuple[str, ...],
-    speed: float,
-    pitch: float,
-) -> Any:
-    from patagium import simulation
-    from patagium.cli.words import progress_bar
+def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
+    """Initial coordinates and velocities."""
     from patagium.errors import ParameterError
-    from patagium.simulation import mounts
 
-    q, v = machine.coordinates(), machine.velocities()
     base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
     if base is not None:
         ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
-        q, v = machine.coordinates(**{nose: pitch}), machine.velocities(**{ahead: speed})
-    elif speed or pitch:
+        return machine.coordinates(**{nose: pitch}), machine.velocities(**{ahead: speed})
+    if speed or pitch:
         raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
+    return machine.coordinates(), machine.velocities()
+
+
+def _fly(
+    machine: Robot,
+    model: Aerodynamics,
+    gait: Gait,
+    conditions: dict[str, Any],
+    shown: beside.LiveAsked | None,
+) -> Any:
+    from patagium import simulation
+    from patagium.cli.words import progress_bar
+    from patagium.simulation.flying import Flying
+
+    if shown is not None:
+
+        def start(moves: Gait) -> Flying:
+            return Flying(machine, model, moves, **conditions)
+
+        return beside.fly_live(shown, start, machine, gait, conditions["time_step"], model.air)
     with progress_bar(f"Flying {machine.name}") as progress:
         return simulation.simulate(
-            machine, model, gait, duration=duration, time_step=time_step, mount=mount,
-            load_cells=[mounts.load_cell(cell) for cell in cells],
-            added_mass=added_mass, q=q, v=v, throw=False, progress=progress,
-        )  # fmt: skip
+            machine, model, gait, throw=False, progress=progress, **conditions
+        )
 
 
 def _published(

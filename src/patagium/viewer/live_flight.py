@@ -23,6 +23,7 @@ from patagium.identification.tally import Tally
 from patagium.robot import Robot
 from patagium.simulation.flying import Flying
 from patagium.simulation.gait_models import Gait
+from patagium.simulation.march import times_of
 from patagium.simulation.steered_gait import SteeredGait, largest_amplitude, steered
 from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
 from patagium.viewer.live_view import PERIOD, LiveView
@@ -84,13 +85,14 @@ class LiveFlight:
         self._start, self._robot, self._own = start, robot, gait
         self._step, self._view, self._pipeline = time_step, view, pipeline
         self._steering = subject.steering
+        self._felt = [robot.index(name) for name in subject.outputs]
         learner = None if pipeline is None else pipeline.learner
         self._feed = Feed(view.letters, subject, learner)
         self._tally = Tally(len(subject.outputs), _MEMORY)
-        self._every, self._share, self._offset = every, every, 0
+        self._every, self._share = every, every
         self._resets, self._paused = 0, False
         self._asked = (0.0, 0.0)
-        self._flown_for = self._learned_for = float("nan")  # clock a step, clock a sample
+        self._flown_for = self._learned_for = float("nan")  # processor time a step, a sample
         self._begin()
 
     def fly(self, stop: threading.Event, look: Callable[[], object] | None = None) -> xr.Dataset:
@@ -132,8 +134,8 @@ class LiveFlight:
         """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
         self._gait: Gait | SteeredGait = steered(self._own) if self._steering else self._own
         self._flying = self._start(self._gait)
-        self._done, self._outcome = 0, Outcome.COMPLETED
-        self._strips: Array = np.zeros((len(self._robot.strips), 3))
+        self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
+        self._show(np.zeros(1), {k: part[:1] for k, part in self._flying.run.samples.items()})
         if self._steering and self._asked != (0.0, 0.0):
             self._steer(*self._asked)
         self._anchor()
@@ -173,32 +175,44 @@ class LiveFlight:
         return int(min(behind, LONGEST) / self._step)
 
     def _advance(self, steps: int) -> None:
-        began, before = time.perf_counter(), self._done
+        began, before = time.thread_time(), self._done
         self._outcome = self._flying.advance(steps)
         run = self._flying.run
         self._done = run.steps
+        if self._outcome is not Outcome.COMPLETED:
+            self._said = self._flying.message()
         fresh = slice(before + 1, run.steps + 1)
         if run.steps > before:
             self._flown_for = _faded(
-                self._flown_for, (time.perf_counter() - began) / (run.steps - before)
+                self._flown_for, (time.thread_time() - began) / (run.steps - before)
             )
             samples = {name: values[fresh] for name, values in run.samples.items()}
-            self._strips = samples["strip_force"][-1]
-            self._learn(self._step * np.arange(fresh.start, fresh.stop), samples)
+            times = times_of(fresh.start, run.steps - before, self._step)
+            if self._pipeline is None:
+                self._show(times, samples)
+            else:
+                self._learn(self._pipeline, times, samples)
 
-    def _learn(self, times: Array, samples: dict[str, Array]) -> None:
-        force = samples["u1"] + samples["mount_force"]  # a stand's pull is known here
-        packets = np.column_stack([times, samples["q"], samples["v"], samples["a"], force])
-        if self._pipeline is None:
-            self._feed.append(packets, unlearned(packets, samples["aero_force"]))
-            return
-        chosen = packets[-(self._offset + 1) % self._share :: self._share]
-        self._offset = (self._offset + len(packets)) % self._share
+    def _show(self, times: Array, samples: dict[str, Array]) -> None:
+        """Samples that nobody learns from."""
+        packets = self._packets(times, samples)
+        self._feed.append(packets, unlearned(packets, samples["aero_force"][:, self._felt]))
+
+    def _packets(self, times: Array, samples: dict[str, Array]) -> Array:
+        """What sensors would have sent, and what a stand pulls with the joints' torques."""
+        self._strips = samples["strip_force"][-1]
+        pull = samples["u1"] + samples["mount_force"]
+        return np.column_stack([times, samples["q"], samples["v"], samples["a"], pull])
+
+    def _learn(self, pipeline: Pipeline, times: Array, samples: dict[str, Array]) -> None:
+        """Learn from as many samples as keep pace."""
+        packets = self._packets(times, samples)
+        chosen = packets[-round(times[0] / self._step) % self._share :: self._share]
         if not len(chosen):
             return
-        began = time.perf_counter()
-        records: Records = self._pipeline.run(chosen)
-        spent = (time.perf_counter() - began) / len(chosen)
+        began = time.thread_time()
+        records: Records = pipeline.run(chosen)
+        spent = (time.thread_time() - began) / len(chosen)
         self._learned_for = _faded(self._learned_for, spent)
         self._tally.add(records)
         self._feed.append(chosen, records)
@@ -220,7 +234,7 @@ class LiveFlight:
 
     def _words(self) -> str:
         if self._outcome is not Outcome.COMPLETED:
-            return f"The flight broke down; R flies again from the start. {self._flying.message()}"
+            return f"The flight broke down; R flies again from the start. {self._said}"
         if self._over:
             return "The flight is over."
         return "Paused." if self._paused else ""

@@ -37,6 +37,14 @@ def rgb(color: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
+def arrow_rgb(color: str) -> tuple[int, int, int]:
+    """The same for arrows, whose colors viser takes as linear light."""
+    parts = np.array(rgb(color)) / 255.0
+    linear = np.where(parts > 0.04045, ((parts + 0.055) / 1.055) ** 2.4, parts / 12.92)
+    red, green, blue = (int(part) for part in np.round(255.0 * linear))
+    return red, green, blue
+
+
 class LiveScene:
     """What is in front of the camera.
 
@@ -60,8 +68,11 @@ class LiveScene:
         self._anchor, self._time, self._ground = position[0, 0].copy(), np.nan, np.inf
         self._before, self._velocity = self._anchor, np.zeros(3)
         self._trail: list[Array] = []
+        carriers = {s.body for s in robot.strips}
+        self._carried = {
+            b: [k for k, s in enumerate(robot.strips) if s.body == b] for b in carriers
+        }
         self._quarter = np.array([s.quarter_chord for s in robot.strips], float).reshape(-1, 3)
-        self._carrier = [s.body for s in robot.strips]
         self._build()
 
     @property
@@ -89,8 +100,7 @@ class LiveScene:
         turns = np.roll(quaternions(rotation)[0], 1, axis=-1)  # w x y z
         for body, place, turn in zip(self._bodies, position[0], turns, strict=True):
             body.position, body.wxyz = place - self._anchor, turn
-        self._points = np.einsum("sij,sj->si", rotation[0][self._carrier], self._quarter)
-        self._points += position[0][self._carrier] - self._anchor
+        self._rotation = rotation[0]
         self._center = center_of_mass(self._robot, position, rotation)[0] - self._anchor
         self._lay_ground(origin)
         self._draw_trail(origin)
@@ -108,10 +118,14 @@ class LiveScene:
                 semi-axes are the 95 % interval of each component.
         """
         self._rescale(total, strips)
-        at, color = self._center[None], rgb(TRUTH if kind == "true" else COLORS[0])
+        at, color = self._center[None], arrow_rgb(TRUTH if kind == "true" else COLORS[0])
         width = self.reach * (0.011 if kind == "true" else 0.016)
-        self._arrows(f"total_{kind}", at, None if total is None else total[None], color, width)
-        self._arrows(f"strips_{kind}", self._points, strips, color, 0.55 * width)
+        whole = None if total is None else total[None]
+        self._arrows(f"/forces/{kind}", at, whole, color, width)
+        for body, carried in self._carried.items():  # in its axes, so that they move with it
+            inside = None if strips is None else strips[carried] @ self._rotation[body]
+            name = f"/robot/{self._robot.bodies[body].name}/{kind}"
+            self._arrows(name, self._quarter[carried], inside, color, 0.55 * width)
         shown = total is not None and deviation is not None and bool(np.isfinite(deviation).all())
         if kind == "predicted":
             self._interval.visible = shown
@@ -148,7 +162,7 @@ class LiveScene:
             tip = 0.55 * self._square * np.eye(3)[number]
             points, width = np.array([[np.zeros(3), tip]]), 0.008 * reach
             scene.add_arrows(
-                f"/axes/{name}", points, rgb(color), shaft_radius=width,
+                f"/axes/{name}", points, arrow_rgb(color), shaft_radius=width,
                 head_radius=2.6 * width, head_length=8 * width,
             )  # fmt: skip
             scene.add_label(f"/axes/{name}/name", name, position=1.12 * tip)
@@ -204,7 +218,7 @@ class LiveScene:
         near = 5 * step * np.round(self._anchor[:2] / (5 * step))
         place = np.array([*near, self._ground]) - self._anchor
         self._grid.position = place
-        self._axes.position = place
+        self._axes.position = np.array([0.0, 0.0, place[2]])
 
     def _draw_trail(self, origin: Array) -> None:
         far = not self._trail or np.linalg.norm(origin - self._trail[-1]) > 0.02 * self.reach
@@ -239,7 +253,7 @@ class LiveScene:
         points = np.stack([at, at + self.meters_per_newton * np.nan_to_num(force)], axis=1)
         if handle is None:
             self._handles[name] = self._scene.add_arrows(
-                f"/forces/{name}", points, color, shaft_radius=width, head_radius=2.6 * width,
+                name, points, color, shaft_radius=width, head_radius=2.6 * width,
                 head_length=7 * width,
             )  # fmt: skip
             return

@@ -45,6 +45,7 @@ class LiveView:
             raise ParameterError("live view", "viser: pip install 'patagium[viewer]'", None)
         _check_free(host, port)
         self.letters, self._commands = Mailbox(subject.layout, SLOTS), Mailbox(COMMAND, _COMMANDS)
+        self.subject = subject
         self._command: Any = None
         spawn = get_context("spawn")
         self._pipe, other = spawn.Pipe()
