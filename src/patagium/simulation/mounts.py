@@ -21,6 +21,8 @@ from patagium.simulation.arms import ArmPlan, plan_arm
 from patagium.simulation.load_cells import LoadCell
 from patagium.simulation.paths import Path, check_path
 
+__all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
+
 MOUNT_COORDINATES = 6
 """Coordinates a massless mount adds before those of the robot."""
 

@@ -22,6 +22,8 @@ from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation.gait_models import Array, FourierGait, Gait, Motion, SuperposedGait
 from patagium.simulation.gait_table import read_columns, unit_factor
 
+__all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superposed", "waypoints"]
+
 Path: TypeAlias = Gait
 """What a mount asks of a path: a gait of the six coordinates of a floating base."""
 

@@ -16,6 +16,8 @@ from patagium.simulation.sensors.load_cell import LoadCell
 from patagium.simulation.sensors.motion_capture import MotionCapture
 from patagium.simulation.sensors.sensor import positive
 
+__all__ = ["as5600", "bmi270", "icm_42688_p", "ina226", "nano17", "prime_x_13"]
+
 STANDARD_GRAVITY = 9.80665
 """What data sheets call g [m/s^2]."""
 
