@@ -143,12 +143,12 @@ def test_every_import_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     rivals = project["optional-dependencies"]["bench"]
     formats = project["optional-dependencies"]["logs"]
+    pages = project["optional-dependencies"]["viewer"]
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
     for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
-        extra = (rivals if "studies" in path.parts else []) + (
-            formats if "log_files" in path.parts else []
-        )
+        places = {"studies": rivals, "log_files": formats, "viewer": pages}
+        extra = [line for place, lines in places.items() if place in path.parts for line in lines]
         allowed = core | {canonical(line) for line in extra}
         for name in third_party_imports(path):
             owners = {canonical(owner) for owner in distributions[name]}

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium.cli import live as live_words
@@ -34,6 +35,7 @@ from patagium.identification.tally import Tally
 from patagium.viewer import live_view
 from patagium.viewer.live_flight import LiveFlight, flight_subject
 from patagium.viewer.live_frames import Subject
+from patagium.viewer.live_mailbox import Mailbox
 
 from .chromium import PATIENCE, Chromium, found
 
@@ -68,7 +70,7 @@ def flight():
     return pt.simulate(robot, air, gait, duration=0.4, time_step=1e-4, v=start)
 
 
-def until(ask: Any, wanted: Any, patience: float = PATIENCE) -> Any:
+def until(ask: Any, wanted: Any, patience: float = 3 * PATIENCE) -> Any:
     """What is asked for, once it is as wanted; the machine may be busy."""
     limit = time.monotonic() + patience
     while not wanted(value := ask()):
@@ -144,6 +146,7 @@ def test_a_browser_sees_a_flight_and_steers_it(
         return str(browser.ask(NUMBERS))
 
     until(words, lambda said: number_of(said, "Frames drawn") > 5)
+    browser.ask("document.querySelector('.mantine-Notification-closeButton')?.click()")
     pictures = []
     for count in range(3):
         flown = number_of(words(), "Time")
@@ -192,7 +195,8 @@ def test_a_browser_sees_a_flight_and_steers_it(
     asked = json.loads(flown.attrs["gait"])["asked"]
     assert asked[0]["frequency"] == 5.0 and asked[-1]["frequency"] == 7.0
     assert 0.45 < asked[-1]["amplitude"] < 0.6
-    assert flown.attrs["outcome"] == "COMPLETED" and flown.attrs["energy_audit"] < 1e-5
+    assert flown.attrs["outcome"] == "COMPLETED"
+    assert flown.attrs["energy_audit"] < 1e-2  # fourth order, in steps of 1 ms
     late_time = flown["time"].values[-1] - flown["time"].values < 1.0
     plunge = flown["q"].sel(dof="left_plunge").values[late_time]
     beats = np.diff(np.flatnonzero(np.diff(np.sign(plunge)) > 0)) * 1e-3
@@ -222,8 +226,9 @@ def learned(packets: Any, pipeline: Pipeline, view: Any = None, at_half: Any = N
 
 
 def test_a_learner_with_a_page_learns_the_same_and_outlives_it(
-    flight: Any, capsys: pytest.CaptureFixture[str]
+    flight: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(live_view, "PERIOD", 0.0)  # a frame a call: more than there ever are
     packets = flight_packets(flight)
     alone = a_pipeline()
     facts = learned(packets, alone)
@@ -238,29 +243,59 @@ def test_a_learner_with_a_page_learns_the_same_and_outlives_it(
         orphan_facts = learned(packets, orphan, view, process.kill)
         process.join()
         assert view.letters.sent > sent
+        live_words.tell_if_ended(view, "the learner goes on")
     for pipeline, told in ((beside, beside_facts), (orphan, orphan_facts)):
         np.testing.assert_array_equal(pipeline.learner.weights, alone.learner.weights)
         np.testing.assert_array_equal(pipeline.learner.covariance, alone.learner.covariance)
-        names = ("samples", "learned", "dropped", "lost", "nmse", "coverage_in_all")
+        names = ("samples", "learned", "dropped", "lost", "nmse_mean", "coverage_in_all")
         assert {k: told[k] for k in names} == {k: facts[k] for k in names}
     assert facts["samples"] == len(packets)
-    assert capsys.readouterr().err.count("the live view ended") <= 1
+    assert capsys.readouterr().err.count("the live view ended") == 1
+
+
+class Unserved:
+    """A live view without a process: what it is sent can be read."""
+
+    host, port, address = "127.0.0.1", 1, "http://127.0.0.1:1"
+    loopback = True
+    command = None
+    opened: list[Any] = []
+
+    def __init__(self, subject: Subject, host: str, port: int) -> None:
+        self.subject, self.letters = subject, Mailbox(subject.layout, 64)
+        self.opened.append(self)
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def problem(self) -> None:
+        return None
 
 
 def test_the_command_streams_beside_a_page(
-    flight: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    log = tmp_path / "log.csv"
+    log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
     columns = ",".join(column.name for column in a_pipeline().columns)
     np.savetxt(log, flight_packets(flight)[:300], delimiter=",", header=columns, comments="")
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", "--idle", "0.2"]
     words += ["--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--json"]
+    monkeypatch.setattr(live_view, "LiveView", Unserved)
     with pytest.raises(SystemExit) as left:
-        run([*words, "--live", "--live-address", "127.0.0.1:0"])
+        run([*words, "--live", "--record", str(record)])
     assert left.value.code == 0
     said = capsys.readouterr()
-    assert "The live view is at http://127.0.0.1:" in said.err
+    assert "The live view is at http://127.0.0.1:1 (loopback: this machine alone)" in said.err
     assert json.loads(said.out)["samples"] == 300
+    last = Unserved.opened.pop().letters.take()[-1]
+    with xr.open_dataset(record) as kept:
+        assert last["samples"] == kept.sizes["time"] == 300
+        for name in ("q", "v", "measurement", "prediction", "deviation"):
+            np.testing.assert_array_equal(last[name], kept[name].values[-1])
+    assert last["coverage"] == json.loads(said.out)["coverage"]
 
 
 def test_what_cannot_be_shown_is_said(
@@ -336,21 +371,13 @@ def test_a_flight_that_breaks_down_is_told_and_flown_again() -> None:
 
 
 def test_a_page_elsewhere_says_who_can_reach_it(capsys: pytest.CaptureFixture[str]) -> None:
-    class Elsewhere:
-        host, port, loopback, address = "0.0.0.0", 1, False, "http://127.0.0.1:1"
+    class Elsewhere(Unserved):
+        host, loopback = "0.0.0.0", False
 
-        def __init__(self, *_: object) -> None:
-            pass
-
-        def __enter__(self) -> Any:
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            pass
-
+    robot = pt.load_robot("aerobat")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live_view, "LiveView", Elsewhere)
-        with live_words.opened(None, "0.0.0.0:1"):  # type: ignore[arg-type]
+        with live_words.opened(Subject(robot, robot.dof_names, None, "a robot"), "0.0.0.0:1"):
             pass
     assert "whoever reaches this machine can watch and steer" in capsys.readouterr().err
     with pytest.raises(ParameterError, match="HOST:PORT"):

@@ -24,7 +24,7 @@ from patagium.robot import Robot
 from patagium.simulation.flying import Flying
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.march import times_of
-from patagium.simulation.steered_gait import SteeredGait, largest_amplitude, steered
+from patagium.simulation.steered_gait import largest_amplitude, steered
 from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
 from patagium.viewer.live_view import PERIOD, LiveView
 
@@ -132,11 +132,11 @@ class LiveFlight:
 
     def _begin(self) -> None:
         """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
-        self._gait: Gait | SteeredGait = steered(self._own) if self._steering else self._own
-        self._flying = self._start(self._gait)
+        self._gait = steered(self._own) if self._steering else None
+        self._flying = self._start(self._gait or self._own)
         self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
         self._show(np.zeros(1), {k: part[:1] for k, part in self._flying.run.samples.items()})
-        if self._steering and self._asked != (0.0, 0.0):
+        if self._asked != (0.0, 0.0):
             self._steer(*self._asked)
         self._anchor()
 
@@ -152,14 +152,15 @@ class LiveFlight:
             self._paused = bool(command["paused"])
             self._anchor()
         asked = float(command["frequency"]), float(command["amplitude"])
-        if self._steering and asked != self._asked and asked[0] > 0:
+        if asked != self._asked and asked[0] > 0:
             self._steer(*asked)
         if int(command["resets"]) != self._resets:
             self._resets = int(command["resets"])
             self._begin()
 
     def _steer(self, frequency: float, amplitude: float) -> None:
-        assert isinstance(self._gait, SteeredGait)
+        if self._gait is None:
+            return
         self._asked = frequency, amplitude
         self._gait = self._gait.asked(self._flying.time, frequency, amplitude)
         self._flying.steer(self._gait)
@@ -223,7 +224,7 @@ class LiveFlight:
         facts: dict[str, Any] = {"strip_force": self._strips, "share": self._share}
         facts |= {"paused": self._paused, "ended": self._outcome is not Outcome.COMPLETED}
         facts["words"] = self._words()
-        if isinstance(self._gait, SteeredGait):
+        if self._gait is not None:
             facts["frequency"], facts["amplitude"] = self._gait.now(self._flying.time)
         tally = self._tally
         if self._pipeline is not None:

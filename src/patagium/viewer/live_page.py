@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from patagium.report.style import COLORS, TRUTH
 from patagium.viewer.foreseen import strip_measuring
-from patagium.viewer.live_frames import FORCES, Subject, command_of
+from patagium.viewer.live_frames import FORCES, Steering, Subject, command_of
 from patagium.viewer.live_mailbox import Mailbox
 from patagium.viewer.live_plots import LivePlots
 from patagium.viewer.live_scene import LiveScene, rgb
@@ -100,7 +100,7 @@ class LivePage:
         gui.set_panel_label(subject.title)
         self._numbers = gui.add_html("", order=0)
         if subject.steering is not None:
-            self._build_steering(gui)
+            self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
             follow = gui.add_checkbox("Follow the robot (F)", True)
         follow.on_update(lambda _: self._follow(follow.value))
@@ -115,9 +115,7 @@ class LivePage:
         panel.dock_right()
         panel.set_width(400)
 
-    def _build_steering(self, gui: Any) -> None:
-        steering = self._subject.steering
-        assert steering is not None  # noqa: S101 - for who calls
+    def _build_steering(self, gui: Any, steering: Steering) -> None:
         with gui.add_folder("Gait", order=10):
             step = 10.0 ** np.floor(np.log10(steering.most)) / 100.0
             beat = gui.add_slider(

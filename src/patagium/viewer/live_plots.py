@@ -71,7 +71,7 @@ class LivePlots:
         if len(self._trace) < 2:
             return
         for name, plot in zip(self._shown, self._plots, strict=True):
-            plot.data = self._force_data(name)
+            plot.data = self._lines(name)
         if self._learned:
             time, error, inside = self._scores.T
             sound = np.where(error > 0, error, np.nan)
@@ -94,7 +94,7 @@ class LivePlots:
             names += ["predicted", "low", "high"]
         return _plot(gui, self._title(name), names)
 
-    def _force_data(self, name: str) -> tuple[Array, ...]:
+    def _lines(self, name: str) -> tuple[Array, ...]:
         k, m = self._subject.outputs.index(name), len(self._subject.outputs)
         time = self._trace[:, 0]
         truth, guess, deviation = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))

@@ -23,8 +23,9 @@ from patagium.viewer.live_mailbox import Mailbox
 
 PERIOD = 1.0 / 30.0
 """Between two frames [s]."""
-_PATIENCE = 120.0  # s for the process to start on a busy machine
+_PATIENCE = 300.0  # s for the process to start on a busy machine
 _FAREWELL = 3.0  # s for it to end by itself
+_COURTESY = 5  # how much lower its priority is while others learn
 _COMMANDS = 4  # of which only the last counts
 
 
@@ -141,13 +142,13 @@ def _serve(
 ) -> None:
     """The process: serve until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who flies
-    os.nice(10)
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     try:
         from patagium.viewer.live_page import LivePage
 
         page = LivePage(subject, host, port, commands)
         pipe.send((page.port, ""))
+        os.nice(_COURTESY)
         due = time.monotonic()
         while not pipe.poll(max(0.0, due - time.monotonic())):
             due = time.monotonic() + PERIOD
