@@ -24,6 +24,8 @@ html_theme = "furo"
 html_title = f"patagium {release}"
 html_math_renderer = "mathml"
 html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 
 autodoc_typehints = "none"  # the docstrings say shapes and units, which types do not
 autodoc_member_order = "bysource"
@@ -42,7 +44,7 @@ def _display(writer: Any, node: nodes.math_block) -> None:
     anchor = f' id="equation-{node["label"]}"' if node.get("label") else ""
     drawn = convert(node.astext(), display="block")
     writer.body.append(
-        f'<div class="math" style="overflow-y: hidden"{anchor}>{number}{drawn}</div>\n'
+        f'<div class="math"{anchor}><span class="drawn">{drawn}</span>{number}</div>\n'
     )
     raise nodes.SkipNode
 
