@@ -215,8 +215,9 @@ def test_inputs_are_chosen_by_name(packets):
 def test_other_learners_stream_too(packets):
     robot = pt.load_robot("aerobat")
     network = pt.StripNetwork(robot, (4,))
+    options = {"prior_deviation": 0.3, "measurement_deviation": 3e-3}
     for learner in (
-        pt.ExtendedLearner(network, prior_deviation=0.3, measurement_deviation=3e-3),
+        pt.ExtendedLearner(network, **options, covariance="node"),
         pt.GradientLearner(network, learning_rate=1e-3),
         learner_of(network, process_deviation=1e-4),
     ):

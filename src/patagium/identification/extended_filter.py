@@ -30,7 +30,9 @@ class ExtendedFilter(ArrayFilter):
         return {"mean": self.mean.copy(), "nis": np.array(self.nis), "square": self.root()}
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from a state."""
+        """Go on from a state, also of the compiled filter, whose root is triangular."""
+        if "square" not in state:
+            return super().resume(state)
         size = len(self.mean)
         mean, square = vector(state, "mean", size), vector(state, "square", size, size)
         self.mean, self.nis, self._root, self._grown = mean, float(state["nis"]), square, None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from patagium.identification.array_filter import FilterSetting, WeightFilter
 from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
-from patagium.identification.extended_filter import ExtendedBlockFilter, ExtendedFilter
+from patagium.identification.extended_kernel import restore_extended
 from patagium.identification.kernel_filter import restore
 from patagium.identification.low_rank import Precision
 from patagium.identification.low_rank_kernel import restore_low_rank
@@ -46,8 +46,7 @@ def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> We
     """
     if isinstance(setting.structure, LowRank):
         return restore_low_rank(setting, mean, independent(setting, deviation), linear=True)
-    kind = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
-    return kind(setting, mean, np.diag(deviation))
+    return restore_extended(setting, mean, np.diag(deviation))
 
 
 def independent(setting: FilterSetting, deviation: Array) -> Precision:

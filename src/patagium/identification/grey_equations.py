@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -47,12 +48,12 @@ class GreyEquations:
         """Whether y holds the force of the air carried along."""
         return self.added_mass is not None
 
-    @property
+    @cached_property
     def needs_acceleration(self) -> bool:
         """Whether x ends with the accelerations."""
         return self.explains_added_mass or inertial(self.names, self.model.robot)
 
-    @property
+    @cached_property
     def measured_inputs(self) -> int:
         """Length of [q, v] or [q, v, a]."""
         robot = self.model.robot

@@ -34,6 +34,7 @@ from patagium.identification.hidden_numbers import (
     learned_air,
     starting_lags,
 )
+from patagium.identification.lag_memory import CompiledLags, LagMemory
 from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
 from patagium.identification.network import Encoding
@@ -129,12 +130,16 @@ class HiddenStripNetwork(RecallingNetwork):
             f"hidden strip network {self.lags.size} {symbolic!r}",
             lambda: hidden_functions(robot, self.lags.size),
             label=f"hidden strip network of {robot.name}",
+            many_only=("slopes",),
         )
+        sizes = self.measured_inputs, self._states, self._remembered, len(robot.strips)
+        numbers = self._prior, self._reach, self._constants
+        self._memory = LagMemory(self._functions, *numbers, sizes)
 
     @property
     def inputs(self) -> int:
         """Length of [q, v, z, vec S, W_m]."""
-        return self.measured_inputs + self._states * (1 + self._remembered) + self._remembered
+        return self.measured_inputs + self._memory.size
 
     @property
     def measured_inputs(self) -> int:
@@ -150,6 +155,11 @@ class HiddenStripNetwork(RecallingNetwork):
     def size(self) -> int:
         """How many weights, n, those of the air before those of the perceptron."""
         return self._numbers + self._perceptron.size
+
+    @property
+    def items(self) -> int:
+        """How often the perceptron is evaluated for one x: once a strip."""
+        return len(self.robot.strips)
 
     @property
     def perceptron(self) -> Perceptron:
@@ -201,6 +211,10 @@ class HiddenStripNetwork(RecallingNetwork):
         named |= {"stall": np.arcsin(np.sqrt(min(found.stall, 1.0)))}
         return {name: float(value) for name, value in named.items()}
 
+    def compiled_lags(self) -> CompiledLags | None:
+        """What a compiled filter calls to see a sample at weights; None without a compiler."""
+        return self._memory.compiled()
+
     def recall(
         self,
         weights: Array,
@@ -223,21 +237,9 @@ class HiddenStripNetwork(RecallingNetwork):
         Returns:
             [q, v, z, vec S, W_m], (N, n_x), and what the next block goes on from.
         """
-        own = np.asarray(weights, float)[: self._remembered]
-        coded = self._coded(np.asarray(weights, float)[: self._numbers])
-        anew, rows = set(np.asarray(gaps, int).tolist()), np.empty((len(x), self.inputs))
-        begin, step = self._functions["begin"], self._functions["step"]
-        reach = self._reach[: self._remembered]
-        for k, (stamp, sample) in enumerate(zip(np.asarray(time).tolist(), x, strict=True)):
-            known = sample, coded, self._constants
-            if carried is None or k in anew:
-                found = begin(*known)
-            else:
-                found = step(*known, stamp - carried.time, *carried[1:-1])
-            carried = Remembered._make([stamp, *found, own])
-            slopes = (carried.slopes * reach).ravel()
-            rows[k] = np.concatenate([sample, carried.state, slopes, own])
-        return rows, carried
+        own = np.asarray(weights, float)[: self._numbers]
+        rows, carried = self._memory.recall(own, np.asarray(time, float), x, carried, gaps)
+        return np.hstack([x, rows]), carried
 
     def corrected(self, carried: Remembered, change: Array) -> Remembered:
         """What is carried, moved along its slopes after an update of the weights.
@@ -308,11 +310,10 @@ class HiddenStripNetwork(RecallingNetwork):
         moved = np.zeros((self._states, self._numbers))
         moved[:, : self._remembered] = slopes[0] / self._reach[: self._remembered]
         through = self._perceptron.input_slopes(features, rest, readout).reshape(len(readout), -1)
-        known = x[: self.measured_inputs], state[0], self._coded(own), out.T, self._constants
-        of_air = np.empty((len(readout), len(own)))
-        for k, along in enumerate(np.eye(len(own))):
-            of_features, of_y = self._functions["slope"](*known, moved[:, k], along)
-            of_air[:, k] = (of_y + through @ of_features) * self._reach[k]
+        known = x[: self.measured_inputs], state[0], self._coded(own), out.ravel(), self._constants
+        along = moved.T, np.eye(len(own)), np.concatenate(known)
+        of_features, of_y = self._functions["slopes"].batch(*along)
+        of_air = (of_y + of_features @ through.T).T * self._reach
         of_weights = readout @ inner.reshape(-1, len(rest))
         return readout @ out.ravel(), np.hstack([of_air, of_weights])
 
@@ -370,7 +371,11 @@ class HiddenStripNetwork(RecallingNetwork):
         state, _ = self._lags_at(x, own)
         measured = np.ascontiguousarray(x[:, : self.measured_inputs])
         coded = self._coded(own)
-        features, readout = self._functions["encode"].batch(measured, state, coded, self._constants)
+        encode = self._functions["encode"]
+        if len(x) == 1:
+            features, readout = encode(measured[0], state[0], coded[0], self._constants)
+            return features.T[None], readout[None]
+        features, readout = encode.batch(measured, state, coded, self._constants)
         return features.transpose(0, 2, 1), readout
 
 

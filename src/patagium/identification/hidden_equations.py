@@ -65,14 +65,14 @@ class Remembered(NamedTuple):
 
 
 def hidden_functions(machine: Robot, lags: int) -> list[ca.Function]:
-    """Functions begin, step, encode and slope.
+    """Functions begin, step, encode, and slopes, which is called with many directions.
 
     Args:
         machine: The robot in numbers; those of its symbolic twin are run-time inputs.
         lags: How many a strip.
     """
     air = _Air(machine, lags)
-    return [_begin(air), _step(air), _encode(air), _slope(air)]
+    return [_begin(air), _step(air), _encode(air), _slopes(air)]
 
 
 class _Air:
@@ -182,24 +182,22 @@ def _encode(air: _Air) -> ca.Function:
     )
 
 
-def _slope(air: _Air) -> ca.Function:
-    """Derivatives of features and of y as read out, where lags and coded numbers move."""
+def _slopes(air: _Air) -> ca.Function:
+    """Derivatives of features and of y as read out, where lags and coded numbers move.
+
+    What all directions have in common comes last, in one vector.
+    """
     outputs = ca.SX.sym("m", COEFFICIENTS, air.count)
     moved = ca.SX.sym("dz", air.state.numel()), ca.SX.sym("dcoded", air.coded.numel())
     features, y = _seen(air, outputs)
     seen, variables = ca.vertcat(ca.vec(features), y), ca.vertcat(air.state, air.coded)
     slope = _forward(seen, variables, ca.vertcat(*moved))
+    sample = ca.vertcat(air.x, air.state, air.coded, ca.vec(outputs), air.constants)
+    common = ca.SX.sym("sample", sample.numel())
+    slope = ca.substitute(slope, sample, common)
     return _function(
-        "slope",
-        {
-            "x": air.x,
-            "state": air.state,
-            "coded": air.coded,
-            "outputs": outputs,
-            "network_parameters": air.constants,
-            "state_moved": moved[0],
-            "coded_moved": moved[1],
-        },
+        "slopes",
+        {"state_moved": moved[0], "coded_moved": moved[1], "sample_parameters": common},
         {"of_features": slope[: features.numel()], "of_y": slope[features.numel() :]},
     )
 

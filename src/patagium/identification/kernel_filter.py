@@ -27,7 +27,11 @@ from patagium.identification.kernel_memory import (
     rounded_up,
 )
 from patagium.identification.kernel_screening import screening_structure
-from patagium.identification.perceptron_network import PerceptronNetwork, as_perceptron
+from patagium.identification.perceptron_network import (
+    PerceptronNetwork,
+    as_perceptron,
+    evaluated,
+)
 from patagium.identification.root import with_noise
 from patagium.identification.structure import Indices
 from patagium.native import load_kernel
@@ -45,7 +49,7 @@ _RESULT = ("predicted", "innovation", "covariance")
 _ARRAYS = (*(name for name in _STATE if name != "screen"), *_WORK, *_SAMPLE, *_RESULT)
 
 
-class _Cubature(ctypes.Structure):
+class CubatureMemory(ctypes.Structure):
     """`cubature` of the kernel, field by field."""
 
     _fields_ = [
@@ -77,23 +81,23 @@ class KernelFilter:
         library: The compiled kernel.
     """
 
+    _kernel = "cubature"
+
     def __init__(
         self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
         self._blocks = setting_blocks(setting)
-        self._lanes = int(library.cubature_lanes())
+        self._lanes = int(getattr(library, f"{self._kernel}_lanes")())
         self._arrays = _allocate(setting, self._lanes)
         self.screen = setting.screen()
         self._screening = screening_structure(self.screen)
         self._struct = _structure(setting, self._arrays)
         self._struct.screen = ctypes.addressof(self._screening)
-        self._x, self._keep = install_encoder(
-            as_perceptron(setting.network), self._struct, self._arrays
-        )
+        self._x, self._keep = self._installed()
         self._address = ctypes.addressof(self._struct)
         self._predict, self._update = (
-            kernel_function(library, f"cubature_{name}") for name in ("predict", "update")
+            kernel_function(library, f"{self._kernel}_{name}") for name in ("predict", "update")
         )
         self._features, self._readout = self._arrays["features"], self._arrays["readout"]
         self._offset, self._measured = self._arrays["offset"], self._arrays["measured"]
@@ -166,6 +170,10 @@ class KernelFilter:
         """P <- growth P + diag(noise), once."""
         self._put_root(self._drifted(growth, noise))
         self._before_noise = None
+
+    def _installed(self) -> tuple[Array | None, tuple[Any, ...]]:
+        """The kernel's way to see a sample: x it reads, or None; what must stay alive."""
+        return install_encoder(as_perceptron(self.setting.network), self._struct, self._arrays)
 
     def _panels(self) -> Iterator[tuple[Indices, int, Array]]:
         """Every panel: weights of its block, its first column in it, its rows from there on."""
@@ -245,7 +253,7 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
 
 def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `cubature.h` names, on cache lines."""
-    network, outputs = as_perceptron(setting.network), len(setting.noise)
+    network, outputs = evaluated(setting.network), len(setting.noise)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
     counts = [len(block) for block in setting_blocks(setting)]
@@ -278,14 +286,15 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
     arrays["widths"], arrays["counts"] = np.array(widths, np.int32), np.array(counts, np.int32)
     arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
-    arrays["offset"][:] = network.offset
+    if isinstance(network, PerceptronNetwork):
+        arrays["offset"][:] = network.offset
     return arrays
 
 
-def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Cubature:
-    network = as_perceptron(setting.network)
+def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> CubatureMemory:
+    network = evaluated(setting.network)
     forgets = 1.0 if setting.has_process_noise else setting.forgetting_factor
-    return _Cubature(
+    return CubatureMemory(
         weights=network.size,
         rows=len(arrays["near"]),
         outputs=network.outputs,

@@ -10,6 +10,7 @@ so that what holds for one item holds for all. Neglected: physics with weights o
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,25 @@ class PerceptronNetwork(Network):
         out, inner = self.perceptron.linearized(encoding.features, weights)
         y = encoding.offset + encoding.readout @ out.ravel()
         return np.asarray(y), np.asarray(encoding.readout @ inner.reshape(-1, self.size))
+
+
+class Evaluated(Network, Protocol):
+    """A network that ends in one perceptron, evaluated for m items, and a linear readout."""
+
+    @property
+    def items(self) -> int:
+        """How often the perceptron is evaluated for one x, m."""
+        ...
+
+    @property
+    def perceptron(self) -> Perceptron:
+        """The part at the end of the weights."""
+        ...
+
+
+def evaluated(network: Network) -> Evaluated:
+    """A network of which filters know that it ends in a perceptron."""
+    return cast("Evaluated", network)
 
 
 def as_perceptron(network: Network) -> PerceptronNetwork:

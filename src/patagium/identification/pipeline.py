@@ -129,8 +129,8 @@ class Pipeline:
         self._force = air_force(robot, inputs, learner.network.output_names)
         self._parameters = np.ascontiguousarray(robot.parameters, float)
         self._columns = len(packet_columns(robot))
-        self._chain = _chain(learner, self._force, robot)
         self._memory = _memory(learner)
+        self._chain = None if self._memory else _chain(learner, self._force, robot)
 
     @property
     def columns(self) -> tuple[Column, ...]:

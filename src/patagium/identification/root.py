@@ -88,9 +88,18 @@ def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, 
     after, cross, inverse = transformed_root(root, slopes, remainder)
     if not np.isfinite(after).all():
         raise MatrixLost(Outcome.NOT_FINITE)
-    upper = np.asarray(np.linalg.qr(after.T, mode="r"))
+    return triangular(after), cross, inverse
+
+
+def triangular(root: Array) -> Array:
+    """The lower triangular square root of the same covariance, its diagonal at least zero.
+
+    Args:
+        root: S, any square root, (n, n).
+    """
+    upper = np.asarray(np.linalg.qr(root.T, mode="r"))
     signs = np.where(np.diag(upper) < 0, -1.0, 1.0)
-    return upper.T * signs, cross, inverse
+    return np.asarray(upper.T * signs)
 
 
 def with_noise(root: Array, noise: Array) -> Array:

@@ -107,6 +107,23 @@ class NativeFunction:
         else:
             self._start_virtual_machine(call=False)
 
+    @property
+    def batch_address(self) -> int | None:
+        """Address of the code for many states, built at the first call; None without a compiler.
+
+        `void f(arg, res, long count, long stride)`: arguments state by state, those the same for
+        all once; results entry by entry, rows of `stride` states, a multiple of the lanes.
+        """
+        if self._compiled is None:
+            return None
+        return ctypes.cast(self._many(), ctypes.c_void_p).value
+
+    def _many(self) -> Any:
+        """The compiled code for many states."""
+        if self._batch_function is None and self._compiled is not None:
+            self._batch_function = getattr(self._compiled.batch(), f"{self.name}_batch")
+        return self._batch_function
+
     def _start_virtual_machine(self, call: bool = True) -> None:
         self._run = _virtual_machine(self._expression(), self._inputs, self._outputs)
         if call:
@@ -161,8 +178,6 @@ class NativeFunction:
         count = self._batch_count(arrays)
         if self._compiled is None:
             return self._batch_in_python(arrays, count)
-        if self._batch_function is None:
-            self._batch_function = getattr(self._compiled.batch(), f"{self.name}_batch")
         padded = _padded(count)
         blocks = []
         for position, array in enumerate(arrays):
@@ -176,7 +191,7 @@ class NativeFunction:
             self._block(position, (columns, rows, padded))
             for position, (rows, columns) in enumerate(self.size_out)
         ]
-        self._batch_function(
+        self._many()(
             _pointers(blocks), _pointers(results), ctypes.c_long(count), ctypes.c_long(padded)
         )
         shaped = [

@@ -277,9 +277,8 @@ def _extended(metrics: Metrics) -> Claim:
     return (
         "The extended Kalman filter is too costly, because of the Jacobian.",
         "It is not tried.",
-        f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. Here the "
-        "extended filter is written in NumPy and the cubature filter in C. The Jacobian costs one "
-        "backward pass; both filters spend their time on P.",
+        f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. Both are "
+        "written in C. The Jacobian costs one backward pass; both filters spend their time on P.",
     )
 
 

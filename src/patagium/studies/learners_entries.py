@@ -283,7 +283,7 @@ ENTRIES: tuple[Entry, ...] = (
           knobs=_POINTS),
     Entry("low_rank", f"cubature, rank {RANK}", _cubature(covariance=LowRank(RANK)),
           knobs=_POINTS),
-    Entry("extended", "extended filter, NumPy", _extended, knobs=_FILTER),
+    Entry("extended", "extended filter, compiled", _extended, knobs=_FILTER),
     Entry("strip", "strip network, cubature, full", _cubature("strip"), "strip", knobs=_POINTS),
     Entry("strip32", "strip network, cubature, full, single", _cubature("strip", **_SINGLE),
           "strip", twin="strip"),

@@ -131,10 +131,9 @@ class Plan:
     def left_out(self) -> list[str]:
         """What was not run, and why, in sentences."""
         words = [
-            "The extended filter runs in NumPy, several times slower than the cubature filter in "
-            "C: it learns from one sample in 10 at most, with the large network from one in 100. "
-            "Gradient steps with replay learn from one sample in 10 at most, and so does the "
-            "cubature filter with the dense network of the experiment's size.",
+            "The extended filter, a rival, learns from one sample in 10 at most, with the large "
+            "network from one in 100. Gradient steps with replay learn from one sample in 10 at "
+            "most, and so does the cubature filter with the dense network of the paper's size.",
         ]
         if self.dense_every > 1:
             words.append(

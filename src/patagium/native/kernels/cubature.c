@@ -22,10 +22,8 @@
  * way: screening.h. Nothing is allocated, nothing is raised: the returned integer is an Outcome,
  * and whatever is not COMPLETED leaves mean and S as they were.
  */
-#include <math.h>
-
 #include "points.h"
-#include "transform.h"
+#include "sample.h"
 
 /* Slopes and bends of y over WIDTH columns, from the mlp's outputs at their points. */
 static void read_out(const cubature *f, int first, REAL *outputs) {
@@ -54,7 +52,7 @@ static void visit(cubature *f) {
   find_noise(f->screen, count, f->readout);
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
-  run_at_mean(f);
+  run_at_mean(f, 0);
   for (int b = 0; b < f->blocks; b++)
     for (int first = 0; first < f->counts[b]; first += WIDTH)
       read_out(f, f->starts[b] + first, run_at_points(f, b, first));
@@ -64,26 +62,6 @@ static void visit(cubature *f) {
     for (int r = 0; r < count; r++) y += f->readout[r * m + k] * (double)center[r];
     f->predicted[k] = y;
   }
-}
-
-/* sum over the weights of a block of x x', (stride, stride), from rows of x. */
-static void gram(const cubature *f, int block, const REAL *x, double *sum) {
-  const int stride = f->stride, size = stride * stride, count = f->counts[block];
-  double *doubles = f->small + 4 * size; /* stride rows at a time */
-  memset(sum, 0, sizeof(double) * size);
-  x += (ptrdiff_t)f->starts[block] * stride;
-  for (int i = 0; i < count; i += stride) {
-    const int rows = count - i < stride ? count - i : stride;
-    for (int k = 0; k < rows * stride; k += WIDE) wide_store(doubles + k, wide_from(x + k));
-    add_products(stride, rows, doubles, sum);
-    x += size;
-  }
-  for (int k = 0; k < stride; k++)
-    for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
-}
-
-static double *gram_of(const cubature *f, int block) {
-  return f->small + (5 + block) * f->stride * f->stride;
 }
 
 /* Mean of y, M and P_yy from slopes and bends; Z'Z of every block. */
@@ -118,116 +96,13 @@ static void moments(cubature *f, double *remainder, double *work) {
 
 /* Mean and covariance of y (noise included) before it is measured. */
 int cubature_predict(cubature *f) {
-  const int m = f->outputs;
   visit(f);
   moments(f, f->small, f->small + f->stride * f->stride);
-  double sum = 0;
-  for (int k = 0; k < m * m; k++) sum += f->covariance[k];
-  for (int k = 0; k < m; k++) sum += f->predicted[k];
-  return isfinite(sum) ? COMPLETED : NOT_FINITE;
-}
-
-/* Length of the longest row of S. */
-static double longest_row(const cubature *f) {
-  double longest = 0;
-  for (int b = 0; b < f->blocks; b++)
-    for (int j = f->starts[b]; j < f->starts[b + 1]; j++) {
-      double square = 0;
-      for (int panel = 0; panel <= (j - f->starts[b]) / PANEL; panel++)
-        for (int c = 0; c < PANEL; c++) {
-          const double s = (double)panel_of(f, b, panel)[(ptrdiff_t)j * PANEL + c];
-          square += s * s;
-        }
-      longest = fmax(longest, sqrt(square));
-    }
-  return longest;
-}
-
-/* Steps and shrinks of all blocks, each with M and what the other blocks add to it; g becomes
- * the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
-static int plan(cubature *f, double *g, double *turned) {
-  const int m = f->outputs, stride = f->stride, size = stride * stride;
-  double *remainder = f->small, *work = remainder + size, *rest = remainder + 4 * size;
-  for (int b = 0; b < f->blocks; b++) {
-    memcpy(rest, remainder, sizeof(double) * size);
-    for (int other = 0; other < f->blocks; other++)
-      for (int k = 0; k < size && other != b; k++) rest[k] += gram_of(f, other)[k];
-    memset(g, 0, sizeof(double) * size);
-    if (!invert_root(m, stride, rest, work, g)) return 0;
-    for (int k = 0; k < stride; k++)
-      for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
-    recur(f, b, g, turned);
-  }
-  return 1;
-}
-
-/* Whether C stays a number in the precision of S: |C_j| <= |S_j| (largest variance of y)^(1/2).
- * `largest` bounds |S_j|; growth makes it too large in time, and it is then found anew. */
-static int in_range(cubature *f) {
-  const double limit = SINGLE ? 1e36 : 1e300;
-  double reach = 0;
-  for (int k = 0; k < f->outputs; k++)
-    reach = fmax(reach, f->covariance[k * f->outputs + k]);
-  if (f->growth * f->largest * sqrt(reach) < limit) return 1;
-  f->largest = longest_row(f);
-  return f->growth * f->largest * sqrt(reach) < limit;
-}
-
-/* Why there is no prediction. */
-static int unseen(const cubature *f) {
-  const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
-  if (are_numbers(features, f->features) && are_numbers(rows * f->outputs, f->readout))
-    return NOT_FINITE;
-  f->screen->counts[BAD_INPUTS]++;
-  return BAD_INPUT;
-}
-
-/* Slopes and moments of y as the screen has them. */
-static void screen_moments(cubature *f) {
-  const screening *s = f->screen;
-  const int stride = f->stride;
-  leave_out(s, stride, f->small);
-  for (int k = 0; k < f->outputs; k++) {
-    if (!s->left_out[k]) continue;
-    for (int i = 0; i < f->rows; i++) f->slopes[i * stride + k] = R(0);
-    for (int b = 0; b < f->blocks; b++)
-      for (int l = 0; l < f->outputs; l++)
-        gram_of(f, b)[k * stride + l] = gram_of(f, b)[l * stride + k] = 0;
-  }
+  return foreseen(f);
 }
 
 /* Learn one sample. */
-int cubature_update(cubature *f) {
-  const int m = f->outputs, stride = f->stride, size = stride * stride;
-  double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
-  const int refused = admit(f->screen);
-  if (refused) return refused;
-  if (cubature_predict(f) != COMPLETED) return unseen(f);
-  if (!in_range(f)) return NOT_FINITE;
-  const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
-  if (!kept) return BLIND;
-  screen_moments(f);
-  if (!plan(f, g, turned)) return COVARIANCE_LOST;
-  combine(m, stride, f->innovation, g, inner);
-  combine(m, stride, inner, turned, gain);
-  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
-  if (!isfinite(nis)) return NOT_FINITE;
-  f->nis = nis;
-  learn_noise(f->screen, gain, stride, g);
-  watch(f->screen, nis, kept);
-  f->largest *= f->growth;
-  memset(f->cross, 0, sizeof(REAL) * f->rows * stride);
-  int weight = 0;
-  for (int b = 0; b < f->blocks; b++) {
-    for (int panel = (f->counts[b] - 1) / PANEL; panel >= 0; panel--) change_panel(f, b, panel);
-    for (int j = f->starts[b]; j < f->starts[b] + f->counts[b]; j++) {
-      double step = 0;
-      for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];
-      f->mean[weight++] += step;
-    }
-  }
-  return COMPLETED;
-}
+int cubature_update(cubature *f) { return learn_sample(f, cubature_predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int cubature_lanes(void) { return WIDTH; }

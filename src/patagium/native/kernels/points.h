@@ -38,10 +38,10 @@ static REAL *inputs_of(const cubature *f, int l) {
   return f->at_mean + (2 * l + 1) * layer_size(f);
 }
 
-/* All layers at the mean, in the order of operations of the points. */
-static void run_at_mean(cubature *f) {
+/* All layers at the mean, in the order of operations of the points; `first`: weights before. */
+static void run_at_mean(cubature *f, int first) {
   for (int j = 0; j < f->weights; j++) f->near[j] = R(f->mean[j]);
-  const REAL *w = f->near;
+  const REAL *w = f->near + first;
   REAL *x = inputs_of(f, 0);
   for (int k = 0; k < f->items * f->widths[0]; k++) x[k] = R(f->features[k]);
   for (int l = 0; l < f->layers; l++) {

@@ -1,0 +1,209 @@
+/* One sample through the square-root extended Kalman filter of a network's weights.
+ *
+ * The network is y = offset + readout . mlp(features; W) and linear around the mean: H = dy/dW by
+ * reverse accumulation through the mlp, Z = S' H', M = R. What a sample then does to mean and
+ * root is the cubature filter's: sample.h. Where the network remembers, the first weights are
+ * numbers of the air: features, readout and lags depend on them, and their columns of H come
+ * from derivatives along each (lags, below). Python's twin is `extended_kernel.py`, field by field.
+ */
+#include "points.h"
+#include "sample.h"
+
+typedef void (*function)(const double *const *, double *const *);
+typedef void (*functions)(const double *const *, double *const *, long count, long stride);
+
+/* A network whose encoder has weights: x is [measured, z, vec S, W_m], S = dz/dW_m. */
+typedef struct {
+  int32_t measured, states, remembered;
+  int32_t own;             /* weights of the encoder, the remembered ones first */
+  int32_t directions;      /* own rounded up to whole vectors */
+  function encode;         /* measured, z, coded, constants -> features, readout */
+  functions slopes;        /* sample, dz, dcoded -> of features, of y: along each of own */
+  const double *constants; /* of encode */
+  const double *prior;     /* own: coded = prior + reach W */
+  const double *reach;     /* own */
+  double *x;
+  double *coded;           /* own */
+  double *state;           /* z at the mean */
+  double *sample;          /* [measured, z, coded, outputs of the mlp, constants], one behind the other */
+  double *moved;           /* own x states: dz along each */
+  double *along;           /* own x own: dcoded along each, one */
+  double *of_features;     /* items widths[0] x directions */
+  double *of_y;            /* n_y x directions */
+  int32_t constants_count;
+} lags;
+
+typedef struct {
+  cubature filter;
+  lags *lags;        /* or NULL */
+  double *derivative; /* weights x stride: H' */
+  double *seeds;      /* 2 x items widest x stride: dy / d sums of a layer, of that below */
+} extended;
+
+/* Lags and coded numbers at weights: z + S (W - W_m). */
+static void place_lags(const lags *g, const double *weights, int known) {
+  const double *z = g->x + g->measured, *slopes = z + g->states;
+  const double *before = slopes + g->states * g->remembered;
+  for (int k = 0; k < g->own; k++)
+    g->coded[k] = g->prior[k] + (k < known ? g->reach[k] * weights[k] : 0);
+  for (int i = 0; i < g->states; i++) {
+    double sum = z[i];
+    for (int k = 0; k < g->remembered; k++)
+      sum += slopes[i * g->remembered + k] * (weights[k] - before[k]);
+    g->state[i] = sum;
+  }
+}
+
+static void encode_with_lags(const lags *g, cubature *f) {
+  const double *arguments[4] = {g->x, g->state, g->coded, g->constants};
+  double *results[2] = {f->features, f->readout};
+  g->encode(arguments, results);
+}
+
+/* Features and readout at the mean; the noise of a network that remembers grows with what the
+ * remembered weights alone say. */
+static void encode_sample(extended *e) {
+  cubature *f = &e->filter;
+  const int count = f->items * f->widths[f->layers];
+  if (!e->lags) {
+    if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+    find_noise(f->screen, count, f->readout);
+    return;
+  }
+  const lags *g = e->lags;
+  if (f->screen->share != 0) {
+    place_lags(g, g->x + g->measured + g->states * (1 + g->remembered), g->remembered);
+    encode_with_lags(g, f);
+    find_noise(f->screen, count, f->readout);
+  }
+  place_lags(g, f->mean, g->own);
+  encode_with_lags(g, f);
+}
+
+/* target <- sum over `count` of scale[k step] rows of a, `apart` numbers from one to the next. */
+static inline void weighted_rows(int stride, int count, const double *scale, int step,
+                                 const double *a, int apart, double *target) {
+  for (int l = 0; l < stride; l += WIDE) {
+    wide sum = {0};
+    for (int k = 0; k < count; k++) sum += scale[k * step] * wide_load(a + k * apart + l);
+    wide_store(target + l, sum);
+  }
+}
+
+/* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
+static const double *perceptron_slopes(extended *e) {
+  cubature *f = &e->filter;
+  const int own = e->lags ? e->lags->own : 0, stride = f->stride, items = f->items;
+  const int room = items * widest_of(f) * stride;
+  double ones[items], *seeds = e->seeds, *below = e->seeds + room;
+  const double *w = f->mean + f->weights;
+  double *rows = e->derivative + (ptrdiff_t)f->weights * stride;
+  for (int t = 0; t < items; t++) ones[t] = 1;
+  memcpy(seeds, f->weighting, sizeof(double) * items * f->widths[f->layers] * stride);
+  for (int l = f->layers - 1; l >= 0; l--) {
+    const int in = f->widths[l], out = f->widths[l + 1];
+    const double *x = inputs_of(f, l);
+    w -= out * (in + 1);
+    rows -= (ptrdiff_t)out * (in + 1) * stride;
+    for (int o = 0; o < out; o++) {
+      const double *seed = seeds + o * stride;
+      for (int j = 0; j < in; j++)
+        weighted_rows(stride, items, x + j, in, seed, out * stride, rows + (o * in + j) * stride);
+      weighted_rows(stride, items, ones, 1, seed, out * stride, rows + (out * in + o) * stride);
+    }
+    if (l == 0 && !own) break;
+    for (int t = 0; t < items; t++)
+      for (int j = 0; j < in; j++) {
+        double *target = below + (t * in + j) * stride;
+        weighted_rows(stride, out, w + j, in, seeds + t * out * stride, stride, target);
+        if (l == 0) continue;
+        const double a = x[t * in + j], slope = f->activation == TANH ? 1 - a * a : -expm1(-a);
+        for (int k = 0; k < stride; k++) target[k] *= slope;
+      }
+    double *swap = seeds;
+    seeds = below;
+    below = swap;
+  }
+  return seeds;
+}
+
+/* Rows of H' of the encoder's weights; through: dy / d features. */
+static void lag_slopes(extended *e, const double *through) {
+  cubature *f = &e->filter;
+  const lags *g = e->lags;
+  const int seen = f->items * f->widths[0], outputs = f->items * f->widths[f->layers];
+  const double *slopes = g->x + g->measured + g->states, *m = sums_of(f, f->layers - 1);
+  double *sample = g->sample;
+  const struct { int count; const double *from; } parts[] = {
+      {g->measured, g->x}, {g->states, g->state}, {g->own, g->coded}, {outputs, m},
+      {g->constants_count, g->constants}};
+  for (int k = 0; k < 5; k++) {
+    memcpy(sample, parts[k].from, sizeof(double) * parts[k].count);
+    sample += parts[k].count;
+  }
+  for (int k = 0; k < g->remembered; k++)
+    for (int i = 0; i < g->states; i++)
+      g->moved[k * g->states + i] = slopes[i * g->remembered + k] / g->reach[k];
+  const double *arguments[3] = {g->moved, g->along, g->sample};
+  double *results[2] = {g->of_features, g->of_y};
+  g->slopes(arguments, results, g->own, g->directions);
+  for (int k = 0; k < g->own; k++) {
+    double *row = e->derivative + k * f->stride;
+    weighted_rows(f->stride, seen, g->of_features + k, g->directions, through, f->stride, row);
+    for (int y = 0; y < f->outputs; y++)
+      row[y] = (row[y] + g->of_y[y * g->directions + k]) * g->reach[k];
+  }
+}
+
+/* y at the mean in `predicted`, and Z. */
+static void visit(extended *e) {
+  cubature *f = &e->filter;
+  const int own = e->lags ? e->lags->own : 0, m = f->outputs, stride = f->stride;
+  const int count = f->items * f->widths[f->layers];
+  encode_sample(e);
+  run_at_mean(f, own);
+  for (int r = 0; r < count; r++)
+    for (int k = 0; k < m; k++) f->weighting[r * stride + k] = f->readout[r * m + k];
+  const double *center = sums_of(f, f->layers - 1);
+  for (int k = 0; k < m; k++) {
+    double y = f->offset[k];
+    for (int r = 0; r < count; r++) y += f->readout[r * m + k] * center[r];
+    f->predicted[k] = y;
+  }
+  const double *through = perceptron_slopes(e);
+  if (own) lag_slopes(e, through);
+  for (int b = 0, before = 0; b < f->blocks; before += f->counts[b++])
+    for (int first = 0; first < f->counts[b]; first += FEW) {
+      const int panel = first / PANEL, start = panel * PANEL, at = f->starts[b];
+      const double *s = panel_of(f, b, panel) + (ptrdiff_t)(at + start) * PANEL + first % PANEL;
+      double *z = f->slopes + (ptrdiff_t)(at + first) * stride;
+      band_product(0, FEW, stride, f->counts[b] - start, s, 1, PANEL,
+                   e->derivative + (ptrdiff_t)(before + start) * stride, stride, z, stride);
+      for (int k = 0; f->growth != 1 && k < FEW * stride; k++) z[k] *= f->growth;
+    }
+}
+
+/* Mean and covariance of y (noise included) before it is measured. */
+static int foresee(cubature *f) {
+  const int m = f->outputs, stride = f->stride;
+  visit((extended *)f);
+  memset(f->small, 0, sizeof(double) * stride * stride);
+  for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));
+  for (int k = 0; k < m; k++) {
+    f->small[k * stride + k] = f->screen->noise[k];
+    for (int l = 0; l < m; l++) {
+      double *sum = f->covariance + k * m + l;
+      *sum = f->small[k * stride + l];
+      for (int b = 0; b < f->blocks; b++) *sum += gram_of(f, b)[k * stride + l];
+    }
+  }
+  return foreseen(f);
+}
+
+int extended_predict(extended *e) { return foresee(&e->filter); }
+
+/* Learn one sample. */
+int extended_update(extended *e) { return learn_sample(&e->filter, foresee); }
+
+/* Lanes of a vector: the caller lays out the memory by it. */
+int extended_lanes(void) { return WIDTH; }
