@@ -115,7 +115,7 @@ def test_every_group_of_the_bench_has_its_place_on_the_page() -> None:
 def test_a_page_of_the_documentation_has_every_part(page: str, titles: list[str]) -> None:
     text = (DOCS / page).read_text("utf-8")
     assert [title for title in titles if f"\n## {title}\n" not in text] == []
-    assert "Not run here" not in text
+    assert "Not run here" not in text and (page == "results.md" or "Not run:" not in text)
 
 
 def test_the_page_of_the_learners_has_every_learner() -> None:
