@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from patagium.cli.learner_options import (
-    REMEMBERING,
     Activation,
     Asked,
     LearnerKind,
@@ -254,8 +253,8 @@ def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline 
         asked.context, nothing, asked.settings
     )
     shape, layers = network_shape(network, hidden, kind)
-    if shape in REMEMBERING or shape is NetworkKind.DENSE:
-        expected = "those of a network of wings without memory, which needs no flight to begin"
+    if shape is NetworkKind.DENSE:
+        expected = "those of a network of wings, which needs no flight to begin"
         raise ParameterError("--settings", expected, shape.value)
     net = winged_network(shape, robot, layers, air, activation.value)
     return Pipeline(make_learner(kind, net, options, seed), robot), every

@@ -26,9 +26,7 @@ from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
-_SCRIPTS = (
-    *("flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"),
-)
+_SCRIPTS = (*("flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"),)
 
 
 @dataclass(frozen=True)

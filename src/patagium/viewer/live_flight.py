@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 LONGEST = 0.03
 """Flight that is integrated in one piece at most [s]."""
+_NAP = 0.008  # s between pieces: shorter ones cost more than they show
 _BEHIND = 0.2  # s after which lost time is given up
 _MOST_AMPLITUDE, _FASTEST, _SLOWEST = 2.0, 3.0, 0.1  # over the gait's own
 _MEMORY = 5_000.0  # samples that running scores reach back
@@ -91,7 +92,8 @@ class LiveFlight:
         self._tally = Tally(len(subject.outputs), _MEMORY)
         self._every, self._share = every, every
         self._resets, self._paused = 0, False
-        self._asked = (0.0, 0.0)
+        self._asked = (0.0, 0.0) if self._steering is None else (self._steering.frequency, 1.0)
+        self._first = self._asked
         self._flown_for = self._learned_for = float("nan")  # processor time a step, a sample
         self._begin()
 
@@ -118,7 +120,7 @@ class LiveFlight:
                 if look is not None:
                     look()
             if not steps:
-                stop.wait(min(self._step, 0.5 * PERIOD) if self._sound else 0.5 * PERIOD)
+                stop.wait(_NAP)
         self._post()
         return self._flying.flight()
 
@@ -136,7 +138,7 @@ class LiveFlight:
         self._flying = self._start(self._gait or self._own)
         self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
         self._show(np.zeros(1), {k: part[:1] for k, part in self._flying.run.samples.items()})
-        if self._asked != (0.0, 0.0):
+        if self._asked != self._first:
             self._steer(*self._asked)
         self._anchor()
 
@@ -152,7 +154,7 @@ class LiveFlight:
             self._paused = bool(command["paused"])
             self._anchor()
         asked = float(command["frequency"]), float(command["amplitude"])
-        if asked != self._asked and asked[0] > 0:
+        if asked != self._asked:
             self._steer(*asked)
         if int(command["resets"]) != self._resets:
             self._resets = int(command["resets"])

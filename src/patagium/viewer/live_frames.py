@@ -151,12 +151,12 @@ class Feed:
         """Samples since the last frame, thinned: time and forces, (at most TRACE, 1 + 3 m)."""
         blocks = self._waiting[:: -(-len(self._waiting) // TRACE)]
         each = max(1, TRACE // len(blocks))
-        rows = []
-        for packets, records in blocks:
-            thin = slice(None, None, -(-len(packets) // each))
-            forces = [getattr(records, name)[thin] for name in FORCES]
-            rows.append(np.column_stack([packets[thin, 0], *forces]))
-        return np.concatenate(rows)[:TRACE]
+        thin = [slice(None, None, -(-len(packets) // each)) for packets, _ in blocks]
+        times = [packets[k, :1] for (packets, _), k in zip(blocks, thin, strict=True)]
+        rows = [records.rows[k] for (_, records), k in zip(blocks, thin, strict=True)]
+        chosen = Records(np.concatenate(rows))
+        forces = [getattr(chosen, name) for name in FORCES]
+        return np.hstack([np.concatenate(times), *forces])[:TRACE]
 
 
 def words_of(letter: Any) -> str:

@@ -123,7 +123,7 @@ class LivePage:
                 hint="Wingbeats a second; the phase goes on where it is.",
             )  # fmt: skip
             size = gui.add_slider(
-                "Amplitude [%]", 0.0, round(100.0 * steering.amplitude), 1.0, 100.0,
+                "Amplitude [%]", 0.0, np.floor(100.0 * steering.amplitude), 1.0, 100.0,
                 hint="Of the gait's own excursions about their mean.",
             )  # fmt: skip
         with gui.add_folder("Flight", order=11):
