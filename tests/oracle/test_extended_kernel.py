@@ -17,8 +17,8 @@ from patagium.robot import load_robot_text
 
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
 COUNT = 24
-# sums in another order; the strip network's P is nearly singular
-ROUNDING = 1e-10
+# sums in another order; P of a strip network that knows only its section is nearly singular
+ROUNDING = {"hidden": 1e-11, "strip": 1e-8, "flow": 1e-11}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def log_of(network, states):
 @pytest.mark.parametrize("how", HOW)
 @pytest.mark.parametrize("name", NETWORKS)
 def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
-    network = NETWORKS[name](robot)
+    network, rounding = NETWORKS[name](robot), ROUNDING[name]
     x, y = log_of(network, states)
     setting, deviation = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
     first = network.initial(0)
@@ -90,15 +90,15 @@ def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
     for k in range(COUNT):
         theirs.resume(ours.state())  # so that rounding does not grow from sample to sample
         for one, other in zip(ours.predict(x[k]), theirs.predict(x[k]), strict=True):
-            np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING * np.abs(other).max())
+            np.testing.assert_allclose(one, other, rtol=0, atol=rounding * np.abs(other).max())
         outcome, _ = ours.update(x[k], y[k])
         assert outcome == theirs.update(x[k], y[k])[0]
         assert outcome == (Outcome.BLIND if k == 20 else Outcome.COMPLETED)
         apart = np.abs(ours.mean - theirs.mean).max()
-        assert apart < ROUNDING * np.abs(theirs.mean).max()
+        assert apart < rounding * np.abs(theirs.mean).max()
         covariance = theirs.covariance()
         apart = np.abs(ours.covariance() - covariance).max()
-        assert apart < ROUNDING * np.abs(covariance).max()
+        assert apart < rounding * np.abs(covariance).max()
     np.testing.assert_allclose(ours.nis, theirs.nis, rtol=1e-8)
     for name_of, array in theirs.screen.arrays.items():
         np.testing.assert_allclose(ours.screen.arrays[name_of], array, rtol=1e-8, atol=1e-300)
@@ -120,7 +120,7 @@ def test_a_state_of_either_goes_on_in_the_other(robot, states):
     again = pickle.loads(pickle.dumps(ours))
     for one in (ours, theirs, *moved, again):
         one.update(x[9], y[9])
-        np.testing.assert_allclose(one.mean, ours.mean, rtol=0, atol=ROUNDING)
+        np.testing.assert_allclose(one.mean, ours.mean, rtol=0, atol=1e-9)  # grown over the updates
     np.testing.assert_array_equal(again.mean, ours.mean)
 
 

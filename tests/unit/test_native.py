@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import platform
 import threading
+import time
 from pathlib import Path
 
 import casadi as ca
@@ -266,3 +267,27 @@ def test_the_expression_behind_a_function_can_be_differentiated():
 
 def test_kernels_folder_is_part_of_the_package():
     assert (Path(compiler_module.KERNELS) / "lanes.h").exists()
+
+
+def test_processes_that_need_the_same_entry_wait_for_each_other(tmp_path, monkeypatch):
+    from concurrent.futures import ThreadPoolExecutor
+
+    from patagium.native.compiler import alone
+
+    monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
+    within, most = 0, 0
+
+    def make(name: str) -> None:
+        nonlocal within, most
+        with alone(name):
+            within += 1
+            most = max(most, within)
+            time.sleep(0.01)
+            within -= 1
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(make, ["a"] * 8))
+        assert most == 1
+        list(pool.map(make, "abcd"))
+    assert most > 1
+    assert not list(tmp_path.glob("making-*"))

@@ -8,9 +8,11 @@ compiler, `PATAGIUM_COMPILER=none` does without, `PATAGIUM_CACHE` moves the cach
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
 import platform
 import shutil
@@ -18,11 +20,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Any
 
 from patagium.errors import CompilerError
+
+fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
+"""Locks of files; not on Windows."""
 
 KERNELS = Path(__file__).parent / "kernels"
 _COMMON = ("-std=gnu11", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
@@ -147,6 +154,43 @@ def machine_identity(path: str) -> str:
     return text
 
 
+@contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Other processes that would make the same entry of the cache wait until it is there.
+
+    Where files cannot be locked nobody waits, and the same may be made twice.
+
+    Args:
+        name: Of the entry.
+    """
+    if fcntl is None:
+        yield
+        return
+    file = cache_folder() / f"making-{name}"
+    lock = _locked(file)
+    try:
+        yield
+    finally:
+        if lock is not None:
+            file.unlink(missing_ok=True)
+            lock.close()
+
+
+def _locked(file: Path) -> IO[bytes] | None:
+    """A file that this process alone holds; None of a file system that knows no locks."""
+    while True:
+        lock = file.open("wb")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        except OSError:
+            lock.close()
+            return None
+        with contextlib.suppress(FileNotFoundError):  # taken away by who held it before
+            if os.path.samestat(os.fstat(lock.fileno()), file.stat()):
+                return lock
+        lock.close()
+
+
 def build(path: str, sources: Mapping[str, str], flags: Sequence[str], label: str) -> Path:
     """Folder of the cache that holds `library.so` and whatever else the sources bring.
 
@@ -223,5 +267,6 @@ def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ct
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
     sources = {f"{name}.c": (KERNELS / f"{name}.c").read_text()}
-    folder = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
+    with alone(short_hash(name, *macros, machine_identity(path))):
+        folder = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
     return ctypes.CDLL(str(folder / "library.so"))

@@ -19,6 +19,7 @@ import casadi as ca
 from patagium.native.compiler import (
     STRAIGHT_LINE,
     accepts,
+    alone,
     build,
     cache_folder,
     compiler_path,
@@ -109,16 +110,29 @@ def load_functions(
 def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
     """Folder of the cache with the library of a key; its texts are made only when missing."""
     name = short_hash(key, source_digest(), machine_identity(path))
+    folder = _kept(name)
+    if folder is None:
+        with alone(name):
+            folder = _kept(name) or _made(path, name, texts, label)
+    return folder
+
+
+def _kept(name: str) -> Path | None:
+    """Folder of the cache for an index, if it is there."""
     index = cache_folder() / f"index-{name}"
     folder = cache_folder() / index.read_text() if index.exists() else None
-    if folder is None or not (folder / "library.so").exists():
-        units = texts()
-        long = max(map(len, units.values())) > LONG
-        spared = [flag for flag in SPARED if long and accepts(path, flag)]
-        folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
-        scratch = index.with_suffix(f".{os.getpid()}")
-        scratch.write_text(folder.name)
-        scratch.replace(index)
+    return folder if folder is not None and (folder / "library.so").exists() else None
+
+
+def _made(path: str, name: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
+    """The same, made."""
+    units = texts()
+    long = max(map(len, units.values())) > LONG
+    spared = [flag for flag in SPARED if long and accepts(path, flag)]
+    folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
+    scratch = cache_folder() / f"index-{name}.{os.getpid()}"
+    scratch.write_text(folder.name)
+    scratch.replace(cache_folder() / f"index-{name}")
     return folder
 
 

@@ -15,8 +15,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import xarray as xr
 
@@ -104,12 +105,11 @@ def reproduce(
     plan, course = Plan.of(quick), _Course(progress)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with course.stage("flying", 0.0, 0.08) as tell:
-            flown, unseen, words = _fly(plan, folder, tell)
-            for key, flight in flown.items():
-                save_flight(flight, out / f"{key}.nc")
-        with course.stage("learning, and errors one by one", 0.08, 0.8) as tell:
-            runs, unsteady, errors = _work(plan, folder, tell)
+        with course.stage("flying, learning, and errors one by one", 0.0, 0.8) as tell:
+            work = _work(plan, folder, tell)
+        flown, unseen, words, runs, unsteady, errors = work
+        for key, flight in flown.items():
+            save_flight(flight, out / f"{key}.nc")
     with course.stage("overheads", 0.8, 0.85):
         overheads = {
             "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.published_overhead),
@@ -153,26 +153,6 @@ def reproduce(
     return report
 
 
-def _fly(
-    plan: Plan, folder: Path, tell: Callable[[float], None]
-) -> tuple[Flown, dict[str, Flown], dict[str, Any]]:
-    """The flights that are learned, gaits that are not, and unsteady flights in numbers.
-
-    Samples of all of them lie in the folder afterwards.
-    """
-    spans = (plan.duration, plan.unseen_duration)
-    jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in flights.FLIGHTS]
-    spans = (plan.unsteady_duration, plan.unsteady_unseen_duration)
-    jobs += [Job(fly_unsteady, (key, *spans, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
-    results = run_jobs(jobs, tell)
-    known = dict(zip(flights.FLIGHTS, results, strict=False))
-    unsteady = dict(zip(MOUNTS, results[len(known) :], strict=True))
-    flown = {key: flight for key, (flight, _) in known.items()}
-    flown |= {f"unsteady_{key}": flight for key, (flight, _) in unsteady.items()}
-    unseen = {key: others for key, (_, others) in known.items()}
-    return flown, unseen, {key: words for key, (_, words) in unsteady.items()}
-
-
 def fly_known(
     key: str, duration: float, unseen_duration: float, folder: Path
 ) -> tuple[xr.Dataset, Flown]:
@@ -189,22 +169,49 @@ def fly_known(
     return flight, unseen
 
 
-def _work(
-    plan: Plan, folder: Path, tell: Callable[[float], None]
-) -> tuple[list[Run], list[UnsteadyRun], dict[str, list[dict[str, Any]]]]:
-    """All that the workers do: trials, variants of the errors, rivals of the dynamics compiled."""
+class _Work(NamedTuple):
+    """What the workers gave.
+
+    Attributes:
+        flown: Flights that are learned.
+        unseen: Gaits that are not.
+        words: Unsteady flights in numbers.
+        runs: Trials in air without memory.
+        unsteady: Trials in air with it.
+        errors: Variants of the errors, by table.
+    """
+
+    flown: Flown
+    unseen: dict[str, Flown]
+    words: dict[str, Any]
+    runs: list[Run]
+    unsteady: list[UnsteadyRun]
+    errors: dict[str, list[dict[str, Any]]]
+
+
+def _work(plan: Plan, folder: Path, tell: Callable[[float], None]) -> _Work:
+    """Flights, trials on each as soon as it was flown, errors, rivals of the dynamics compiled."""
+    keys, spans = [*flights.FLIGHTS, *MOUNTS], (plan.duration, plan.unseen_duration)
+    slow = (plan.unsteady_duration, plan.unsteady_unseen_duration)
     trials, cases = plan.trials(), plan.error_cases()
-    unsteady = unsteady_trials(plan.unsteady_every, plan.unsteady_starts)
-    jobs = [Job(run_trial, (trial, folder), trial.cost) for trial in trials]
-    jobs += [Job(run_unsteady_trial, (trial, folder), trial.cost) for trial in unsteady]
+    others = unsteady_trials(plan.unsteady_every, plan.unsteady_starts)
+    jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in flights.FLIGHTS]
+    jobs += [Job(fly_unsteady, (key, *slow, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
+    jobs += [Job(run_trial, (t, folder), t.cost, (keys.index(t.flight),)) for t in trials]
+    jobs += [Job(run_unsteady_trial, (t, folder), t.cost, (keys.index(t.mount),)) for t in others]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in cases]
     ahead = overhead.compiled_ahead(plan.published_overhead, plan.short_overhead)
-    results = run_jobs([*jobs, *ahead], tell)[: len(jobs)]
-    first, last = len(trials), len(trials) + len(unsteady)
+    results = iter(run_jobs([*jobs, *ahead], tell))
+    known, unsteady = (list(islice(results, len(part))) for part in (flights.FLIGHTS, MOUNTS))
+    runs, unsteady_runs = (list(islice(results, len(part))) for part in (trials, others))
     tables = {case.table: list[dict[str, Any]]() for case in cases}
-    for row in results[last:]:
+    for row in islice(results, len(cases)):
         tables[row.pop("table")].append(row)
-    return results[:first], results[first:last], tables
+    flown = {key: flight for key, (flight, _) in zip(flights.FLIGHTS, known, strict=True)}
+    flown |= {f"unsteady_{key}": found[0] for key, found in zip(MOUNTS, unsteady, strict=True)}
+    unseen = {key: found[1] for key, found in zip(flights.FLIGHTS, known, strict=True)}
+    words = {key: found[1] for key, found in zip(MOUNTS, unsteady, strict=True)}
+    return _Work(flown, unseen, words, runs, unsteady_runs, tables)
 
 
 def _measured(plan: Plan, crazyflie: Path | None) -> tuple[dict[str, Any], list[Section]]:

@@ -1,4 +1,4 @@
-"""Independent pieces of work in two processes, one thread each, the longest first.
+"""Pieces of work in two processes, one thread each, the longest line of them first.
 
 Neglected: memory; what a piece needs and gives travels between processes.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -25,11 +25,13 @@ class Job:
         function: Found by its module and name.
         arguments: What it is called with.
         cost: About how long it takes, for order and progress [s].
+        after: Places of jobs, before it in the list, that must be done first.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
     cost: float
+    after: tuple[int, ...] = ()
 
 
 def run_jobs(
@@ -37,7 +39,7 @@ def run_jobs(
     progress: Callable[[float], None] | None = None,
     workers: int = WORKERS,
 ) -> list[Any]:
-    """All jobs, the longest first.
+    """All jobs, of those that can be begun the one with the longest work behind it first.
 
     Processes are started afresh, not forked: a script that calls this needs the usual guard
     of its main module.
@@ -51,21 +53,39 @@ def run_jobs(
         What each job gave, in the order of the jobs.
     """
     total, done = sum(job.cost for job in jobs), 0.0
-    order = sorted(range(len(jobs)), key=lambda k: -jobs[k].cost)
-    found: dict[int, Any] = {}
+    order, found = by_urgency(jobs), dict[int, Any]()
+    running: dict[Future[Any], int] = {}
     with one_thread(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(jobs[k].function, *jobs[k].arguments): k for k in order}
         try:
-            for future in as_completed(waiting):
-                number = waiting[future]
-                found[number] = future.result()
-                done += jobs[number].cost
-                if progress is not None:
-                    progress(done / total)
+            while len(found) < len(jobs):
+                ready = [k for k in order if all(before in found for before in jobs[k].after)]
+                for k in ready[: workers - len(running)]:
+                    running[pool.submit(jobs[k].function, *jobs[k].arguments)] = k
+                    order.remove(k)
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    number = running.pop(future)
+                    found[number] = future.result()
+                    done += jobs[number].cost
+                    if progress is not None:
+                        progress(done / total)
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
     return [found[k] for k in range(len(jobs))]
+
+
+def by_urgency(jobs: Sequence[Job]) -> list[int]:
+    """Places of jobs: first those with the longest time to the end of what waits for them.
+
+    Args:
+        jobs: Each after others that stand before it.
+    """
+    left, behind = [0.0] * len(jobs), [0.0] * len(jobs)
+    for k in reversed(range(len(jobs))):
+        left[k] = jobs[k].cost + behind[k]
+        for before in jobs[k].after:
+            behind[before] = max(behind[before], left[k])
+    return sorted(range(len(jobs)), key=lambda k: -left[k])
 
 
 @contextmanager
