@@ -120,7 +120,8 @@ def test_a_page_of_the_documentation_has_every_part(page: str, titles: list[str]
 
 def test_the_page_of_the_learners_has_every_learner() -> None:
     text = (DOCS / "learners.md").read_text("utf-8")
-    assert [one.title for one in ENTRIES if f"| {one.title} |" not in text] == []
+    numbers = {line[0] for line in rows_of(text) if len(line) > 10}
+    assert numbers - {"#", "---:"} == {str(number) for number in range(len(ENTRIES))}
 
 
 @pytest.mark.parametrize("page", ["validation", "results", "rig", "benchmarks", "learners"])

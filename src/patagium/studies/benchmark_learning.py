@@ -31,6 +31,7 @@ from patagium.identification.strip import StripNetwork
 from patagium.identification.wing_network import WingNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.native.compiler import compiler_path
+from patagium.report.figures import seconds_text
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
 from patagium.simulation import gaits, simulate
@@ -232,7 +233,7 @@ def pipeline_results(samples: int = PACKETS) -> Iterator[Result]:
             yield Result(f"{one.learner}: at 10 kHz, 99 % answered within", response, "us",
                          note=note)  # fmt: skip
             continue
-        tail = f"{note}, one after the other; slowest {took['slowest']:.0f} us"
+        tail = f"{note}, one after the other; slowest {seconds_text(one.duration['slowest'])}"
         yield Result(f"{one.learner}: median", took["p50"], "us", note=note)
         yield Result(f"{one.learner}: 99 % within", took["p99"], "us", note=tail)
 

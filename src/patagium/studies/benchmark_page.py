@@ -101,7 +101,7 @@ def write_benchmark(path: str | Path, rows: Sequence[Row]) -> Path:
         rows: Of `run_benchmark`.
     """
     loads = {row["name"]: row["note"] for row in rows if row["name"].startswith("load average")}
-    facts = {"made by": "`patagium bench`", **conditions(), **loads}
+    facts = {"made by": "`patagium bench`", **loads, **conditions()}
     sections = benchmark_sections(rows)
     return write_page(path, "Times, ours and others'", sections, summary=SUMMARY, facts=facts)
 

@@ -75,8 +75,8 @@ def run_learners(
     tell("done", 1.0)
     return {
         "conditions": {
-            **conditions(),
             "load average at the start": before,
+            **conditions(),
         },
         "plan": {"after": plan.after, "tuning": plan.tuning, "draws": plan.draws,
                  "limit": plan.limit, "twin_limit": plan.twin_limit},
