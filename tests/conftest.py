@@ -107,6 +107,38 @@ def glider() -> Callable[..., Robot]:
     return made
 
 
+ONE_WING = """\
+name: one_wing
+gravity: 9.8 m/s^2
+bodies:
+  wing:
+    joints:
+{joints}
+    mass: 4 g
+    center_of_mass: [-1 cm, 6 cm, 0]
+    shape: {{type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}}
+wings:
+  - name: wing
+    segments:
+      - body: wing
+        strips: 2
+        stations:
+          - {{span: 0, leading: 2 cm, trailing: -8 cm}}
+          - {{span: 20 cm, leading: 2 cm, trailing: -6 cm}}
+"""
+
+
+@pytest.fixture(scope="session")
+def one_wing() -> Callable[..., Robot]:
+    """A wing of two strips on the ground, with joints as a robot file describes them."""
+
+    def made(*joints: str) -> Robot:
+        lines = [f"      - {{{joint}}}" for joint in joints]
+        return load_robot_text(ONE_WING.format(joints="\n".join(lines)))
+
+    return made
+
+
 @pytest.fixture(autouse=True)
 def closed_figures() -> Iterator[None]:
     """Figures left open by a test do not pile up."""

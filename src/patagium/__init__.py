@@ -23,9 +23,11 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import OneMinusCosineGust as OneMinusCosineGust
     from patagium.aerodynamics import Published as Published
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
+    from patagium.aerodynamics import RampGust as RampGust
     from patagium.aerodynamics import Section as Section
     from patagium.aerodynamics import StallDelay as StallDelay
     from patagium.aerodynamics import TablePolar as TablePolar
+    from patagium.aerodynamics import TravelingGust as TravelingGust
     from patagium.aerodynamics import measured_section as measured_section
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import CompilerError as CompilerError
@@ -121,9 +123,11 @@ _HOMES = {
         "OneMinusCosineGust",
         "Published",
         "QuasiSteady",
+        "RampGust",
         "Section",
         "StallDelay",
         "TablePolar",
+        "TravelingGust",
         "measured_section",
     ),
     "simulation": (

@@ -81,6 +81,25 @@ def test_flight_in_air_with_memory_is_the_same(both, kind):
     )
 
 
+@pytest.mark.parametrize("kind", ["turbulence", "edge"])
+def test_flight_in_a_gust_that_travels_is_the_same(both, kind, glider):
+    robot = glider("quaternion")
+    profile = pt.RampGust((0.0, 0.5, 1.0), 0.0, 1e-3)
+    if kind == "turbulence":
+        profile = pt.DrydenGust((1.0, 0.5, 0.5), (0.3, 0.2, 0.1), airspeed=3.0, seed=1)
+    air = pt.Air(gust=pt.TravelingGust(profile, (-1.0, 0.3, 0.0), 3.0))
+    aero, added = pt.QuasiSteady(robot, air), pt.AddedMass(robot, air)
+    gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.4, right_plunge=0.3)
+    compared(
+        *both(
+            lambda: pt.simulate(
+                robot, aero, gait, duration=20 * TIME_STEP, time_step=TIME_STEP,
+                added_mass=added, v=robot.velocities(x=4.0),
+            )
+        )
+    )  # fmt: skip
+
+
 def test_published_flight_is_the_same(both):
     robot = pt.load_robot("aerobat-published")
     aero = pt.Published(robot)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,28 +12,8 @@ import patagium as pt
 from patagium.aerodynamics.horseshoes import horseshoe_function
 from patagium.aerodynamics.tables import table_function
 from patagium.native import load_functions
-from patagium.robot import Robot, load_robot_text
+from patagium.robot import Robot
 
-WING = """\
-name: one_wing
-gravity: 9.8 m/s^2
-bodies:
-  wing:
-    joints:
-      - {name: plunge, axis: x}
-      - {name: feather, axis: [0, -0.8, 0.6]}
-    mass: 4 g
-    center_of_mass: [-1 cm, 6 cm, 0]
-    shape: {type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 2
-        stations:
-          - {span: 0, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-"""
 CHOSEN = [0, 9, 14, 22, 39]
 AIR = pt.Air(wind=(-5.0, 0.2, 0.1))
 ESTIMATE = {
@@ -57,8 +39,8 @@ ESTIMATE = {
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot_text(WING)
+def robot(one_wing: Callable[..., Robot]) -> Robot:
+    return one_wing("name: plunge, axis: x", "name: feather, axis: [0, -0.8, 0.6]")
 
 
 @pytest.fixture(scope="module")

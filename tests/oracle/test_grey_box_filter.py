@@ -5,27 +5,7 @@ import pytest
 
 import patagium as pt
 from patagium.identification.network import Memory
-from patagium.robot import load_robot_text
 
-WING = """\
-name: one_wing
-gravity: 9.8 m/s^2
-bodies:
-  wing:
-    joints:
-      - {name: plunge, axis: x}
-    mass: 4 g
-    center_of_mass: [-1 cm, 6 cm, 0]
-    shape: {type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 2
-        stations:
-          - {span: 0, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-"""
 NOISE = 0.02
 
 
@@ -78,8 +58,8 @@ class JointFilter:
 
 
 @pytest.fixture(scope="module")
-def grey():
-    model = pt.DeLaurier(load_robot_text(WING), pt.Air(wind=(-5.0, 0.0, 0.0)))
+def grey(one_wing):
+    model = pt.DeLaurier(one_wing("name: plunge, axis: x"), pt.Air(wind=(-5.0, 0.0, 0.0)))
     return pt.GreyBox(model, {"wing[0].chord": 0.02, "zero_lift_angle": 0.1, "density": 0.3})
 
 

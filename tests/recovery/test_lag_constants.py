@@ -2,34 +2,13 @@
 
 import numpy as np
 
-from patagium.robot import load_robot_text
 from patagium.studies.lag_recovery import PRIORS, Course, recover, recovery_scores
 
-WING = """\
-name: one_wing
-gravity: 9.8 m/s^2
-bodies:
-  wing:
-    joints:
-      - {name: plunge, axis: x}
-      - {name: feather, axis: -y}
-    mass: 4 g
-    center_of_mass: [-1 cm, 6 cm, 0]
-    shape: {type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 2
-        stations:
-          - {span: 0, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-"""
 
-
-def test_two_deviations_hold_the_truth_as_often_as_they_should():
+def test_two_deviations_hold_the_truth_as_often_as_they_should(one_wing):
     """Of five numbers in six flights 28.6 are expected; below 25, four times in a thousand."""
-    course = Course(load_robot_text(WING), duration=0.4, time_step=1e-3, every=4)
+    robot = one_wing("name: plunge, axis: x", "name: feather, axis: -y")
+    course = Course(robot, duration=0.4, time_step=1e-3, every=4)
     found = [recover(course, seed) for seed in range(6)]
     far = np.abs([one.distances(one.refined) for one in found])
     assert (far <= 2).sum() >= 25

@@ -11,28 +11,8 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.robot import load_robot_text
+from patagium.robot import Robot
 
-WING = """\
-name: one_wing
-gravity: 9.8 m/s^2
-bodies:
-  wing:
-    joints:
-      - {name: plunge, axis: x}
-      - {name: feather, axis: -y}
-    mass: 4 g
-    center_of_mass: [-1 cm, 6 cm, 0]
-    shape: {type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 2
-        stations:
-          - {span: 0, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-"""
 ESTIMATE = "lift_slope=1.5,zero_lift_angle=5 deg"
 
 
@@ -46,9 +26,9 @@ Say = Callable[..., Answer]
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def flight(tmp_path_factory: pytest.TempPathFactory, one_wing: Callable[..., Robot]) -> Path:
     """DeLaurier's strips with a lift slope of 5.5 and a zero-lift angle of -3 degrees."""
-    robot = load_robot_text(WING)
+    robot = one_wing("name: plunge, axis: x", "name: feather, axis: -y")
     air = pt.Air(wind=(-5.0, 0.0, 0.0))
     aero = pt.DeLaurier(robot, air, lift_slope=5.5, zero_lift_angle=-0.0524)
     gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.4, feather=0.1)

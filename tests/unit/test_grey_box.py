@@ -14,27 +14,6 @@ from patagium.identification.physical import unit_of, written_unit
 from patagium.identification.stream import stream
 from patagium.robot import load_robot_text
 
-FLAPPER = """\
-name: flapper
-gravity: 9.8 m/s^2
-bodies:
-  wing:
-    joints:
-      - {name: slide, type: prismatic, axis: z}
-      - {name: plunge, axis: x}
-      - {name: feather, axis: -y}
-    mass: 4 g
-    center_of_mass: [-1 cm, 6 cm, 0]
-    shape: {type: plate, axis: y, chord: 10 cm, span: 12 cm, thickness: 0.25 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 2
-        stations:
-          - {span: 0, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-"""
 LAGS = {"lags.rate[0]": 0.02, "lags.lift[1]": 0.1, "section.lift_slope": 0.5}
 AIR = pt.Air(wind=(-5.0, 0.0, 0.0))
 
@@ -52,8 +31,10 @@ def motion(robot, samples=120, duration=0.3):
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load_robot_text(FLAPPER)
+def robot(one_wing):
+    return one_wing(
+        "name: slide, type: prismatic, axis: z", "name: plunge, axis: x", "name: feather, axis: -y"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.description import aero_from_description
-from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust
+from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust, RampGust
 from patagium.aerodynamics.indicial import (
     FOUR_STATE,
     NO_STATE,
@@ -23,6 +23,7 @@ from patagium.aerodynamics.published import PUBLISHED_ERRORS, Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.aerodynamics.stall_delay import StallDelay
+from patagium.aerodynamics.traveling import TravelingGust
 
 __all__ = [
     "FOUR_STATE",
@@ -44,12 +45,14 @@ __all__ = [
     "OneMinusCosineGust",
     "Published",
     "QuasiSteady",
+    "RampGust",
     "Section",
     "SmoothPolar",
     "StallDelay",
     "StateSpace",
     "StripSection",
     "TablePolar",
+    "TravelingGust",
     "added_mass_from_description",
     "aero_from_description",
     "fitted_indicial",

@@ -4,8 +4,9 @@ Each strip carries a cylinder of air normal to its chord; the strips of a body a
 constant apparent inertia, and Kirchhoff's equations give the force, implicit in the
 acceleration. Beside a model of circulatory lift, which acts at the quarter chord and
 leaves no room for the moment of a steadily moving ideal flow, that moment is taken back.
-Neglected: flow round the tips but for one factor, the rate of a gust, bodies without
-strips, and what separation does to the air carried along.
+A gust that travels pushes the air carried along as it changes. Neglected: flow round the tips
+but for one factor, the rate of a gust that is the same everywhere, bodies without strips, and
+what separation does to the air carried along.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from patagium.aerodynamics.smooth import smooth_sign
 from patagium.dynamics.apparent_inertia import ApparentInertia
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import apparent_force
-from patagium.dynamics.kinematics import generalized_force
+from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
@@ -84,7 +85,8 @@ class AddedMass:
 
         Args:
             robot: The model's robot, its numbers floats or symbols.
-            wind: Velocity of the air, world axes, (3,) [m/s].
+            wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s]; a body meets
+                the mean of its strips', weighted by what they carry.
             parameters: Density [kg/m^3] and factor, (2,).
         """
         matrices: dict[int, ca.SX] = {}
@@ -95,7 +97,31 @@ class AddedMass:
             matrix = matrices.get(strip.body, ca.SX(6, 6))
             added = mass * (moving @ moving.T) + spin * (turning @ turning.T)
             matrices[strip.body] = matrix + added
-        return ApparentInertia({k: ca.densify(m) for k, m in matrices.items()}, wind)
+        about = wind if wind.shape[1] == 1 else _about_bodies(robot, wind)
+        return ApparentInertia({k: ca.densify(m) for k, m in matrices.items()}, about)
+
+    def gust_force(self, robot: Robot, q: ca.SX, rate: ca.SX, parameters: ca.SX) -> ca.SX:
+        """Push of a gust that changes on the air carried along, generalized, (n, 1) [N, N m].
+
+        m times the rate along the normal, at mid-chord of each strip.
+
+        Args:
+            robot: The model's robot, its numbers floats or symbols.
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+            rate: Of the wind at each strip, world axes, (3, n_strips) [m/s^2].
+            parameters: Density [kg/m^3] and factor, (2,).
+        """
+        poses = body_poses(robot, q)
+        wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+        for i, strip in enumerate(robot.strips):
+            mass, _ = _carried(strip, parameters[0] * parameters[1])
+            normal = vector(strip.normal)
+            local = poses[strip.body].rotation.T @ rate[:, i]
+            force = normal * (mass * ca.dot(normal, local))
+            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
+            moment = cross(_mid_chord(strip), force)
+            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+        return generalized_force(robot, q, wrenches)
 
     def circulation_force(
         self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -106,7 +132,7 @@ class AddedMass:
             robot: The model's robot, its numbers floats or symbols.
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
-            wind: Velocity of the air, world axes, (3,) [m/s].
+            wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
             parameters: Density [kg/m^3] and factor, (2,).
         """
         wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
@@ -232,10 +258,26 @@ def _carried(strip: Strip, density: Any) -> tuple[Any, Any]:
     return mass, mass * square / 8
 
 
+def _about_bodies(robot: Robot, wind: ca.SX) -> ca.SX:
+    """Mean wind of each body's strips, weighted by what they carry, (3, n_bodies) [m/s]."""
+    columns = [ca.SX.zeros(3, 1) for _ in robot.bodies]
+    weights = [ca.SX(0)] * len(robot.bodies)
+    for i, strip in enumerate(robot.strips):
+        weight, _ = _carried(strip, 1.0)
+        columns[strip.body] = columns[strip.body] + weight * wind[:, i]
+        weights[strip.body] = weights[strip.body] + weight
+    carrying = {strip.body for strip in robot.strips}
+    return ca.horzcat(*[c / weights[k] if k in carrying else c for k, c in enumerate(columns)])
+
+
+def _mid_chord(strip: Strip) -> ca.SX:
+    return vector(strip.quarter_chord) - vector(strip.forward) * (strip.chord / 4)
+
+
 def _directions(strip: Strip) -> tuple[ca.SX, ca.SX]:
     """Twist of the body to normal velocity at mid-chord, and to pitch rate, (6, 1) each."""
     forward, normal = vector(strip.forward), vector(strip.normal)
-    middle = vector(strip.quarter_chord) - forward * (strip.chord / 4)
+    middle = _mid_chord(strip)
     still = ca.SX.zeros(3, 1)
     return (
         ca.vertcat(normal, cross(middle, normal)),

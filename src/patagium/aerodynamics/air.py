@@ -1,7 +1,7 @@
 """The air a robot flies in: density, uniform wind, gusts.
 
-Wind and gusts are the same everywhere at one time, in world axes. Neglected:
-shear, gradients across the robot, ground, compressibility.
+The wind is the same everywhere; so is a gust at one time, unless it travels
+(`TravelingGust`). World axes. Neglected: shear, ground, compressibility.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.gusts import Gust, gust_from_description
+from patagium.aerodynamics.gusts import Gust
+from patagium.aerodynamics.traveling import TravelingGust, gust_from_description
 from patagium.errors import ParameterError, ShapeError
 
 
@@ -22,7 +23,7 @@ from patagium.errors import ParameterError, ShapeError
 class Air:
     """Density and velocity of the air.
 
-    wind(t) = steady wind + gust(t).
+    wind(t) = steady wind + gust(t); of a gust that travels, gust(p, t).
 
     Args:
         density: Density [kg/m^3].
@@ -50,8 +51,39 @@ class Air:
         object.__setattr__(self, "density", float(self.density))
         object.__setattr__(self, "wind", tuple(wind.tolist()))
 
+    @property
+    def traveling(self) -> TravelingGust | None:
+        """The gust, if it is one that travels."""
+        return self.gust if isinstance(self.gust, TravelingGust) else None
+
+    def require_uniform(self, name: str) -> None:
+        """Refuse a gust that travels, where one wind is taken for the whole robot.
+
+        Args:
+            name: Of the argument that carries the air, for the message.
+
+        Raises:
+            ParameterError: If the gust travels.
+        """
+        if self.traveling is not None:
+            raise ParameterError(name, "air without a gust that travels", self.gust)
+
     def wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Velocity of the air, world axes, (N, 3) [m/s].
+        """Velocity of the air, at the origin of a gust that travels, world axes, (N, 3) [m/s].
+
+        Args:
+            time: Times, (N,) [s].
+
+        Raises:
+            ShapeError: If `time` is not (N,).
+        """
+        wind = self.uniform_wind_at(time)
+        if self.traveling is None:
+            return wind
+        return wind + self.traveling.velocity_at(np.asarray(time, float))
+
+    def uniform_wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
+        """What of the air's velocity is the same everywhere, world axes, (N, 3) [m/s].
 
         Args:
             time: Times, (N,) [s].
@@ -63,7 +95,9 @@ class Air:
         if times.ndim != 1:
             raise ShapeError("time", "(N,)", times.shape)
         wind = np.tile(self.wind, (times.size, 1))
-        return wind if self.gust is None else wind + self.gust.velocity_at(times)
+        if self.gust is None or self.traveling is not None:
+            return wind
+        return wind + self.gust.velocity_at(times)
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""

@@ -1,15 +1,15 @@
-"""Gusts: velocity of the air as a function of time, the same everywhere.
+"""Gusts: velocity of the air as a function of time.
 
-A discrete gust (one minus cosine) and continuous turbulence (Dryden). Both are
-functions of time alone: the same answer whatever the time step that asks.
-Neglected: the time a gust takes to sweep over the robot.
+Discrete gusts (one minus cosine, ramp) and continuous turbulence (Dryden). All are
+functions of time alone: the same answer whatever the time step that asks. By themselves
+they are the same everywhere; `traveling` lets them sweep over the robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from math import ceil, exp, isfinite, sqrt
+from math import ceil, exp, floor, isfinite, sqrt
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,6 +19,9 @@ from patagium.errors import ParameterError, ShapeError
 
 STEPS_PER_LENGTH = 50
 """Samples of Dryden turbulence in the time the shortest length scale takes to pass."""
+
+PIECES = 32
+"""Cubics that stand for one minus cosine where it travels: to 2e-6 of its velocity."""
 
 
 class Gust(Protocol):
@@ -30,6 +33,21 @@ class Gust(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""
+        ...
+
+
+class Profile(Gust, Protocol):
+    """A gust that can travel: between its knots a cubic in time."""
+
+    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+        """Times between which the velocity is as good as a cubic, (K >= 2,) ascending [s].
+
+        Before the first and after the last one it is constant, at least from `first` to `last`.
+
+        Args:
+            first: Earliest time that will be asked for [s].
+            last: Latest time that will be asked for [s].
+        """
         ...
 
 
@@ -55,19 +73,64 @@ class OneMinusCosineGust:
     length_time: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "velocity", _triple("velocity", self.velocity))
+        object.__setattr__(self, "velocity", triple("velocity", self.velocity))
         if not isfinite(self.start):
             raise ParameterError("start", "a finite time [s]", self.start)
-        _require_positive("length_time", self.length_time)
+        require_positive("length_time", self.length_time)
 
     def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
         phase = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
         return np.outer(0.5 * (1.0 - np.cos(2 * np.pi * phase)), self.velocity)
 
+    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+        """Times between which the velocity is as good as a cubic, (K,) [s]."""
+        return self.start + self.length_time * np.linspace(0.0, 1.0, PIECES + 1)
+
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""
         return {"name": "one_minus_cosine", **_listed(asdict(self))}
+
+
+@dataclass(frozen=True)
+class RampGust:
+    """An edge: w grows evenly from zero to W while 0 <= t - start <= T, and stays.
+
+    The sharp-edged gust of textbooks is one whose T is short beside the time it takes to
+    pass a chord.
+
+    Args:
+        velocity: Velocity W behind the edge, world axes, (3,) [m/s].
+        start: When it begins [s].
+        length_time: How long it grows, T [s].
+
+    Raises:
+        ParameterError: If a number is not finite or T not positive.
+        ShapeError: If `velocity` is not (3,).
+    """
+
+    velocity: tuple[float, float, float]
+    start: float
+    length_time: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity", triple("velocity", self.velocity))
+        if not isfinite(self.start):
+            raise ParameterError("start", "a finite time [s]", self.start)
+        require_positive("length_time", self.length_time)
+
+    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
+        share = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
+        return np.outer(share, self.velocity)
+
+    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+        """Times between which the velocity is as good as a cubic, (K,) [s]."""
+        return self.start + np.array([0.0, self.length_time])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make it again, as JSON-able values."""
+        return {"name": "ramp", **_listed(asdict(self))}
 
 
 @dataclass(frozen=True)
@@ -100,12 +163,12 @@ class DrydenGust:
     seed: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "intensity", _triple("intensity", self.intensity))
-        object.__setattr__(self, "length_scale", _triple("length_scale", self.length_scale))
+        object.__setattr__(self, "intensity", triple("intensity", self.intensity))
+        object.__setattr__(self, "length_scale", triple("length_scale", self.length_scale))
         if min(self.intensity) < 0:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
-        _require_positive("length_scale", min(self.length_scale))
-        _require_positive("airspeed", self.airspeed)
+        require_positive("length_scale", min(self.length_scale))
+        require_positive("airspeed", self.airspeed)
         if self.seed != int(self.seed) or self.seed < 0:
             raise ParameterError("seed", "a whole number >= 0", self.seed)
 
@@ -115,53 +178,87 @@ class DrydenGust:
         return min(self.length_scale) / self.airspeed / STEPS_PER_LENGTH
 
     def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocity of the turbulence, world axes, (N, 3) [m/s], at times (N,) >= 0 [s].
+        """Velocity of the turbulence, world axes, (N, 3) [m/s], at times (N,) [s].
 
-        Raises:
-            ParameterError: If a time is negative: the turbulence begins at zero.
+        What was before time zero is the same process run backward from there.
         """
-        if time.size and time.min() < 0:
-            raise ParameterError("time", "times >= 0 [s]", float(time.min()))
-        count = ceil((time.max() if time.size else 0.0) / self.step) + 2
+        latest, earliest = (time.max(), time.min()) if time.size else (0.0, 0.0)
+        count, before = (
+            ceil(max(latest, 0.0) / self.step) + 2,
+            ceil(max(-earliest, 0.0) / self.step),
+        )
         noise = np.random.default_rng(self.seed).standard_normal((count, 3, 2))
-        grid = self.step * np.arange(count)
+        past = np.random.default_rng([self.seed, 1]).standard_normal((before, 3, 2))
+        grid = self.step * np.arange(-before, count)
         columns = [
-            np.interp(time, grid, self.intensity[axis] * self._unit(axis, noise[:, axis]))
+            np.interp(
+                time, grid, self.intensity[axis] * self._unit(axis, noise[:, axis], past[:, axis])
+            )
             for axis in range(3)
         ]
         return np.stack(columns, axis=-1)
+
+    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+        """Times between which the velocity is a straight line, (K,) [s]."""
+        places = np.arange(floor(first / self.step), ceil(last / self.step) + 2)
+        return np.asarray(self.step * places)
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""
         return {"name": "dryden", **_listed(asdict(self))}
 
-    def _unit(self, axis: int, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Stationary turbulence of unit variance from normal noise (count, 2), (count,)."""
+    def _unit(
+        self, axis: int, noise: NDArray[np.float64], past: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Stationary turbulence of unit variance, (before + count,), from normal noise.
+
+        Args:
+            axis: Which axis.
+            noise: From time zero on, (count, 2).
+            past: Before it, backward in time, (before, 2).
+        """
         step = self.step * self.airspeed / self.length_scale[axis]
         decay = exp(-step)
         if axis == 0:
             drive = sqrt(1.0 - decay**2) * noise[:, 0]
             drive[0] = noise[0, 0]
-            return _recursion(decay, drive)
-        return _transverse(step, decay, noise)
+            behind = np.append(drive[0], sqrt(1.0 - decay**2) * past[:, 0])
+            return np.append(_recursion(decay, behind)[:0:-1], _recursion(decay, drive))
+        return _transverse(step, decay, noise, past)
 
 
-def _transverse(step: float, decay: float, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit turbulence across the flow, (count,): two lags in a row, stationary from the start.
+def _transverse(
+    step: float, decay: float, noise: NDArray[np.float64], past: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Unit turbulence across the flow: two lags in a row, stationary from the start.
 
     In time units of T: dx = -x + n, dy = -y + x, output sqrt(3) x + (1 - sqrt(3)) y,
-    n of unit density. Stationary covariance of (x, y): [[1/2, 1/4], [1/4, 1/4]].
+    n of unit density. Stationary covariance C of (x, y): [[1/2, 1/4], [1/4, 1/4]]. Backward
+    in time C^-1 (x, y) is two lags in a row too, y first.
     """
-    transition = decay * np.array([[1.0, 0.0], [step, 1.0]])
     stationary = np.array([[0.5, 0.25], [0.25, 0.25]])
-    added = np.linalg.cholesky(stationary - transition @ stationary @ transition.T)
-    drive = noise @ added.T
+    drive = noise @ _added_root(step, decay, stationary).T
     drive[0] = np.linalg.cholesky(stationary) @ noise[0]
+    behind = past @ _added_root(step, decay, np.linalg.inv(stationary)[::-1, ::-1]).T
+    behind = np.vstack([np.linalg.solve(stationary, drive[0])[::-1], behind])
+    ahead, back = _two_lags(step, decay, drive), _two_lags(step, decay, behind)
+    states = np.vstack([back[:0:-1, ::-1] @ stationary, ahead])
+    return np.asarray(sqrt(3.0) * states[:, 0] + (1.0 - sqrt(3.0)) * states[:, 1])
+
+
+def _added_root(step: float, decay: float, stationary: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Root of what noise adds in a step to two lags in a row of a stationary covariance, (2, 2)."""
+    transition = decay * np.array([[1.0, 0.0], [step, 1.0]])
+    added = stationary - transition @ stationary @ transition.T
+    return np.asarray(np.linalg.cholesky(added))
+
+
+def _two_lags(step: float, decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+    """States of two lags in a row, (N, 2), from what drives them, (N, 2)."""
     first = _recursion(decay, drive[:, 0])
     second_drive = drive[:, 1].copy()
     second_drive[1:] += decay * step * first[:-1]
-    second = _recursion(decay, second_drive)
-    return np.asarray(sqrt(3.0) * first + (1.0 - sqrt(3.0)) * second)
+    return np.column_stack([first, _recursion(decay, second_drive)])
 
 
 def _recursion(decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,14 +268,15 @@ def _recursion(decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(lfilter([1.0], [1.0, -decay], drive))
 
 
-def gust_from_description(description: Mapping[str, Any]) -> Gust:
-    """The gust of `describe()`.
+def profile_from_description(description: Mapping[str, Any]) -> Profile:
+    """The gust of `describe()`, one that can travel.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: dict[str, type[OneMinusCosineGust] | type[DrydenGust]] = {
+    kinds: dict[str, type[OneMinusCosineGust] | type[RampGust] | type[DrydenGust]] = {
         "one_minus_cosine": OneMinusCosineGust,
+        "ramp": RampGust,
         "dryden": DrydenGust,
     }
     values = dict(description)
@@ -192,7 +290,13 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
     return kind(**values)
 
 
-def _triple(name: str, value: ArrayLike) -> tuple[float, ...]:
+def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
+    """Three finite numbers.
+
+    Raises:
+        ShapeError: If they are not (3,).
+        ParameterError: If one is not finite.
+    """
     array = np.asarray(value, float)
     if array.shape != (3,):
         raise ShapeError(name, (3,), array.shape)
@@ -201,7 +305,12 @@ def _triple(name: str, value: ArrayLike) -> tuple[float, ...]:
     return tuple(array.tolist())
 
 
-def _require_positive(name: str, value: float) -> None:
+def require_positive(name: str, value: float) -> None:
+    """Refuse what is not a positive number.
+
+    Raises:
+        ParameterError: If it is not.
+    """
     if not (isfinite(value) and value > 0):
         raise ParameterError(name, "a positive number", value)
 

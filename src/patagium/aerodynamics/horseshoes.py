@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.local_flow import body_airflows, velocity_at
+from patagium.aerodynamics.local_flow import strip_airflows, velocity_at
 from patagium.aerodynamics.smooth import smooth_norm
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
@@ -162,10 +162,10 @@ def lattice(robot: Robot, chains: Sequence[Chain], q: ca.SX, v: ca.SX, wind: ca.
         chains: Which strips share legs.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
-        wind: Velocity of the air, world axes, (3,) [m/s].
+        wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
     """
     poses = body_poses(robot, _from_floating_body(robot, q))
-    airflows = body_airflows(robot, q, v, wind)
+    airflows = strip_airflows(robot, q, v, wind)
     strips = robot.strips
     legs = [leg for chain in chains for leg in _legs(robot, chain, poses, airflows)]
     return Lattice(
@@ -217,14 +217,15 @@ def _legs(
     legs = []
     for k in range(len(strips) + 1):
         # the leg at the end of the strip before it and at the beginning of the strip after it
-        sides = [(strips[i], ends[i][k - i]) for i in (k - 1, k) if 0 <= i < len(strips)]
-        core = CORE * sum(strip.width for strip, _ in sides) / len(sides)
-        if len(sides) == 2 and sides[0][0].body == sides[1][0].body:
+        sides = [(i, ends[i][k - i]) for i in (k - 1, k) if 0 <= i < len(strips)]
+        core = CORE * sum(strips[i].width for i, _ in sides) / len(sides)
+        if len(sides) == 2 and strips[sides[0][0]].body == strips[sides[1][0]].body:
             sides = sides[:1]
         edge, velocity = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
-        for strip, offset in sides:
+        for i, offset in sides:
+            strip = strips[i]
             edge = edge + _place(poses, strip, offset) / len(sides)
-            local = velocity_at(airflows[strip.body], offset)
+            local = velocity_at(airflows[chain.strips[i]], offset)
             velocity = velocity + poses[strip.body].rotation @ local / len(sides)
         direction = -velocity / smooth_norm(ca.dot(velocity, velocity))
         legs.append((edge, direction, ca.SX(core * core)))

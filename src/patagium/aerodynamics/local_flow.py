@@ -2,8 +2,8 @@
 
 The velocity of a strip is that of the wing *relative to the air*, in strip axes:
 forward (along the chord to the leading edge), spanwise (normal x forward),
-normal (out of the upper surface). Neglected: what the wings do to the air
-(induced velocity), and any variation of the wind across the robot.
+normal (out of the upper surface). The wind is one for all strips, or one a strip.
+Neglected: what the wings do to the air (induced velocity).
 """
 
 from __future__ import annotations
@@ -73,6 +73,28 @@ def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
     ]
 
 
+def strip_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
+    """Velocity of every strip's body relative to the air at the strip, in body axes.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
+    """
+    if wind.shape[1] == 1:
+        airflows = body_airflows(robot, q, v, wind)
+        return [airflows[strip.body] for strip in robot.strips]
+    twists, poses = body_velocities(robot, q, v), body_poses(robot, q)
+    return [
+        Twist(
+            twists[strip.body].linear - poses[strip.body].rotation.T @ wind[:, i],
+            twists[strip.body].angular,
+        )
+        for i, strip in enumerate(robot.strips)
+    ]
+
+
 def velocity_at(twist: Twist, offset: ca.SX) -> ca.SX:
     """Velocity of a point fixed to a body, body axes, (3, 1) [m/s].
 
@@ -90,15 +112,13 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
-        wind: Velocity of the air, world axes, (3,) [m/s].
+        wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
 
     Returns:
         One motion a strip.
     """
-    airflows = body_airflows(robot, q, v, wind)
     motions = []
-    for strip in robot.strips:
-        twist = airflows[strip.body]
+    for strip, twist in zip(robot.strips, strip_airflows(robot, q, v, wind), strict=True):
         forward, normal = vector(strip.forward), vector(strip.normal)
         span = cross(normal, forward)
         velocity = velocity_at(twist, vector(strip.quarter_chord))

@@ -70,7 +70,8 @@ class Aerodynamics(Protocol):
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             state: The model's own states, (n_z,).
-            wind: Velocity of the air, world axes, (3,) [m/s].
+            wind: Velocity of the air, world axes, one for all strips, (3,), or one a strip,
+                (3, n_strips) [m/s].
             parameters: The model's parameters, (n_c,).
         """
         ...

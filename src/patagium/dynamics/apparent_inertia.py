@@ -2,9 +2,9 @@
 
 A body that moves through an ideal fluid carries with it the energy 1/2 V^T M V, with V its
 twist relative to the fluid and M a constant symmetric matrix in its own axes; Kirchhoff's
-equations give the force. A steady uniform wind only moves the observer. Neglected: the
-rate of a wind that changes (a gust's push on the apparent mass), the fluid between bodies,
-vorticity and its wake.
+equations give the force. A steady wind only moves the observer. Neglected: the rate of a wind
+that changes (a gust's push on the apparent mass), the fluid between bodies, vorticity and its
+wake.
 """
 
 from __future__ import annotations
@@ -30,11 +30,19 @@ class ApparentInertia:
     Attributes:
         matrices: For a body's index its apparent inertia about the body's origin, (6, 6)
             symmetric, linear before angular, body axes [kg, kg m, kg m^2].
-        wind: Velocity of the fluid far away, world axes, (3, 1) [m/s].
+        wind: Velocity of the fluid far away, world axes, (3, 1), or about each body,
+            (3, n_bodies) [m/s].
     """
 
     matrices: Mapping[int, ca.SX]
     wind: ca.SX
+
+    def winds(self, robot: Robot, q: ca.SX) -> list[ca.SX]:
+        """Velocity of the fluid about every body, body axes, (3, 1) each [m/s]."""
+        if self.wind.shape[1] == 1:
+            return in_body_axes(robot, q, self.wind)
+        poses = body_poses(robot, q)
+        return [poses[k].rotation.T @ self.wind[:, k] for k in range(len(robot.bodies))]
 
 
 class CarriedFluid:
@@ -115,7 +123,7 @@ def apparent_wrenches(
             acceleration, body axes, (3, 1) each.
         added: What the bodies carry along.
     """
-    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, added.wind)
+    twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
     return {
         body: kirchhoff_wrench(
             matrix, twists[body].linear - winds[body], twists[body].angular, *accelerations[body]
@@ -143,7 +151,11 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca
         v: Generalized velocities, (n,) [m/s, rad/s].
         added: What the bodies carry along.
     """
-    energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))
+    if added.wind.shape[1] == 1:
+        energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))
+    else:
+        winds, carried = added.winds(robot, q), _momenta(robot, q, v, added)
+        energy = sum((ca.dot(winds[body], linear) for body, linear, *_ in carried), ca.SX(0))
     for _, linear, angular, velocity, spin in _momenta(robot, q, v, added):
         energy = energy + (ca.dot(linear, velocity) + ca.dot(angular, spin)) / 2
     return energy
@@ -153,7 +165,7 @@ def _momenta(
     robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia
 ) -> list[tuple[int, ca.SX, ca.SX, ca.SX, ca.SX]]:
     """Body, its fluid's linear and angular momentum, and its twist relative to the fluid."""
-    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, added.wind)
+    twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
     result = []
     for body, matrix in added.matrices.items():
         velocity, spin = twists[body].linear - winds[body], twists[body].angular

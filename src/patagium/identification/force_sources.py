@@ -208,6 +208,8 @@ class ForceParts:
         self._known = self._known_rows(motion, joints, mount)
         self._cell = None if mount is None else mount.cell
         self._added = added_mass
+        if added_mass is not None:
+            added_mass.air.require_uniform("added_mass.air")
         function = _force_function(self.robot, self._cell, added_mass)
         wind = np.zeros((count, 3)) if added_mass is None else added_mass.air.wind_at(self.time)
         others = np.zeros(0) if added_mass is None else added_mass.parameters

@@ -26,7 +26,7 @@ from patagium.aerodynamics import (
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.load_cells import LoadCell
-from patagium.simulation.stage import ADDED_WORK, LOAD_CELLS, WORKS
+from patagium.simulation.stage import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -100,6 +100,9 @@ OPTIONAL: dict[str, Quantity] = {
         ("load_cell", "component"),
         _FORCE,
         "force and moment through each load cell on what it holds, axes and origin of the cell",
+    ),
+    STRIP_WIND: Quantity(
+        ("strip", "axis"), "m/s", "wind each strip answers to in a gust that travels, world axes"
     ),
 }
 """What a flight has where it was asked for."""

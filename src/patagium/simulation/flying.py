@@ -19,7 +19,14 @@ from patagium.errors import Outcome, ParameterError
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.bounds import check_start, limits, message_of, singular_places
+from patagium.simulation.bounds import (
+    SPEED_LIMIT,
+    check_start,
+    limits,
+    message_of,
+    singular_places,
+)
+from patagium.simulation.field import Field
 from patagium.simulation.flight import Origin, flight_record
 from patagium.simulation.gaits import Gait, Motion, check_gait
 from patagium.simulation.load_cells import LoadCell, check_cells
@@ -30,6 +37,7 @@ from patagium.simulation.stage import (
     LOAD_CELLS,
     RECORDED,
     RECORDED_WITH_ADDED_MASS,
+    STRIP_WIND,
     Layout,
     flight_functions,
     layout_of,
@@ -100,7 +108,7 @@ class Flying:
                 *(joints.velocity, body.velocity),
                 *(joints.acceleration, body.acceleration),
             ]
-            return np.column_stack([*parts, aero.air.wind_at(time)])
+            return np.column_stack([*parts, aero.air.uniform_wind_at(time)])
 
         places = [k - layout.hidden for k in layout.passive_coordinates]
         passive = [i - layout.hidden for i in layout.passive]
@@ -179,7 +187,7 @@ class Flying:
         """The flight so far."""
         run = self.run
         time = times_of(0, run.steps + 1, self._time_step)
-        run.samples["wind"] = self._aero.air.wind_at(time)
+        run.samples["wind"] = _wind(self._aero, run.samples, time)
         origin = replace(self._origin, gait=self._gait.describe())
         return flight_record(origin, time, run.samples, self.outcome, self.message())
 
@@ -195,6 +203,14 @@ class Flying:
             self._equations, state_of, run.samples, self._rows, run.steps, self.steps,
             self._time_step,
         )  # fmt: skip
+
+
+def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
+    """Velocity of the air, (N, 3); in a gust that travels the mean over the wings."""
+    if STRIP_WIND not in samples:
+        return aero.air.wind_at(time)
+    areas = np.array([float(s.chord * s.width) for s in aero.robot.strips])
+    return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
 
 
 _CARRIED = ("aero_state", "works", "impulse")
@@ -217,8 +233,13 @@ def _equations(
     kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
     kind += "" if added_mass is None else " with added mass"
     kind += f" on {cells!r}" if cells else ""
-    recorded = RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS
-    parameters = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
+    gust = aero.air.traveling if robot.strips else None
+    kind += "" if gust is None else " in a gust that travels"
+    recorded: tuple[str, ...] = RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS
+    recorded += ((LOAD_CELLS,) if cells else ()) + ((STRIP_WIND,) if gust is not None else ())
+    models = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
+    models += [] if gust is None else [gust.parameters]
+    parameters = robot.parameters, np.concatenate(models)
     functions = load_functions(
         f"flight {kind} {aero.structure} {symbolic!r}",
         lambda: flight_functions(robot, aero, mount, added_mass, cells),
@@ -226,15 +247,20 @@ def _equations(
         many_only=["record"],
     )
     lower, upper = limits(layout.machine, layout.passive_coordinates, layout.passive, state)
+    field = None
+    if gust is not None:
+        slowness = 1.0 / gust.speed
+        field = Field(functions["meet"], parameters, gust.pieces, slowness, SPEED_LIMIT)
     return Equations(
         rate=functions["rate"],
         record=functions["record"],
         prepare=functions.get("prepare"),
-        recorded=(*recorded, LOAD_CELLS) if cells else recorded,
-        robot_parameters=robot.parameters,
-        aero_parameters=np.concatenate(parameters),
+        recorded=recorded,
+        robot_parameters=parameters[0],
+        aero_parameters=parameters[1],
         lower=lower,
         upper=upper,
+        field=field,
     )
 
 

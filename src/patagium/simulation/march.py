@@ -1,9 +1,10 @@
 """Fourth-order Runge-Kutta at a fixed step, compiled, in chunks.
 
 The march knows no physics: it calls the rate of a flat state, row by row of a
-table of what is prescribed, and the record of every sample. Chunks bound the
-memory of the table and give Ctrl-C and progress a chance. Without a compiler the
-same loop runs in Python. Neglected: step-size control, events.
+table of what is prescribed, and the record of every sample. A row may end with
+what a gust that travels is where the state is, looked up between the two. Chunks
+bound the memory of the table and give Ctrl-C and progress a chance. Without a
+compiler the same loop runs in Python. Neglected: step-size control, events.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.traveling import MET, Pieces
 from patagium.errors import Outcome
 from patagium.native import NativeFunction, load_kernel
+from patagium.simulation.field import Field
 
 Array: TypeAlias = NDArray[np.float64]
 Progress: TypeAlias = Callable[[int, int], None]
@@ -40,6 +43,7 @@ class Equations:
         aero_parameters: The aerodynamic model's, (n_c,).
         lower: Where each entry of the state must stay above, (size,).
         upper: Where each entry of the state must stay below, (size,).
+        field: What rows end with, or None.
     """
 
     rate: NativeFunction
@@ -50,6 +54,12 @@ class Equations:
     aero_parameters: Array
     lower: Array
     upper: Array
+    field: Field | None = None
+
+    @property
+    def constants(self) -> tuple[Array, Array]:
+        """What all functions take after state and row."""
+        return self.robot_parameters, self.aero_parameters
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,7 @@ class March:
         rows: Table rows at given times, (N,) to (N, row_size).
         steps: Steps to take at most.
         time_step: Step [s].
+        began: Time of the initial state [s].
     """
 
     def __init__(
@@ -89,8 +100,10 @@ class March:
         rows: Callable[[Array], Array],
         steps: int,
         time_step: float,
+        began: float = 0.0,
     ) -> None:
         self._equations, self._rows, self._time_step = equations, rows, time_step
+        self._began = began
         self._state = np.array(state, float)
         self._samples = _room(equations, steps)
         self._advance = _compiled(equations) or _in_python(equations)
@@ -129,15 +142,21 @@ class March:
         return self._outcome
 
     def _chunk(self, count: int) -> None:
-        times = times_of(2 * self.done, 2 * count + 1, 0.5 * self._time_step)
+        half = 0.5 * self._time_step
+        times = self._began + times_of(2 * self.done, 2 * count + 1, half)
         table = np.ascontiguousarray(self._rows(times))
         states = np.empty((count + 1, self._state.size))
+        field, pieces = self._equations.field, None
+        if field is not None:
+            pieces = field.ahead(self._state[None], table[:1], times[0], times[-1])
+        stretch = Stretch(count, self._time_step, times, table, pieces)
         with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
-            self._outcome, taken, self._which = self._advance(
-                count, self._time_step, self._state, table, states
-            )
-        rows = table[: 2 * taken + 1 : 2]
-        _record(self._equations, states[: taken + 1], rows, self._samples, self.done)
+            self._outcome, taken, self._which = self._advance(stretch, self._state, states)
+        flown, states = slice(0, 2 * taken + 1, 2), states[: taken + 1]
+        rows = table[flown]
+        if field is not None and pieces is not None:
+            rows = field.whole(states, rows, times[flown], pieces)
+        _record(self._equations, states, rows, self._samples, self.done)
         self.done += taken
         self._recorded = True
 
@@ -149,6 +168,7 @@ def march(
     steps: int,
     time_step: float,
     progress: Progress | None = None,
+    began: float = 0.0,
 ) -> Run:
     """Integrate a number of steps, or up to the first state that is not sound.
 
@@ -159,8 +179,9 @@ def march(
         steps: Steps to take.
         time_step: Step [s].
         progress: Told the steps done and to do, after every chunk.
+        began: Time of the initial state [s].
     """
-    marching = March(equations, state, rows, steps, time_step)
+    marching = March(equations, state, rows, steps, time_step, began)
     marching.advance(steps, progress)
     return marching.run
 
@@ -171,7 +192,26 @@ def times_of(first: int, count: int, time_step: float) -> Array:
     return times
 
 
-Advance: TypeAlias = Callable[[int, float, Array, Array, Array], tuple[Outcome, int, int]]
+@dataclass(frozen=True)
+class Stretch:
+    """Steps that are taken at once, and all that is known of them beforehand.
+
+    Attributes:
+        count: Steps.
+        time_step: Step [s].
+        times: A time every half step, (2 count + 1,) [s].
+        table: A row every half step, (2 count + 1, row_size).
+        pieces: The gust that can be met, or None.
+    """
+
+    count: int
+    time_step: float
+    times: Array
+    table: Array
+    pieces: Pieces | None
+
+
+Advance: TypeAlias = Callable[[Stretch, Array, Array], tuple[Outcome, int, int]]
 
 
 def _room(equations: Equations, steps: int) -> dict[str, Array]:
@@ -185,8 +225,7 @@ def _room(equations: Equations, steps: int) -> dict[str, Array]:
 def _record(
     equations: Equations, states: Array, rows: Array, samples: dict[str, Array], start: int
 ) -> None:
-    constants = equations.robot_parameters, equations.aero_parameters
-    results = equations.record.batch(states, rows, *constants)
+    results = equations.record.batch(states, rows, *equations.constants)
     for (name, result), (_, columns) in zip(
         zip(equations.recorded, results, strict=True), equations.record.size_out, strict=True
     ):
@@ -202,27 +241,40 @@ def _compiled(equations: Equations) -> Advance | None:
     prepare = equations.prepare.address if equations.prepare is not None else None
     size = equations.lower.size
     work, done, which = np.empty(5 * size), ctypes.c_long(), ctypes.c_long()
+    meet = equations.field.meet.address if equations.field is not None else None
+    strips = equations.field.strips if equations.field is not None else 0
 
-    def advance(
-        count: int, time_step: float, state: Array, table: Array, states: Array
-    ) -> tuple[Outcome, int, int]:
+    def advance(stretch: Stretch, state: Array, states: Array) -> tuple[Outcome, int, int]:
+        row_size = stretch.table.shape[1]
+        knots, cubics = np.empty(0), np.empty(0)
+        if stretch.pieces is not None:
+            knots = stretch.pieces.knots
+            cubics = np.ascontiguousarray(stretch.pieces.coefficients)
+        room = np.empty(row_size + (MET + 4) * strips)
         code = library.march(
             ctypes.c_void_p(prepare),
             ctypes.c_void_p(equations.rate.address),
-            ctypes.c_long(count),
-            ctypes.c_double(time_step),
+            ctypes.c_long(stretch.count),
+            ctypes.c_double(stretch.time_step),
             ctypes.c_long(size),
             _pointer(state),
             _pointer(equations.lower),
             _pointer(equations.upper),
-            ctypes.c_long(table.shape[1]),
-            _pointer(table),
+            ctypes.c_long(row_size),
+            _pointer(stretch.table),
             _pointer(equations.robot_parameters),
             _pointer(equations.aero_parameters),
             _pointer(states),
             _pointer(work),
             ctypes.byref(done),
             ctypes.byref(which),
+            ctypes.c_void_p(meet),
+            ctypes.c_long(strips),
+            ctypes.c_long(len(knots)),
+            _pointer(knots),
+            _pointer(cubics),
+            _pointer(stretch.times),
+            _pointer(room),
         )
         return Outcome(code), done.value, which.value
 
@@ -235,22 +287,32 @@ def _pointer(array: Array) -> ctypes.c_void_p:
 
 def _in_python(equations: Equations) -> Advance:
     """The loop of `kernels/march.c` in Python, statement by statement."""
-    constants = equations.robot_parameters, equations.aero_parameters
+    constants = equations.constants
 
-    def advance(
-        count: int, time_step: float, state: Array, table: Array, states: Array
-    ) -> tuple[Outcome, int, int]:
+    def advance(stretch: Stretch, state: Array, states: Array) -> tuple[Outcome, int, int]:
+        count, time_step, table = stretch.count, stretch.time_step, stretch.table
+
+        field, pieces = equations.field, stretch.pieces
+
+        def rate(reached: Array, place: int) -> Array:
+            at = slice(place, place + 1)
+            row = table[place]
+            if field is not None and pieces is not None:
+                row = field.whole(reached[None], table[at], stretch.times[at], pieces)[0]
+            return np.asarray(equations.rate(reached, row, *constants))
+
         for step in range(count + 1):
             if equations.prepare is not None:
-                state[:] = equations.prepare(state, table[2 * step], *constants)
+                row = table[2 * step]
+                row = row if field is None else field.unmet(row[None])[0]
+                state[:] = equations.prepare(state, row, *constants)
             states[step] = state
             if step == count:
                 break
-            first, middle, last = table[2 * step : 2 * step + 3]
-            k1 = equations.rate(state, first, *constants)
-            k2 = equations.rate(state + 0.5 * time_step * k1, middle, *constants)
-            k3 = equations.rate(state + 0.5 * time_step * k2, middle, *constants)
-            k4 = equations.rate(state + time_step * k3, last, *constants)
+            k1 = rate(state, 2 * step)
+            k2 = rate(state + 0.5 * time_step * k1, 2 * step + 1)
+            k3 = rate(state + 0.5 * time_step * k2, 2 * step + 1)
+            k4 = rate(state + time_step * k3, 2 * step + 2)
             state += time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3))
             outcome, which = _judged(equations, state)
             if outcome is not Outcome.COMPLETED:

@@ -71,6 +71,7 @@ def simulate_published(
         raise ParameterError("robot", "a robot with Euler angles, as published", robot.attitude)
     if aero.state_size:
         raise ParameterError("aero", "a model without states of its own", aero.name)
+    aero.air.require_uniform("aero.air")
     steps = whole_steps(duration, time_step)
     check_robots(robot, aero)
     gait = sinusoidal(robot, frequency=frequency, plunge=amplitude)

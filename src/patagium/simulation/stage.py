@@ -6,7 +6,10 @@ ride along as states, so that audits are of the integrator's order. This module
 owns the layout of the state:
 
     state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
-    row = [q, v, a of the prescribed coordinates, wind (3)]
+    row = [q, v, a of the prescribed coordinates, wind (3), what strips meet of a gust that
+           travels (9 a strip)]
+
+The last part of a row is not prescribed: the march looks it up where the strips are.
 
 A quaternion that is integrated is four of q and three of v. Its rate keeps its length but
 for the integrator's error, and nothing else depends on that length; so scaling it to one
@@ -21,6 +24,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
+from patagium.aerodynamics.encounter import GUST, gust_rates, strip_delays, strip_winds
+from patagium.aerodynamics.traveling import MET
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
     apparent_force,
@@ -59,6 +64,8 @@ RECORDED_WITH_ADDED_MASS = (*RECORDED, "added_mass_force", "fluid_energy", "flui
 """What it gives with added mass."""
 LOAD_CELLS = "load_cell_wrench"
 """What it gives after the others with load cells."""
+STRIP_WIND = "strip_wind"
+"""What it gives last in a gust that travels."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,7 @@ class Layout:
         lags: Number of the aerodynamic model's own states.
         works: Names of the works that ride along.
         cells: Load cells.
+        met: Strips that meet a gust that travels, all or none.
     """
 
     machine: Robot
@@ -87,6 +95,7 @@ class Layout:
     lags: int
     works: tuple[str, ...] = WORKS
     cells: int = 0
+    met: int = 0
 
     @property
     def size(self) -> int:
@@ -100,7 +109,7 @@ class Layout:
 
     @property
     def row_size(self) -> int:
-        """Length of a row."""
+        """Length of what is prescribed of a row."""
         return len(self.prescribed_coordinates) + 2 * len(self.prescribed) + 3
 
     @property
@@ -158,6 +167,7 @@ def layout_of(
         lags=aero.state_size,
         works=works,
         cells=len(cells),
+        met=len(robot.strips) if aero.air.traveling else 0,
     )
 
 
@@ -170,7 +180,8 @@ def flight_functions(
 ) -> Sequence[ca.Function]:
     """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
 
-    Where a quaternion is integrated `prepare` too, which scales it to one.
+    Where a quaternion is integrated `prepare` too, which scales it to one; in a gust that
+    travels `meet`, which says when strips meet it.
 
     Args:
         robot: The machine.
@@ -181,9 +192,10 @@ def flight_functions(
     """
     symbolic, robot_parameters = robot.symbolic()
     layout = layout_of(symbolic, aero, mount, added_mass, cells)
-    state, row = ca.SX.sym("state", layout.size), ca.SX.sym("row", layout.row_size)
+    state = ca.SX.sym("state", layout.size)
+    row = ca.SX.sym("row", layout.row_size + MET * layout.met)
     count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
-    aero_parameters = ca.SX.sym("c", count)
+    aero_parameters = ca.SX.sym("c", count + (GUST if layout.met else 0))
     rate, recorded = _equations(layout, aero, added_mass, state, row, aero_parameters)
     inputs = [state, row, robot_parameters, aero_parameters]
     names = ["state", "row", "robot_parameters", "aero_parameters"]
@@ -191,6 +203,9 @@ def flight_functions(
         ca.Function("rate", inputs, [rate], names, ["rate"]),
         ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
     ]
+    if layout.met:
+        delays = strip_delays(layout.machine, *_moving(layout, state, row), aero_parameters[-GUST:])
+        functions.append(ca.Function("meet", inputs, [delays], names, ["delays"]))
     if layout.quaternions:
         prepared = _normalized(layout, state)
         functions.append(ca.Function("prepare", inputs, [prepared], names, ["prepared"]))
@@ -206,6 +221,22 @@ def _normalized(layout: Layout, state: ca.SX) -> ca.SX:
     return scaled
 
 
+def _moving(layout: Layout, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Coordinates and velocities of the machine from state and row."""
+    machine = layout.machine
+    n_u, n_p = len(layout.passive_coordinates), len(layout.prescribed_coordinates)
+    q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
+    for k, i in enumerate(layout.passive_coordinates):
+        q[i] = state[k]
+    for k, i in enumerate(layout.prescribed_coordinates):
+        q[i] = row[k]
+    for k, i in enumerate(layout.passive):
+        v[i] = state[n_u + k]
+    for k, i in enumerate(layout.prescribed):
+        v[i] = row[n_p + k]
+    return q, v
+
+
 def _equations(
     layout: Layout,
     aero: Aerodynamics,
@@ -215,25 +246,24 @@ def _equations(
     aero_parameters: ca.SX,
 ) -> tuple[ca.SX, dict[str, ca.SX]]:
     machine, passive, prescribed = layout.machine, layout.passive, layout.prescribed
-    n_u, n_p = len(layout.passive_coordinates), len(layout.prescribed_coordinates)
-    q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
-    for k, i in enumerate(layout.passive_coordinates):
-        q[i] = state[k]
-    for k, i in enumerate(layout.prescribed_coordinates):
-        q[i] = row[k]
-    for k, i in enumerate(passive):
-        v[i] = state[n_u + k]
-    for k, i in enumerate(prescribed):
-        v[i] = row[n_p + k]
+    n_p = len(layout.prescribed_coordinates)
+    q, v = _moving(layout, state, row)
     a_given = row[n_p + len(prescribed) : n_p + 2 * len(prescribed)]
-    lag, wind = state[layout.moving : layout.moving + layout.lags], row[-3:]
+    lag = state[layout.moving : layout.moving + layout.lags]
+    wind = mean = row[layout.row_size - 3 : layout.row_size]
+    if layout.met:
+        met = ca.reshape(row[layout.row_size :], MET, layout.met)
+        wind, mean = strip_winds(machine, q, v, wind, met)
     own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
     air = aero.expressions(machine, q, v, lag, wind, own)
     aero_force, added, circulation = air.generalized_force, None, ca.SX.zeros(machine.dof, 1)
     if added_mass is not None:
-        added = added_mass.inertia(machine, wind, others)
+        added = added_mass.inertia(machine, mean, others)
         # not the strips' own force, but its power is the air's: carried air keeps its energy
         circulation = added_mass.circulation_force(machine, q, v, wind, others)
+        if layout.met:
+            rates = gust_rates(met)
+            circulation = circulation + added_mass.gust_force(machine, q, rates, others)
         aero_force = aero_force + circulation
     damping = damping_force(machine, v)
     still = ca.SX.zeros(layout.hidden, 1)
@@ -283,6 +313,8 @@ def _equations(
         recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
     if layout.cells:
         recorded[LOAD_CELLS] = constraint[: CELL_COORDINATES * layout.cells]
+    if layout.met:
+        recorded[STRIP_WIND] = wind
     return rate, recorded
 
 

@@ -70,24 +70,22 @@ def too_long(
     first = max(0, broken - REACH)
     places = _spread(first, broken)
     states = [state_of(samples, k) for k in places]
-    found = _stiffest(equations, states, rows(time_step * places), time_step)
+    times = np.asarray(time_step * places)
+    found = _stiffest(equations, states, rows, times, time_step)
     if found is None:
         return None
     began, parts = first * time_step, ceil(time_step / found.longest)
     past = min(steps, broken + 1 + (broken - first) // 2)
     count = min((past - first) * parts, BUDGET)
-
-    def later(time: Array) -> Array:
-        return rows(began + time)
-
     # flown again, shorter: where the motion itself grows this run breaks too
-    again = march(equations, states[0], later, count, time_step / parts)
+    again = march(equations, states[0], rows, count, time_step / parts, began=began)
     if again.outcome is not Outcome.COMPLETED:
         return None
     places = _spread(0, count)
     states = [state_of(again.samples, k) for k in places]
     # a run about to break is nowhere near its motion: the second one knows better
-    return _stiffest(equations, states, later(time_step / parts * places), time_step) or found
+    times = np.asarray(began + time_step / parts * places)
+    return _stiffest(equations, states, rows, times, time_step) or found
 
 
 def _spread(first: int, last: int) -> NDArray[np.int64]:
@@ -116,15 +114,25 @@ def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -
     honest = np.exp(np.clip(z.real, 0.0, 700.0))
     with np.errstate(all="ignore"):  # growth beyond all numbers is growth
         stable = (growth(z) <= (1 + _GROWTH) * honest).all(axis=1)
-    return float(trials[-1] if stable.all() else trials[max(np.argmin(stable) - 1, 0)])
+    last = len(trials) if stable.all() else int(np.argmin(stable))
+    return float(trials[max(last - 1, 0)])
 
 
 def _stiffest(
-    equations: Equations, states: Sequence[Array], rows: Array, time_step: float
+    equations: Equations,
+    states: Sequence[Array],
+    rows: Callable[[Array], Array],
+    times: Array,
+    time_step: float,
 ) -> TooLong | None:
     """The tightest limit on the step at some states, or None where it is within all."""
     found: TooLong | None = None
-    for state, row in zip(states, rows, strict=True):
+    table, field = rows(times), equations.field
+    if field is not None:
+        flown = np.array(states)
+        pieces = field.ahead(flown, table, times[0], times[-1])
+        table = field.whole(flown, table, times, pieces)
+    for state, row in zip(states, table, strict=True):
         slope = _slope(equations, state, row)
         if not np.isfinite(slope).all():
             continue
@@ -145,7 +153,7 @@ def _stiffest(
 
 def _slope(equations: Equations, state: Array, row: Array) -> Array:
     """Derivative of the rate by the state, (size, size) [1/s], by central differences."""
-    constants = equations.robot_parameters, equations.aero_parameters
+    constants = equations.constants
     columns = []
     with np.errstate(all="ignore"):
         for k, value in enumerate(state):

@@ -4,7 +4,8 @@
    begins, are functions with the calling convention of native.NativeFunction,
        void f(const double *const *arguments, double *const *results);
    both take (state, row, robot parameters, aero parameters). A row holds what is
-   prescribed at one time: the gait, the mount, the wind.
+   prescribed at one time: the gait, the mount, the wind; and then what strips meet of a
+   gust that travels, looked up where the state is.
 
    Nothing is repaired: a state that broke is left in `state`, and the samples
    before it stand.
@@ -12,6 +13,8 @@
 
 #include <math.h>
 #include <string.h>
+
+#include "gust.h"
 
 enum { COMPLETED = 0, NOT_FINITE = 1, LIMIT_REACHED = 3 }; /* errors.Outcome */
 
@@ -36,6 +39,17 @@ static int judge(long size, const double *state, const double *lower, const doub
     return outcome;
 }
 
+/* What strips meet of a gust that travels, sample after sample; see gust.h.
+
+   times: (count,). delays: (count, strips, 4). met: (count, strips, 9). */
+void met_by_strips(long count, long knots, const double *knot, const double *cubics,
+                   const double *times, long strips, const double *delays, double *met)
+{
+    for (long k = 0; k < count; ++k)
+        gust_meet(knots, knot, cubics, times[k], strips, delays + 4 * strips * k,
+                  met + MET * strips * k);
+}
+
 /* Returns an Outcome.
 
    prepare: NULL, or (state, row, ...) -> state, applied to every sample.
@@ -43,11 +57,14 @@ static int judge(long size, const double *state, const double *lower, const doub
    state: (size,), at the first sample; at the last one on return.
    table: (2 steps + 1, row_size), a row every half step.
    samples: (steps + 1, size), the state at every whole step. work: (5, size).
-   done: steps completed. which: index in the state of what went wrong, else -1. */
+   done: steps completed. which: index in the state of what went wrong, else -1.
+   meet: NULL, or (state, row, ...) -> delays of the strips, (4, strips); the others only with
+   it: knot and cubics as in gust.h, times: (2 steps + 1,), room: (row_size + 13 strips,). */
 int march(function prepare, function rate, long steps, double time_step, long size,
           double *state, const double *lower, const double *upper, long row_size,
           const double *table, const double *robot, const double *aero, double *samples,
-          double *work, long *done, long *which)
+          double *work, long *done, long *which, function meet, long strips, long knots,
+          const double *knot, const double *cubics, const double *times, double *room)
 {
     double *const trial = work;
     double *const slope[4] = {work + size, work + 2 * size, work + 3 * size, work + 4 * size};
@@ -76,6 +93,15 @@ int march(function prepare, function rate, long steps, double time_step, long si
                 trial[k] = state[k] + reach[s] * time_step * slope[s - 1][k];
             arguments[0] = s > 0 ? trial : state;
             arguments[1] = row + rows_ahead[s] * row_size;
+            if (meet) {
+                double *const delays = room + row_size + MET * strips;
+                memcpy(room, arguments[1], (size_t)row_size * sizeof(double));
+                arguments[1] = room;
+                results[0] = delays;
+                meet(arguments, results);
+                gust_meet(knots, knot, cubics, times[2 * step + rows_ahead[s]], strips, delays,
+                          room + row_size);
+            }
             results[0] = slope[s];
             rate(arguments, results);
         }

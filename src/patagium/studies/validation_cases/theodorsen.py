@@ -21,7 +21,7 @@ def compute() -> list[CaseResult]:
     """Lift of a wing without end in harmonic motion, over its quasi-steady value."""
     expected = theodorsen_function(REDUCED_FREQUENCY)
     lags = {"one state": ONE_STATE, "two states": TWO_STATE, "four states": FOUR_STATE}
-    models = {name: _transfer(lag) for name, lag in lags.items()}
+    models = {name: section_transfer(lag, REDUCED_FREQUENCY) for name, lag in lags.items()}
     return [
         CaseResult(
             "Theodorsen",
@@ -43,13 +43,19 @@ def compute() -> list[CaseResult]:
     ]
 
 
-def _transfer(lags: Indicial) -> Array:
+def section_transfer(lags: Indicial, reduced_frequency: Array) -> Array:
+    """Lift of a wing without end in harmonic motion over its quasi-steady value, complex, (N,).
+
+    Args:
+        lags: Memory of its strips.
+        reduced_frequency: (N,) [-].
+    """
     model = lifting_line(rectangular_wing(INFINITE, 3), lags)
     system = model.state_space(np.zeros(6), [AIRSPEED, 0, 0, 0, 0, 0])
     strip, unit = model.robot.strips[1], np.eye(len(system.a))
     steady = np.pi * model.air.density * AIRSPEED * strip.chord * strip.width
     values = []
-    for k in REDUCED_FREQUENCY:
+    for k in reduced_frequency:
         omega = k * AIRSPEED / (strip.chord / 2)
         lift = system.c @ np.linalg.solve(1j * omega * unit - system.a, system.b) + system.d
         values.append(lift[1].sum() / steady)
