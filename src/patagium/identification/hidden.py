@@ -34,7 +34,7 @@ from patagium.identification.hidden_numbers import (
     learned_air,
     starting_lags,
 )
-from patagium.identification.lag_memory import CompiledLags, LagMemory
+from patagium.identification.lag_memory import CompiledLags, LagMemory, LiveLags
 from patagium.identification.learner import positive
 from patagium.identification.mlp import Perceptron
 from patagium.identification.network import Encoding
@@ -214,6 +214,15 @@ class HiddenStripNetwork(RecallingNetwork):
     def compiled_lags(self) -> CompiledLags | None:
         """What a compiled filter calls to see a sample at weights; None without a compiler."""
         return self._memory.compiled()
+
+    def live_lags(self, x: Array, mean: Array) -> LiveLags | None:
+        """Memory of samples that come one by one, beside a compiled filter; None without.
+
+        Args:
+            x: Input that the filter reads, (n_x,).
+            mean: Weights of the filter, (n,).
+        """
+        return self._memory.live(x, mean)
 
     def recall(
         self,

@@ -43,6 +43,7 @@ class Compiled(NamedTuple):
         alarm: Written by update: not zero when a change was detected, (1,) of int64.
         left_out: Written by update: channels that were not learned from, (n_y,) of int64.
         nis: Address of the normalized innovation squared, written by update.
+        weights: W, (n,), moved by update.
     """
 
     update: int
@@ -56,6 +57,7 @@ class Compiled(NamedTuple):
     alarm: NDArray[np.int64]
     left_out: NDArray[np.int64]
     nis: int
+    weights: Array
 
 
 def compiled_filter(
@@ -84,6 +86,7 @@ def compiled_filter(
         screen.whole[3:4],
         screen.marks["left_out"],
         address + type(struct).nis.offset,
+        arrays["mean"],
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.identification.hidden_equations import Remembered
+from patagium.identification.live_memory import LiveMemory
 from patagium.native import NativeFunction, load_kernel
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ class CompiledLags(NamedTuple):
     constants: Array
 
 
-class _Recollection(ctypes.Structure):
+class Recollection(ctypes.Structure):
     """`recollection` of the kernel, field by field."""
 
     _fields_ = [
@@ -118,18 +119,56 @@ class LagMemory:
             return self._in_python(coded, own[: self._count], time, x, carried, (anew, steps))
         flat, rows = np.empty(2 * self._cuts[-1]), np.empty((len(x), self.size))
         if carried is not None:
-            parts = [part.ravel(order="F") for part in carried[1:-1]]
-            np.concatenate(parts, out=flat[: self._cuts[-1]])
+            self.flatten(carried, flat)
         weights, states = own[: self._count].copy(), np.ascontiguousarray(x)
         read = coded, self._constants, self._reach, weights, flat
-        struct = _Recollection(*self._calls, *(array.ctypes.data for array in read))
+        struct = Recollection(*self._calls, *(array.ctypes.data for array in read))
         blocks = (ctypes.c_void_p(array.ctypes.data) for array in (states, anew, steps, rows))
         self._kernel.recall_block(ctypes.byref(struct), ctypes.c_int64(len(x)), *blocks)
+        return rows, self.parted(flat, float(time[-1]), weights)
+
+    def parted(self, flat: Array, time: float, weights: Array) -> Remembered:
+        """What is carried, from its numbers one behind the other.
+
+        Args:
+            flat: As many numbers or more.
+            time: Of the sample [s].
+            weights: W_m, (n_m,).
+        """
         parts = np.split(flat[: self._cuts[-1]], self._cuts[:-1])
-        shaped = (
-            part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)
+        each = zip(parts, self._shapes, strict=True)
+        return Remembered._make(
+            [time, *(part.reshape(shape, order="F") for part, shape in each), weights]
         )
-        return rows, Remembered._make([float(time[-1]), *shaped, weights])
+
+    def flatten(self, carried: Remembered, flat: Array) -> None:
+        """The inverse: numbers of what is carried, slopes column by column, into `flat`.
+
+        Args:
+            carried: What is carried.
+            flat: As many numbers or more.
+        """
+        parts = [part.ravel(order="F") for part in carried[1:-1]]
+        np.concatenate(parts, out=flat[: self._cuts[-1]])
+
+    def live(self, x: Array, mean: Array) -> LiveLags | None:
+        """Memory of samples that come one by one, beside a filter; None without a compiler.
+
+        Args:
+            x: Input that the filter reads, (n_x,).
+            mean: W of the filter, (n,).
+        """
+        if self._kernel is None or self._calls is None:
+            return None
+        arrays = {
+            "coded": np.zeros_like(self._prior),
+            "constants": self._constants,
+            "reach": self._reach,
+            "weights": np.zeros(self._count),
+            "carried": np.zeros(2 * self._cuts[-1]),
+        }
+        lags = Recollection(*self._calls, *(array.ctypes.data for array in arrays.values()))
+        return LiveLags(self, lags, arrays, (self._prior, self._all_reach, mean, x), self._kernel)
 
     def _in_python(
         self,
@@ -150,3 +189,64 @@ class LagMemory:
             carried = Remembered._make([stamp, *found, own])
             rows[k] = np.concatenate([carried.state, (carried.slopes * self._reach).ravel(), own])
         return rows, carried
+
+
+class _LiveLags(ctypes.Structure):
+    """`live_lags` of the kernel, field by field."""
+
+    _fields_ = [
+        ("lags", Recollection),
+        ("own", ctypes.c_int32),
+        *((name, ctypes.c_void_p) for name in ("prior", "reach", "mean", "x", "clock", "counts")),
+    ]
+
+
+class LiveLags:
+    """`LiveMemory` of lags as C code has it, between two calls of it.
+
+    Args:
+        memory: Whose lags.
+        lags: The kernel's memory of a block.
+        arrays: That memory's.
+        shared: prior and reach of all coded numbers; W and x of the filter.
+        kernel: The compiled kernel.
+    """
+
+    def __init__(
+        self,
+        memory: LagMemory,
+        lags: Recollection,
+        arrays: dict[str, Array],
+        shared: tuple[Array, Array, Array, Array],
+        kernel: ctypes.CDLL,
+    ) -> None:
+        self._memory, self._arrays, self._shared = memory, arrays, shared
+        self._clock, self._counts = np.zeros(3), np.zeros(2, np.int64)
+        addresses = (array.ctypes.data for array in (*shared, self._clock, self._counts))
+        self._struct = _LiveLags(lags, len(shared[0]), *addresses)
+        names = ("recall_live", "settle_live")
+        calls = (ctypes.cast(getattr(kernel, name), ctypes.c_void_p).value for name in names)
+        self.native = (*calls, ctypes.addressof(self._struct))
+
+    def load(self, live: LiveMemory) -> None:
+        """Take over what is remembered, before a call.
+
+        Args:
+            live: The learner's.
+        """
+        self._clock[:2], self._counts[:] = live.clock, (live.carried is not None, live.resets)
+        if live.carried is not None:
+            self._memory.flatten(live.carried, self._arrays["carried"])
+
+    def store(self, live: LiveMemory) -> None:
+        """Give it back, after a call.
+
+        Args:
+            live: The learner's.
+        """
+        begun, live.resets = self._counts.tolist()
+        live.clock = self._clock[:2].copy()
+        if begun:
+            weights = self._shared[2][: len(self._arrays["weights"])].copy()
+            flat = self._arrays["carried"].copy()
+            live.carried = self._memory.parted(flat, float(self._clock[0]), weights)

@@ -36,12 +36,17 @@ class LiveMemory:
 
     Args:
         network: What remembers.
+
+    Attributes:
+        carried: What `recall` left, moved by what was learned; None before the first sample.
+        clock: Last stamp and usual step, (2,) [s].
+        resets: How often memory began anew.
     """
 
     def __init__(self, network: Network) -> None:
         self._network = network
-        self._carried: Carried = None
-        self._clock = np.array([-inf, np.nan])  # last stamp, usual step
+        self.carried: Carried = None
+        self.clock = np.array([-inf, np.nan])
         self._next: tuple[float, Carried] | None = None
         self.resets = 0
 
@@ -58,7 +63,7 @@ class LiveMemory:
             x: What is measured of the input, (n_measured,).
             weights: That hold there, (n,).
         """
-        carried = self._carried if self._follows(time) else None
+        carried = self.carried if self._follows(time) else None
         rows, found = self._network.recall(weights, np.array([time]), x[None], carried)
         sound = np.isfinite(rows[0, self._network.measured_inputs :]).all()
         self._next = (time, found) if sound else None
@@ -74,19 +79,19 @@ class LiveMemory:
         if self._next is None or outcome in UNSEEN:
             return
         time, found = self._next
-        if self._carried is not None:
+        if self.carried is not None:
             self.resets += not self._follows(time)
-            self._clock[1] = self._usual_after(time - float(self._clock[0]))
-        self._clock[0] = time
-        self._carried = self._network.corrected(found, change)
+            self.clock[1] = self._usual_after(time - float(self.clock[0]))
+        self.clock[0] = time
+        self.carried = self._network.corrected(found, change)
 
     def state(self) -> dict[str, Array | int]:
         """All that the next samples depend on, by name; nothing without memory."""
         if not self.remembers:
             return {}
-        numbers = dict(enumerate(_numbers(self._carried)))
+        numbers = dict(enumerate(_numbers(self.carried)))
         kept = {f"{_PREFIX}{k}": number.copy() for k, number in numbers.items()}
-        return {**kept, f"{_PREFIX}clock": self._clock.copy(), f"{_PREFIX}resets": self.resets}
+        return {**kept, f"{_PREFIX}clock": self.clock.copy(), f"{_PREFIX}resets": self.resets}
 
     def resume(self, state: Mapping[str, Any]) -> None:
         """Go on from a state; one without a memory begins with the next sample.
@@ -97,11 +102,11 @@ class LiveMemory:
         Raises:
             ShapeError: If an array has another shape.
         """
-        self._next, self._carried = None, None
+        self._next, self.carried = None, None
         if f"{_PREFIX}clock" not in state:
-            self._clock, self.resets = np.array([-inf, np.nan]), 0
+            self.clock, self.resets = np.array([-inf, np.nan]), 0
             return
-        self._clock = np.array(state[f"{_PREFIX}clock"], float)
+        self.clock = np.array(state[f"{_PREFIX}clock"], float)
         self.resets = int(state[f"{_PREFIX}resets"])
         if f"{_PREFIX}0" in state:
             network = self._network
@@ -109,16 +114,16 @@ class LiveMemory:
             with np.errstate(all="ignore"):  # its numbers mean nothing, only where they stand
                 _, like = network.recall(network.initial(0), np.zeros(1), still)
             each = (state[f"{_PREFIX}{k}"] for k in range(len(list(_numbers(like)))))
-            self._carried = _filled(like, each)
+            self.carried = _filled(like, each)
 
     def _follows(self, time: float) -> bool:
-        last, usual = self._clock.tolist()
+        last, usual = self.clock.tolist()
         longest = inf if isnan(usual) else max(LONGEST_STEP, USUAL_STEPS * usual)
-        return self._carried is not None and 0 < time - last <= longest
+        return self.carried is not None and 0 < time - last <= longest
 
     def _usual_after(self, step: float) -> float:
         """The usual step [s] after another one; those back in time say nothing."""
-        usual = float(self._clock[1])
+        usual = float(self.clock[1])
         if step <= 0 or isnan(usual):
             return step if step > 0 else usual
         return usual + _SHARE * (min(step, USUAL_STEPS * usual) - usual)

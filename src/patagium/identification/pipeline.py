@@ -26,7 +26,9 @@ from patagium.identification.air_force import (
     packet_parts,
 )
 from patagium.identification.filter_learner import FilterLearner
+from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.kernel_memory import Compiled
+from patagium.identification.lag_memory import LiveLags
 from patagium.identification.learner import Learner
 from patagium.identification.live_memory import UNSEEN, LiveMemory
 from patagium.identification.screening import REFUSALS
@@ -98,7 +100,7 @@ class _Pipeline(ctypes.Structure):
         *((name, ctypes.c_int32) for name in ("coordinates", "dof", "outputs")),
         *((name, ctypes.c_void_p) for name in ("air_force", "parameters", "update", "memory")),
         *((name, ctypes.c_void_p) for name in ("x", "y", "stamp", "mean", "covariance", "nis")),
-        *((name, ctypes.c_void_p) for name in ("left_out", "alarm")),
+        *((name, ctypes.c_void_p) for name in ("left_out", "alarm", "recall", "settle", "lags")),
     ]
 
 
@@ -130,7 +132,7 @@ class Pipeline:
         self._parameters = np.ascontiguousarray(robot.parameters, float)
         self._columns = len(packet_columns(robot))
         self._memory = _memory(learner)
-        self._chain = None if self._memory else _chain(learner, self._force, robot)
+        self._chain = _chain(learner, self._force, robot)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -186,11 +188,15 @@ class Pipeline:
         return self.run(row[None])
 
     def _run_compiled(self, chain: _CompiledChain, rows: Array, records: Array) -> None:
-        begin = 0
+        begin, lags = 0, chain.lags
+        if lags is not None and self._memory is not None:
+            lags.load(self._memory)
         while begin < len(rows):
             end = begin + chain.run(rows[begin:], records[begin:])
             chain.learner.account_for(records[begin:end, -3], records[begin:end, -1])
             begin = end
+        if lags is not None and self._memory is not None:
+            lags.store(self._memory)
 
     def _run_in_python(self, rows: Array, records: Array) -> None:
         m = self.learner.network.outputs
@@ -223,8 +229,9 @@ class _CompiledChain:
         kernel: ctypes.CDLL,
         force: NativeFunction,
         robot: Robot,
+        lags: LiveLags | None,
     ) -> None:
-        self.learner = learner
+        self.learner, self.lags = learner, lags
         self._function = kernel.pipeline_run
         self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
         self._function.restype = ctypes.c_int64
@@ -232,8 +239,10 @@ class _CompiledChain:
         places = {
             name: value if isinstance(value, int) else value.ctypes.data
             for name, value in compiled._asdict().items()
-            if name != "predict"
+            if name not in ("predict", "weights")
         }
+        if lags is not None:
+            places |= dict(zip(("recall", "settle", "lags"), lags.native, strict=True))
         self._struct = _Pipeline(
             coordinates=robot.coordinate_count,
             dof=robot.dof,
@@ -258,7 +267,13 @@ def _chain(learner: Learner, force: NativeFunction, robot: Robot) -> _CompiledCh
     compiled, kernel = learner.compiled, load_kernel("pipeline")
     if compiled is None or kernel is None or force.address is None:
         return None
-    return _CompiledChain(learner, compiled, kernel, force, robot)
+    network, lags = learner.network, None
+    if network.measured_inputs != network.inputs:
+        if isinstance(network, HiddenStripNetwork):
+            lags = network.live_lags(compiled.x, compiled.weights)
+        if lags is None:
+            return None
+    return _CompiledChain(learner, compiled, kernel, force, robot, lags)
 
 
 def _memory(learner: Learner) -> LiveMemory | None:

@@ -1,8 +1,8 @@
 /* From sensor packets to what a learner foresaw of them, one after the other.
  *
  * A packet is [time, q, v, a, u1], q of as many numbers as there are coordinates, the others of
- * dof numbers each. Inverse dynamics makes x and y of it, the
- * filter foresees y, learns it, and one record a packet says how that went:
+ * dof numbers each. Inverse dynamics makes x and y of it, memory
+ * the rest of x where there is one, the filter foresees y, learns it, and one record a packet says how that went:
  *
  *     [prediction, its deviation, measurement: outputs each; nis, outcome, left out, nanoseconds].
  *
@@ -33,6 +33,9 @@ typedef struct {
   const double *nis;
   const int64_t *left_out;   /* outputs */
   const int64_t *alarm;      /* not zero: somebody must look at the learner */
+  void (*recall)(void *, double stamp); /* or NULL: the rest of x from what is remembered */
+  void (*settle)(void *, int outcome);  /* the filter is done with it */
+  void *lags;                /* what both take */
 } pipeline;
 
 static double now_ns(void) {
@@ -47,7 +50,11 @@ static int learn(pipeline *p, const double *packet) {
   double *results[2] = {p->x, p->y};
   p->air_force(arguments, results);
   *p->stamp = packet[0];
-  return p->update(p->memory);
+  if (!p->recall) return p->update(p->memory);
+  p->recall(p->lags, packet[0]);
+  const int outcome = p->update(p->memory);
+  p->settle(p->lags, outcome);
+  return outcome;
 }
 
 static void write_record(const pipeline *p, int outcome, double *record) {
