@@ -83,7 +83,7 @@ class LiveScene:
 
     def forget(self) -> None:
         """Begin again: another flight."""
-        self._time, self._trail = np.nan, []
+        self._time, self._trail, self._ground = np.nan, [], np.inf
 
     def show(self, time: float, q: Array) -> None:
         """The robot at a time.
