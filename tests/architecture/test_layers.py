@@ -95,6 +95,7 @@ PUBLIC = {
     "sensors",
     "simulate",
     "simulate_published",
+    "still",
     "training_data",
 }
 
