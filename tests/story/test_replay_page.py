@@ -138,6 +138,37 @@ def test_an_identification_is_shown_as_it_foresaw(subject: Subject, tmp_path: Pa
     assert words["arrows"]["predicted"] is None and words["arrows"]["predicted_total"] is not None
 
 
+def test_a_network_without_strips_shows_force_and_moment_of_the_whole(
+    subject: Subject, tmp_path: Path
+) -> None:
+    flight = subject.flight.isel(time=slice(0, 2000, 5))
+    robot = pt.load_robot("aerobat")
+    network = pt.DenseNetwork(robot.state_size, (4,), robot.dof_names)
+    learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=0.01)
+    result = pt.identify(flight, learner, every=10)
+    for predicted in (learner, result):
+        words = content(pt.replay(flight, tmp_path / "a.html", predicted=predicted))
+        arrows = words["arrows"]
+        series = {k["name"]: k for k in words["series"] if k["unit"].startswith("N")}
+        assert arrows["predicted"] is None and arrows["moment"] is not None
+        total, deviation = numbers(arrows["predicted_total"]), numbers(arrows["deviation"])
+        for k, name in enumerate("xyz"):
+            # the same numbers, to single precision
+            expected = numbers(series[name]["predicted"])
+            np.testing.assert_allclose(total[:, k], expected, rtol=1e-6)
+            said = numbers(series[name]["deviation"])
+            np.testing.assert_allclose(deviation[:, k], said, rtol=1e-6)
+        assert deviation.min() > 0.0099  # no surer than what it learned from
+        force, guess = numbers(arrows["moment"]), numbers(arrows["predicted_moment"])
+        assert force.shape == guess.shape and np.isfinite(guess).all()
+    checked = result.prediction["predicted_deviation"].sel(output="z")
+    at = checked["check_time"].values[[20, -1]]
+    time = numbers(words["time"])
+    shown = numbers(series["z"]["deviation"])[[int(np.abs(time - t).argmin()) for t in at]]
+    np.testing.assert_allclose(shown, checked.values[[20, -1]], rtol=1e-5)
+    assert "95 % intervals" in (tmp_path / "a.html").read_text("utf-8")
+
+
 def test_what_does_not_fit_is_refused(subject: Subject, tmp_path: Path) -> None:
     short = subject.flight.isel(time=slice(0, 500))
     with pytest.raises(LogError, match="predictions: expected those of this flight"):
@@ -234,7 +265,7 @@ CURSOR = """(() => {
   const copy = document.createElement("canvas");
   [copy.width, copy.height] = [wide, 1];
   const pen = copy.getContext("2d", { willReadFrequently: true });
-  pen.drawImage(canvas, 0, 12, wide, 1, 0, 0, wide, 1);
+  pen.drawImage(canvas, 0, 6, wide, 1, 0, 0, wide, 1); // above all dots
   const row = pen.getImageData(0, 0, wide, 1).data;
   let blue = 0, moment = 0;
   for (let i = 0; i < wide; i++) {

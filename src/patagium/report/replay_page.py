@@ -61,23 +61,29 @@ class Mark:
 
 @dataclass(frozen=True)
 class Arrows:
-    """Forces on strips at the times shown, world axes.
+    """Forces of the air at the times shown, world axes; what is not known is None.
 
     Attributes:
-        point: Where they act, relative to the origin, (F, n_strips, 3) [m].
+        point: Where those of strips act, relative to the origin, (F, n_strips, 3) [m].
         force: True ones, (F, n_strips, 3) [N].
-        predicted: Predicted ones, same shape, or None.
+        predicted: Predicted ones, same shape.
         center: Where the total is drawn, relative to the origin, (F, 3) [m].
         total: Force of the air on the robot, (F, 3) [N].
-        predicted_total: The same, predicted, or None.
+        predicted_total: The same, predicted.
+        moment: Of the air about the center, (F, 3) [N m].
+        predicted_moment: The same, predicted.
+        deviation: Of the predicted total, (F, 3) [N].
     """
 
-    point: Array
-    force: Array
+    point: Array | None
+    force: Array | None
     predicted: Array | None
     center: Array
     total: Array
-    predicted_total: Array | None
+    predicted_total: Array | None = None
+    moment: Array | None = None
+    predicted_moment: Array | None = None
+    deviation: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,7 @@ class Series:
         values: (F,).
         predicted: (F,), or None.
         shown: Whether it is plotted when the page opens.
+        deviation: Of the prediction, (F,), or None.
     """
 
     group: str
@@ -99,6 +106,7 @@ class Series:
     values: Array
     predicted: Array | None = None
     shown: bool = False
+    deviation: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -115,13 +123,15 @@ class Replay:
         position: Of every body relative to it, world axes, (F, n_b, 3) [m].
         quaternion: Body axes to world axes, x y z w, (F, n_b, 4).
         speed: Of the origin, (F,) [m/s].
-        solids: Kind, body, center, axis and size of each; see `robot.solids`.
+        solids: Kind, body, center, axis and size of each; see `robot.solids`. Those of an arm
+            that carries the robot have `carrier` set.
         surfaces: Strips of all wings.
         marks: Points that leave a trace.
         arrows: Forces, or None.
         series: Plots.
         names: How truth and prediction are called.
         notes: What a reader has to know: sampling, frames, units.
+        ground: Height of the ground [m]; None: somewhere below the robot.
     """
 
     title: str
@@ -140,6 +150,7 @@ class Replay:
     series: Sequence[Series]
     names: tuple[str, str] = ("true", "predicted")
     notes: Sequence[str] = field(default_factory=tuple)
+    ground: float | None = None
 
 
 def write_replay(path: str | Path, replay: Replay) -> Path:
@@ -182,6 +193,7 @@ def _content(replay: Replay) -> str:
         "position": packed(replay.position),
         "quaternion": packed(replay.quaternion),
         "speed": packed(replay.speed),
+        "ground": replay.ground,
         "solids": list(replay.solids),
         "surfaces": [
             {"wing": s.wing, "body": s.body, "corners": s.corners.tolist()} for s in replay.surfaces
@@ -198,6 +210,7 @@ def _content(replay: Replay) -> str:
                 "shown": s.shown,
                 "values": packed(s.values),
                 "predicted": None if s.predicted is None else packed(s.predicted),
+                "deviation": None if s.deviation is None else packed(s.deviation),
             }
             for s in replay.series
         ],

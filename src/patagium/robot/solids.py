@@ -7,7 +7,7 @@ wing, or through its center of mass. Neglected: fairings, gears, whatever no fil
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 _BONE = 0.008  # radius of a bone over the span
 _STOUTNESS = 0.02  # the same over its own length, at least
-_LEAST_BONE = 0.002  # the same where there is no span, at least [m]
+_TUBE = 0.06  # radius of a tube over the longest, where there is no wing: an arm's links
+_LEAST_BONE = 0.002  # radius, at least [m]
 
 
 class Solid(NamedTuple):
@@ -52,16 +53,52 @@ def solids(robot: Robot) -> list[Solid]:
         robot: The machine, with numbers for parameters.
     """
     shapes = _shapes(_described(robot.source))
-    radius = _BONE * wing_span(robot) or _LEAST_BONE
+    own = carried_body(robot)
+    thin, thick = _BONE * wing_span(robot), _TUBE * _longest(robot.bodies[1 : own or None])
     found: list[Solid] = []
     for index, body in enumerate(robot.bodies):
         shape = shapes.get(body.name)
         strips = [strip for strip in robot.strips if strip.body == index]
+        radius = max(_LEAST_BONE, thick if index < own or not robot.strips else thin)
         if shape is None or isinstance(shape, PointMass) or (isinstance(shape, Plate) and strips):
             found += _bones(robot, index, strips, radius)
         else:
             found.append(_solid(index, body, shape))
     return found
+
+
+def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
+    """A tube between two points fixed to a body.
+
+    Args:
+        body: Its index.
+        start: In body axes, (3,) [m].
+        end: The other, (3,) [m].
+        radius: Of the tube [m].
+    """
+    link = end - start
+    length = float(np.linalg.norm(link))
+    center, axis = (tuple(float(x) for x in k) for k in ((start + end) / 2, link / length))
+    return Solid(body, "capsule", center, axis, (radius, length))
+
+
+def carried_body(robot: Robot) -> int:
+    """First body of what an arm carries (`Robot.mounted_on`); 0 where no arm does.
+
+    Args:
+        robot: The machine; bodies of the arm come first.
+    """
+    described = _described(robot.source)
+    if not (isinstance(described, dict) and "mounted_on" in described):
+        return 0
+    prefix = described.get("prefix", "")
+    arms = [prefix and body.name.startswith(prefix) for body in robot.bodies]
+    return arms.index(False) if False in arms else 0
+
+
+def _longest(bodies: Sequence[Body]) -> float:
+    """Distance of a joint from the one before, at most [m]."""
+    return max((float(np.linalg.norm(np.array(k.position, float))) for k in bodies), default=0.0)
 
 
 def _described(source: str) -> Any:
@@ -121,7 +158,8 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
     long = [end for end in ends if np.linalg.norm(end) > radius]
     if not long and not strips:
         center = tuple(float(k) for k in body.center_of_mass)
-        return [Solid(index, "ellipsoid", center, (0.0, 0.0, 1.0), (2 * radius,) * 3)]
+        size = 2 * radius if robot.strips and index >= carried_body(robot) else radius
+        return [Solid(index, "ellipsoid", center, (0.0, 0.0, 1.0), (size,) * 3)]
     return [_capsule(index, end, radius) for end in long]
 
 
@@ -143,7 +181,5 @@ def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
 
 
 def _capsule(index: int, end: Array, radius: float) -> Solid:
-    length = float(np.linalg.norm(end))
-    axis = tuple(float(k) for k in end / length)
-    size = (max(radius, _STOUTNESS * length), length)
-    return Solid(index, "capsule", tuple(float(k) / 2 for k in end), axis, size)
+    stout = max(radius, _STOUTNESS * float(np.linalg.norm(end)))
+    return tube(index, np.zeros(3), end, stout)

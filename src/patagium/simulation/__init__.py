@@ -1,6 +1,7 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
 from patagium.simulation import gaits, mounts, paths, sensors
+from patagium.simulation.arm_records import carrier_of
 from patagium.simulation.cycles import cycle_statistics
 from patagium.simulation.flight import (
     QUANTITIES,
@@ -22,6 +23,7 @@ __all__ = [
     "added_mass_of",
     "aero_of",
     "audits",
+    "carrier_of",
     "check_flight",
     "cycle_statistics",
     "gait_period",

@@ -87,7 +87,8 @@ class ArmPlan:
         inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
         guess = self._spline(inside)
         target = self.path.motion(asked)
-        return self.tool.follow(_closed(self.tool, guess, target, 6), target)
+        turned = path_rotation(target.position)
+        return self.tool.follow(_closed(self.tool, guess, target.position, turned, 6), target)
 
     def describe(self) -> dict[str, Any]:
         """What it is, as JSON can hold it."""
@@ -234,14 +235,65 @@ def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
     return CarriedGait(names, plan, gait)
 
 
-def _closed(tool: Tool, q: Array, target: Motion, steps: int) -> Array:
+def followed(
+    tool: Tool, time: Array, placed: tuple[Array, Array], start: Array, knots: int
+) -> Array:
+    """Joint positions that hold a tool where it was, from one time to the next, (N, 6).
+
+    Args:
+        tool: Of the arm.
+        time: Increasing, (N,) [s].
+        placed: Where it was, (N, 3) [m], and its rotations to the world, (N, 3, 3).
+        start: Joint positions near which it began, (6,) [rad, m].
+        knots: Times followed one by one; the others from a spline through them.
+
+    Raises:
+        PathError: If the arm does not reach.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, rarely needed
+
+    place, turned = placed
+    chosen = np.unique(np.linspace(0, len(place) - 1, min(knots, len(place))).round().astype(int))
+    found = [_sought(tool, start[None], place[:1], turned[:1])[0]]
+    for k in chosen[1:]:
+        here = slice(k, k + 1)
+        found.append(_closed(tool, found[-1][None], place[here], turned[here], 12)[0])
+    guess = np.array(found)
+    if len(chosen) < len(place):
+        guess = CubicSpline(time[chosen], guess)(time)
+    q = _closed(tool, guess, place, turned, 6)
+    error, _ = _error(tool, q, place, turned)
+    if not np.abs(error).max() < CLOSED:
+        lost = int(np.argmax(~(np.abs(error).max(axis=1) < CLOSED)))
+        away = float(np.linalg.norm(error[lost, :3]))
+        what = "distance of the tool from the robot"
+        raise PathError(float(time[lost]), "", what, away, CLOSED, "m")
+    return q
+
+
+def _closed(tool: Tool, q: Array, place: Array, turned: Array, steps: int) -> Array:
     """Joint positions that put the tool on the path, by Newton's method, (N, 6)."""
-    turned = path_rotation(target.position)
     for _ in range(steps):
-        error, jacobian = _error(tool, q, target.position, turned)
+        error, jacobian = _error(tool, q, place, turned)
         if not np.isfinite(error).all() or np.abs(error).max() < 1e-13:
             break
         q = q + solved(jacobian, error)
+    return q
+
+
+def _sought(tool: Tool, q: Array, place: Array, turned: Array) -> Array:
+    """Joint positions that put the tool there, from afar, (S, 6).
+
+    Damped far away, Newton's method at the end.
+    """
+    for _ in range(_SEARCH):
+        error, jacobian = _error(tool, q, place, turned)
+        size = np.linalg.norm(error, axis=1)[:, None, None]
+        across = np.swapaxes(jacobian, 1, 2)
+        square = across @ jacobian + 1e-2 * np.minimum(size, 1.0) ** 2 * np.eye(AXES)
+        square = square + 1e-15 * np.eye(AXES)
+        step = solved(square, (across @ error[..., None])[..., 0])
+        q = q + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.5)
     return q
 
 
@@ -298,15 +350,7 @@ def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> 
         seeds = np.random.default_rng(0).uniform(low, high, (_SEEDS, AXES))
     place = np.broadcast_to(target.position[0], (len(seeds), 6))
     turned = path_rotation(place)
-    q = seeds
-    for _ in range(_SEARCH):  # damped far away, Newton's method at the end
-        error, jacobian = _error(tool, q, place, turned)
-        size = np.linalg.norm(error, axis=1)[:, None, None]
-        across = np.swapaxes(jacobian, 1, 2)
-        square = across @ jacobian + 1e-2 * np.minimum(size, 1.0) ** 2 * np.eye(AXES)
-        square = square + 1e-15 * np.eye(AXES)
-        step = solved(square, (across @ error[..., None])[..., 0])
-        q = q + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.5)
+    q = _sought(tool, seeds, place, turned)
     error, _ = _error(tool, q, place, turned)
     found = q[np.abs(error).max(axis=1) < 1e-8]
     if start is None:

@@ -1,8 +1,9 @@
 """What a learned model, or an identification, says of the forces of a flight.
 
 A model with frozen weights is asked at every time; an identification is replayed as it
-was, each force predicted before its sample was used. A strip network says the force on each
-strip; other networks only the sum. Neglected: how sure they are.
+was, each force predicted before its sample was used. A network of strips says the force on
+each strip; others only the sum. How sure they are is asked at some hundred times, and taken
+for straight between. Neglected: how errors of several forces go together.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ShapeError
+from patagium.identification.hidden import HiddenStripNetwork
 from patagium.identification.identify import Trained, samples
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
@@ -27,6 +29,9 @@ Array = NDArray[np.float64]
 Frames = NDArray[np.int64]
 Predicted: TypeAlias = Trained | Identification
 
+_WINGED = (StripNetwork, HiddenStripNetwork)
+_ASKED = 241  # times at which a model says how sure it is
+
 
 @dataclass(frozen=True)
 class Foreseen:
@@ -37,12 +42,15 @@ class Foreseen:
         generalized: Predicted generalized force, (F, k) [N, N m].
         strips: Predicted force on each strip, world axes, (F, n_strips, 3) [N], or None.
         words: How they were predicted.
+        deviation: Of the generalized force, noise of the measurement included, (F, k)
+            [N, N m]; None where it is not known.
     """
 
     names: tuple[str, ...]
     generalized: Array
     strips: Array | None
     words: str
+    deviation: Array | None = None
 
 
 def foresee(flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Frames) -> Foreseen:
@@ -61,7 +69,7 @@ def foresee(flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Fram
     if not isinstance(predicted, Identification):
         return _asked(flight, robot, predicted, frames)
     kept = _kept(flight, predicted, frames)
-    if type(getattr(predicted.learner, "network", None)) is not StripNetwork:
+    if not isinstance(getattr(predicted.learner, "network", None), _WINGED):
         return kept
     strips = _asked(flight, robot, predicted.learner, frames).strips
     if strips is None:
@@ -80,21 +88,52 @@ def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Foresee
         raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
     names = tuple(str(name) for name in record["output"].values)
     values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
-    return Foreseen(names, values, None, "before the sample was used")
+    return Foreseen(
+        names, values, None, "before the sample was used", _checked(record, time[frames])
+    )
+
+
+def _checked(record: xr.Dataset, time: Array) -> Array | None:
+    """Predicted deviations between the times at which an identification kept them."""
+    checks = np.asarray(record["check_time"].values, float)
+    kept = np.asarray(record["predicted_deviation"].transpose("check_time", "output").values, float)
+    return _between(checks, kept, time)
+
+
+def _between(known: Array, values: Array, time: Array) -> Array | None:
+    """Straight between known times, (F, k); None where any is unknown."""
+    if not len(known) or not np.isfinite(values).all():
+        return None
+    return np.column_stack([np.interp(time, known, column) for column in values.T])
 
 
 def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Foreseen:
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
-    winged = type(network) is StripNetwork
-    if winged:
+    if isinstance(network, _WINGED):
         _check(network, robot)
+    if isinstance(network, StripNetwork):
         network = _measuring(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)
     seen = Recollection(network, time, x, ()).upto(len(time), model.weights)[frames]
-    strips = _strip_forces(network, robot, seen, model.weights) if winged else None
-    values = network.evaluate(seen, model.weights)
-    return Foreseen(tuple(network.output_names), values, strips, "by the learned model")
+    return Foreseen(
+        tuple(network.output_names),
+        network.evaluate(seen, model.weights),
+        _strip_forces(network, robot, seen, model.weights),
+        "by the learned model",
+        _sure(model, network, seen, time[frames]),
+    )
+
+
+def _sure(model: Trained, network: Network, seen: Array, time: Array) -> Array | None:
+    """Deviations that the model itself gives, asked at some of the times."""
+    if model.network.output_names != network.output_names or not hasattr(model, "predict"):
+        return None
+    asked = np.unique(np.linspace(0, len(seen) - 1, min(_ASKED, len(seen))).round().astype(int))
+    covariances = np.array([np.atleast_2d(model.predict(seen[k])[1]) for k in asked])
+    with np.errstate(invalid="ignore"):
+        found = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    return _between(time[asked], found, time)
 
 
 def _check(network: Any, robot: Robot) -> None:
@@ -108,7 +147,12 @@ def _measuring(network: Network, measured: Any) -> StripNetwork:
     return StripNetwork.from_description(network.describe() | {"measured": measured})
 
 
-def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array:
+def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array | None:
+    """Force on each strip, world axes, (F, n_strips, 3) [N]; None where the network has none."""
+    if isinstance(network, HiddenStripNetwork):
+        return network.strip_forces(x, weights)
+    if not isinstance(network, StripNetwork):
+        return None
     every = _measuring(network, np.eye(3 * len(robot.strips)).tolist())
     return every.evaluate(x, weights).reshape(len(x), len(robot.strips), 3)
 

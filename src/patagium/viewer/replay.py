@@ -22,9 +22,11 @@ from patagium.identification.identify import flight_horizons
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
-from patagium.robot.solids import solids, wing_tips
-from patagium.simulation import robot_of
+from patagium.robot.solids import carried_body, solids, wing_tips
+from patagium.simulation import carrier_of, robot_of
+from patagium.viewer.carried import arm_under
 from patagium.viewer.foreseen import Foreseen, Frames, Predicted, foresee
+from patagium.viewer.whole import Whole, floating_body, on_the_whole
 
 Array = NDArray[np.float64]
 
@@ -75,15 +77,29 @@ def replay(
     time = np.asarray(flight["time"].values, float)
     period = _period(flight)
     span = _span(time, start, end)
-    frames = _frames(span, time, period, _bytes_per_frame(robot, predicted is not None))
+    carrier, main = carrier_of(flight), carried_body(robot)
+    arms = 0 if carrier is None else len(carrier.arm.bodies) + 1
+    frames = _frames(span, time, period, _bytes_per_frame(robot, arms, predicted is not None))
     foreseen = None if predicted is None else foresee(flight, robot, predicted, frames)
-    shown = flight.isel(time=frames)
+    shown, arm = flight.isel(time=frames), arm_under(robot, carrier, frames)
     q = np.asarray(flight["q"].values, float)[span]
     position, rotation = poses_at(robot, q)
     inside = frames - span[0]
-    origin = position[:, 0]
+    origin = position[:, main]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
-    center = center_of_mass(robot, position[inside], rotation[inside])
+    bodies, placed, turned = (
+        [body.name for body in robot.bodies],
+        position[inside],
+        rotation[inside],
+    )
+    drawn = [k._asdict() | ({"carrier": True} if k.body < main else {}) for k in solids(robot)]
+    arrows = _arrows(shown, robot, (placed, turned), origin[inside], foreseen)
+    if arm is not None:
+        count = len(bodies)
+        drawn += [k._asdict() | {"body": k.body + count, "carrier": True} for k in arm.solids]
+        bodies += arm.names
+        placed = np.concatenate([placed, arm.position], axis=1)
+        turned = np.concatenate([turned, arm.rotation], axis=1)
     return write_replay(
         path,
         Replay(
@@ -91,21 +107,24 @@ def replay(
             subtitle=_subtitle(flight, robot, time[span], period),
             time=time[frames],
             period=period,
-            bodies=[body.name for body in robot.bodies],
+            bodies=bodies,
             origin=origin[inside],
-            position=position[inside] - origin[inside, None],
-            quaternion=quaternions(rotation[inside]),
+            position=placed - origin[inside, None],
+            quaternion=quaternions(turned),
             speed=speed[inside],
-            solids=[solid._asdict() for solid in solids(robot)],
+            solids=drawn,
+            ground=None if arm is None else 0.0,
             surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
             marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
-            arrows=_arrows(shown, origin[inside], center, foreseen) if robot.strips else None,
+            arrows=arrows,
             series=_series(shown, robot, foreseen),
             notes=[
                 _sampling(robot, time[span], inside, position, rotation),
                 *_NOTES,
                 *_wind(shown),
+                *([] if arm is None else [_ARM]),
                 *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
+                *([] if foreseen is None or foreseen.deviation is None else [_SURE]),
             ],
         ),
     )
@@ -146,28 +165,62 @@ def _frames(span: Frames, time: Array, period: float | None, each: int) -> Frame
     return span[::stride]
 
 
-def _bytes_per_frame(robot: Robot, predicted: bool) -> int:
+def _bytes_per_frame(robot: Robot, arms: int, predicted: bool) -> int:
     doubles = 4  # time, origin
-    bodies = 7 * len(robot.bodies)
-    strips = (3 * len(robot.strips) + 3) * (3 if predicted else 2)
-    plots = robot.dof * (3 if predicted else 2) + 1
+    bodies = 7 * (len(robot.bodies) + arms)
+    strips = (3 * len(robot.strips) + 6) * (3 if predicted else 2)
+    plots = robot.dof * (4 if predicted else 2) + 1
     return 8 * doubles + 4 * (bodies + strips + plots)
 
 
-def _arrows(shown: xr.Dataset, origin: Array, center: Array, foreseen: Foreseen | None) -> Arrows:
-    force, point = (
-        np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
-        for name in ("strip_force", "strip_point")
+def _arrows(
+    shown: xr.Dataset,
+    robot: Robot,
+    poses: tuple[Array, Array],
+    origin: Array,
+    foreseen: Foreseen | None,
+) -> Arrows | None:
+    position, rotation = poses
+    center = center_of_mass(robot, position, rotation)
+    held = (floating_body(robot) or (0, None))[0]
+    known = np.asarray(shown["q"].values, float), rotation[:, held], center - position[:, held]
+    air = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
+    whole = on_the_whole(robot, robot.dof_names, air, *known)
+    force = point = guess = None
+    if robot.strips:
+        force, point = (
+            np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
+            for name in ("strip_force", "strip_point")
+        )
+        whole = whole or Whole(force.sum(axis=1), None)
+        point, guess = point - origin[:, None], None if foreseen is None else foreseen.strips
+    if whole is None or not (robot.strips or air.any()):
+        return None
+    told = deviation = None
+    if foreseen is not None:
+        told = on_the_whole(robot, foreseen.names, foreseen.generalized, *known)
+        deviation = _of_the_force(robot, foreseen)
+    if told is None and guess is not None:
+        told = Whole(guess.sum(axis=1), None)
+    total, moment = told or (None, None)
+    return Arrows(
+        point, force, guess, center - origin, whole.force, total, whole.moment, moment, deviation
     )
-    guess = None if foreseen is None else foreseen.strips
-    total = None if guess is None else guess.sum(axis=1)
-    if foreseen is not None and guess is None and {"x", "y", "z"} <= set(foreseen.names):
-        total = foreseen.generalized[:, [foreseen.names.index(k) for k in ("x", "y", "z")]]
-    return Arrows(point - origin[:, None], force, guess, center - origin, force.sum(axis=1), total)
+
+
+def _of_the_force(robot: Robot, foreseen: Foreseen) -> Array | None:
+    """Deviations of the force on the whole robot, (F, 3) [N]."""
+    _, body = floating_body(robot) or (0, None)
+    if body is None or foreseen.deviation is None:
+        return None
+    names = [robot.dof_names[k] for k in (body.floating_dofs or ())[:3]]
+    if not set(names) <= set(foreseen.names):
+        return None
+    return foreseen.deviation[:, [foreseen.names.index(name) for name in names]]
 
 
 def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
-    """Center of mass of the robot at many states, (N, 3) [m].
+    """Center of mass of the robot at many states, without an arm under it, (N, 3) [m].
 
     Args:
         robot: The machine, with numbers for parameters.
@@ -175,6 +228,7 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
         rotation: Their axes, (N, n_bodies, 3, 3).
     """
     mass = np.array([float(body.mass) for body in robot.bodies])
+    mass[: carried_body(robot)] = 0.0
     offsets = np.array([body.center_of_mass for body in robot.bodies], float)
     centers = position + np.einsum("nbij,bj->nbi", rotation, offsets)
     return np.asarray(np.einsum("b,nbi->ni", mass / mass.sum(), centers))
@@ -186,11 +240,13 @@ def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[
     chosen = _chosen(robot, force)
     found = []
     for k, (name, unit) in enumerate(zip(robot.dof_names, robot.dof_units, strict=True)):
-        guess = None
+        guess = sure = None
         if foreseen is not None and name in foreseen.names:
-            guess = foreseen.generalized[:, foreseen.names.index(name)]
+            place = foreseen.names.index(name)
+            guess = foreseen.generalized[:, place]
+            sure = None if foreseen.deviation is None else foreseen.deviation[:, place]
         measure = "N" if unit == "m" else "N m"
-        found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen))
+        found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen, sure))
     units = zip(robot.coordinate_names, robot.coordinate_units, strict=True)
     for k, (name, unit) in enumerate(units):
         values, shown_in = (np.degrees(q[:, k]), "deg") if unit == "rad" else (q[:, k], unit)
@@ -202,7 +258,9 @@ def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[
 def _chosen(robot: Robot, force: Array) -> list[str]:
     """Forces worth a first look: those that move, of mirrored joints the left ones."""
     loud = force.std(axis=0) > 1e-6 * max(force.std(axis=0).max(), _SILENCE)
-    order = [*("x", "z", "pitch"), *robot.dof_names]
+    carried = robot.bodies[carried_body(robot) :]
+    own = [robot.dof_names[joint.dof] for body in carried for joint in body.joints]
+    order = [*("x", "z", "pitch"), *own, *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
     return [n for n in names if n not in _SIDEWAYS and not n.startswith("right_")][:_PLOTTED]
 
@@ -272,9 +330,18 @@ def _turned(quaternion: Array, vector: Array) -> Array:
 
 _FORCES = "Generalized force of the air"
 _SIDEWAYS = ("y", "roll", "yaw")
+_ARM = (
+    "The arm that carries the robot stands on the world's origin: tubes between its joints, "
+    "whose angles follow from where the robot was."
+)
+_SURE = (
+    "Bands around predictions, and the ellipsoid around the end of the predicted total (unless "
+    "it is larger than the robot), are their 95 % intervals, noise of the measurement included."
+)
 _NOTES: Sequence[str] = (
     "World axes: x forward, y left, z up; lengths in m, times in s. Arrows are forces of the air "
-    "on strips, in world axes, one scale for the whole flight.",
+    "on strips, in world axes, one scale for the whole flight; the total acts at the center of "
+    "mass, its moment is the arrow with two heads, about the thumb of the right hand.",
     "Bodies have the shapes of the robot file; a body without one is drawn as bones between its "
     "joints. Strips are the rectangles the aerodynamics sees; pale and dark are the upper and "
     "lower surface.",

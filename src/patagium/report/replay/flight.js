@@ -1,4 +1,6 @@
 "use strict";
+const INTERVAL = 1.959963985; // half width of the 95 % interval, in deviations
+
 // The flight as arrays, and what it looks like at any time: between two stored frames
 // positions are interpolated linearly and quaternions linearly, then normalized.
 
@@ -14,6 +16,7 @@ class Flight {
       Object.entries(content.arrows).map(([name, value]) => [name, value && unpack(value)]));
     this.series = content.series.map((one) => ({
       ...one, values: unpack(one.values), predicted: one.predicted && unpack(one.predicted),
+      deviation: one.deviation && unpack(one.deviation),
     }));
     this.frames = this.time.length;
     this.begin = this.time[0];

@@ -42,9 +42,11 @@ class Player {
     const arrows = flight.arrows;
     $("predicted").hidden = !(arrows && (arrows.predicted || arrows.predicted_total));
     $("loop").hidden = !flight.period;
-    for (const id of ["forces", "total"]) $(id).hidden = !arrows;
+    $("follow").setAttribute("aria-pressed", Boolean(this.view && this.view.following));
+    $("forces").hidden = !(arrows && arrows.force);
+    $("total").hidden = !arrows;
     $("colors").hidden = !arrows;
-    if (arrows && arrows.predicted_total && !arrows.predicted) this.shown.total = true;
+    if (arrows && (!arrows.force || (arrows.predicted_total && !arrows.predicted))) this.shown.total = true;
     for (const value of SPEEDS) $("speed").add(new Option(value === 1 ? "1" : `1/${Math.round(1 / value)}`, value));
     // A wingbeat in about four seconds, or the flight in about ten.
     const wanted = flight.period ? flight.period / 4 : (flight.end - flight.begin) / 10;

@@ -3,7 +3,7 @@
 // precision on the graphics card is enough however far the robot flies.
 
 const LOOK = {
-  paper: "#f4f7f9", grid: "#dbe2e8", gridMajor: "#bcc8d1", shadow: "#d3dbe1", bodies: "#8c9aa7",
+  paper: "#f4f7f9", grid: "#dbe2e8", gridMajor: "#bcc8d1", shadow: "#d3dbe1", bodies: "#8c9aa7", carrier: "#c3ccd4",
   upper: "#9fc0d8", lower: "#7d9db6", edge: "#46627a", path: "#7b8894", ahead: "#c6cfd7", trace: "#4f86ad",
 };
 const MOST_DOTS = 3e6; // of a picture at rest that the processor draws
@@ -40,7 +40,7 @@ class View {
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.minDistance = 0.6 * this.reach;
-    this.look("oblique");
+    if (flight.ground === null) this.look("oblique"); else this.lookAtAll();
   }
 
   // How far the robot reaches from its origin.
@@ -49,13 +49,14 @@ class View {
     let reach = 0;
     for (let i = 0; i < flight.frames; i += Math.max(1, Math.floor(flight.frames / 50))) {
       for (const { body, offset } of flight.marks) reach = Math.max(reach, Math.hypot(...flight.pointAt(i, body, offset)));
-      for (const { body, center } of flight.solids) reach = Math.max(reach, Math.hypot(...flight.pointAt(i, body, center)));
+      for (const { body, center, carrier } of flight.solids) if (!carrier) reach = Math.max(reach, Math.hypot(...flight.pointAt(i, body, center)));
     }
     return reach || 1;
   }
 
-  // A round height that the robot never goes below.
+  // Where an arm stands, or a round height that the robot never goes below.
   groundHeight() {
+    if (this.flight.ground !== null) return this.flight.ground;
     let lowest = Infinity;
     for (let i = 2; i < this.flight.origin.length; i += 3) lowest = Math.min(lowest, this.flight.origin[i]);
     const step = roundDown(0.5 * this.reach);
@@ -71,7 +72,7 @@ class View {
   build(parent, flat) {
     const plain = (color) => new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide, depthWrite: false });
     const shadow = plain(LOOK.shadow);
-    const solid = flat ? shadow : new THREE.MeshLambertMaterial({ color: LOOK.bodies });
+    const [own, carriers] = [LOOK.bodies, LOOK.carrier].map((color) => (flat ? shadow : new THREE.MeshLambertMaterial({ color })));
     const lit = (color, side) => new THREE.MeshLambertMaterial({
       color, side, transparent: true, opacity: 0.9,
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
@@ -82,7 +83,7 @@ class View {
       const group = new THREE.Group();
       parent.add(group);
       for (const one of this.flight.solids.filter((k) => k.body === body)) {
-        const mesh = new THREE.Mesh(solidGeometry(one, flat), solid);
+        const mesh = new THREE.Mesh(solidGeometry(one, flat), one.carrier ? carriers : own);
         mesh.position.fromArray(one.center);
         const up = one.kind === "cylinder" || one.kind === "capsule" ? one.axis : [0, 1, 0];
         mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...up).normalize());
@@ -207,9 +208,10 @@ class View {
     this.controls.update();
   }
 
-  // All of the path, from a fixed place.
+  // All of the path, and the arm where there is one, from a fixed place.
   lookAtAll() {
-    const { origin, frames } = this.flight, low = [1e99, 1e99, 1e99], high = [-1e99, -1e99, -1e99];
+    const { origin, frames, ground } = this.flight, carried = ground !== null;
+    const low = carried ? [0, 0, ground] : [1e99, 1e99, 1e99], high = carried ? [0, 0, ground] : [-1e99, -1e99, -1e99];
     for (let i = 0; i < 3 * frames; i++) {
       low[i % 3] = Math.min(low[i % 3], origin[i]);
       high[i % 3] = Math.max(high[i % 3], origin[i]);
@@ -218,7 +220,8 @@ class View {
     this.anchor = low.map((value, k) => (value + high[k]) / 2);
     const radius = Math.hypot(...low.map((value, k) => (high[k] - value) / 2)) + this.reach;
     this.controls.target.set(0, 0, 0);
-    this.camera.position.set(-0.25, -1, 0.3).normalize().multiplyScalar((2.1 * radius) / Math.min(1, this.camera.aspect));
+    const [from, far] = carried ? [[0.8, -1, 0.4], 3.1] : [[-0.25, -1, 0.3], 2.1];
+    this.camera.position.set(...from).normalize().multiplyScalar((far * radius) / Math.min(1, this.camera.aspect));
     this.controls.update();
   }
 
