@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
     from patagium.viewer.replay import replay as replay
+    from patagium.viewer.still import still as still
 
 _HOMES = {
     "errors": (
@@ -183,7 +184,7 @@ _HOMES = {
         "refine",
         "training_data",
     ),
-    "viewer": ("replay",),
+    "viewer": ("replay", "still"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

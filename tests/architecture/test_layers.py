@@ -97,6 +97,7 @@ PUBLIC = {
     "sensors",
     "simulate",
     "simulate_published",
+    "still",
     "training_data",
 }
 

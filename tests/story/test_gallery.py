@@ -8,47 +8,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import patagium as pt
+from patagium.report.style import SCENE
 from patagium.robot import preset_names
+from patagium.studies.gallery import EXHIBITS, fly, kept
+from patagium.viewer import still
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "gallery.md").read_text("utf-8")
-FLIGHTS: dict[str, tuple[dict[str, Any], float, float]] = {
-    # gait, speed [m/s], time step [s]: small beside the fastest damper and beat
-    "aerobat": ({"frequency": 5.0, "plunge": 0.6}, 3.0, 1e-4),
-    "aerobat-beta": ({"frequency": 5.0, "plunge": 0.5}, 3.0, 5e-4),
-    "yeo-wing": ({"frequency": 3.3, "plunge": 0.38}, 0.0, 5e-4),
-    "dragonfly": (
-        {
-            "frequency": 18.0,
-            **dict.fromkeys(("fore_plunge", "hind_plunge", "fore_feather", "hind_feather"), 0.6),
-            "phase": {
-                "fore_feather": -np.pi / 2,
-                "hind_feather": np.pi / 2,
-                "hind_plunge": np.pi,
-            },
-            "offset": {"fore_feather": -0.4, "hind_feather": -0.4},
-        },
-        1.0,
-        2e-4,
-    ),
-    "ornithopter": (
-        {"frequency": 4.0, "plunge": 0.6, "offset": {"elevation": -0.05}},
-        6.0,
-        1e-3,
-    ),
-}
+FLAPPING = [name for name, exhibit in EXHIBITS.items() if exhibit.gait]
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", FLAPPING)
 def test_a_robot_of_the_gallery_flies_and_keeps_its_books(name: str) -> None:
-    words, speed, step = FLIGHTS[name]
-    robot = pt.load_robot(name)
-    start = robot.coordinates(x=speed) if robot.floating else None
-    gait = pt.gaits.sinusoidal(robot, **words)
-    aero = pt.QuasiSteady(robot, pt.Air())
-    flight = pt.simulate(robot, aero, gait, duration=0.2, time_step=step, v=start)
+    flight = fly(name, 0.2)
     # RK4 at some fifty to five hundred steps a beat
     assert flight.attrs["energy_audit"] < 1e-8
     assert flight.attrs["momentum_audit"] < 1e-8
@@ -57,15 +32,22 @@ def test_a_robot_of_the_gallery_flies_and_keeps_its_books(name: str) -> None:
 
 def test_the_dragonfly_and_the_ornithopter_stay_up() -> None:
     for name in ("dragonfly", "ornithopter"):
-        words, speed, step = FLIGHTS[name]
-        robot = pt.load_robot(name)
-        aero = pt.QuasiSteady(robot, pt.Air())
-        gait = pt.gaits.sinusoidal(robot, **words)
-        start = robot.coordinates(x=speed)
-        flight = pt.simulate(robot, aero, gait, duration=0.5, time_step=step, v=start)
-        weight = 9.81 * sum(body.mass for body in robot.bodies)
-        lift = pt.cycle_statistics(flight, skip=0).attrs["mean_lift"]
+        weight = 9.81 * sum(body.mass for body in pt.load_robot(name).bodies)
+        lift = pt.cycle_statistics(fly(name, 0.5), skip=0).attrs["mean_lift"]
         assert 0.6 * weight < lift < 1.5 * weight
+
+
+def test_pictures_of_the_gallery_are_made_by_the_program(tmp_path: Path) -> None:
+    assert sorted([*EXHIBITS, "ur5e"]) == sorted({*preset_names()} - {"aerobat-published"})
+    picture = kept(still(fly("hawk", 0.3), 0.3), tmp_path, "hawk")
+    with Image.open(picture) as made, Image.open(ROOT / "docs/gallery/hawk.png") as shown:
+        assert made.size == shown.size
+        dots = np.asarray(made.convert("RGB"), int)
+    for part in ("paper", "upper", "trace"):
+        color = [int(SCENE[part][k : k + 2], 16) for k in (1, 3, 5)]
+        # few colors in the file, and light on a wing
+        assert (np.abs(dots - color).max(axis=2) < 24).mean() > 5e-4
+    assert (dots.max(axis=2) < 60).mean() > 1e-3  # arrows of true forces
 
 
 def test_the_page_shows_every_robot_that_is_not_a_slip() -> None:
@@ -76,7 +58,7 @@ def test_the_page_shows_every_robot_that_is_not_a_slip() -> None:
 
 
 def test_the_hawk_of_the_page_glides() -> None:
-    (code,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    code, _ = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     names: dict[str, Any] = {}
     exec(compile(code, "gallery.md", "exec"), names)
     flight = names["flight"]

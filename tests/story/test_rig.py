@@ -123,6 +123,8 @@ def test_logs_and_models_are_files_of_their_own(out: Path, metrics: dict[str, An
 
 def test_the_page_shows_every_section_and_target(out: Path, metrics: dict[str, Any]) -> None:
     page = (out / "report.html").read_text()
+    assert 'href="flight.html"' in page  # beside it, wherever both are moved
+    assert (out / "flight.html").stat().st_size < 3e6
     for title in SECTIONS:
         assert title in page
     for row in metrics["targets"]:

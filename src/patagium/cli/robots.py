@@ -11,6 +11,7 @@ EXAMPLES = (
     "patagium robots",
     "patagium robots aerobat --draw aerobat.png",
     "patagium robots my-robot.yaml --json",
+    "patagium robots --gallery gallery",
 )
 
 
@@ -21,6 +22,10 @@ def robots(
     draw: Annotated[
         Path | None, typer.Option(help="Draw it from above and behind, as .png or .svg.")
     ] = None,
+    gallery: Annotated[
+        Path | None,
+        typer.Option(help="Fly all presets, and draw a moment of each in this folder."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """List the robots that come along, or describe and draw one."""
@@ -30,6 +35,14 @@ def robots(
     from patagium.robot import load_robot, preset_names
     from patagium.robot.drawing import describe_robot, draw_robot
 
+    if gallery is not None:
+        from patagium.studies.gallery import draw_gallery
+
+        if robot is not None:
+            raise ParameterError("--gallery", "no robot beside it", robot)
+        for picture in draw_gallery(gallery):
+            typer.echo(f"Drawn in {picture}", err=True)
+        return
     if robot is not None:
         machine = load_robot(robot)
         if draw is not None:

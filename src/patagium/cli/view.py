@@ -16,6 +16,7 @@ EXAMPLES = (
     "patagium view flight.nc",
     "patagium view flight.nc --model model.json -o flight.html",
     'patagium view flight.nc --predictions predictions.nc --start "1 s" --end "1.5 s"',
+    'patagium view flight.nc --still flight.png --at "0.3 s"',
 )
 
 
@@ -38,8 +39,18 @@ def view(
     end: Annotated[
         Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here.")
     ] = None,
+    still: Annotated[
+        Path | None,
+        typer.Option(help="A moment as a picture instead, .png, .svg or .pdf, without a browser."),
+    ] = None,
+    at: Annotated[
+        Any,
+        typer.Option(parser=quantity("s", "a time"), help="That moment; the middle by default."),
+    ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
+
+    With --still a picture of one moment instead.
 
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
@@ -51,6 +62,11 @@ def view(
 
     if model is not None and predictions is not None:
         raise ParameterError("--predictions", "either a model or predictions", "both")
+    if still is not None:
+        _draw(flight, still, at, _predicted(model, predictions))
+        return
+    if at is not None:
+        raise ParameterError("--at", "--still, the picture it is for, as well", "none")
     page = flight.with_suffix(".html") if out is None else out
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
@@ -59,6 +75,16 @@ def view(
         recorded, page, predicted=_predicted(model, predictions), title=title, start=start, end=end
     )
     typer.echo(f"The page is in {page}", err=True)
+
+
+def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:
+    from patagium.cli.words import existing
+    from patagium.report.figures import save_figure
+    from patagium.simulation import load_flight
+    from patagium.viewer import still
+
+    save_figure(still(load_flight(existing(flight)), at, predicted=predicted), picture)
+    typer.echo(f"The picture is in {picture}", err=True)
 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:

@@ -21,7 +21,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from patagium.report.style import COLORS, TRUTH
+from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
@@ -188,6 +188,7 @@ def _content(replay: Replay) -> str:
         "bodies": list(replay.bodies),
         "names": list(replay.names),
         "colors": [TRUTH, COLORS[0]],
+        "look": SCENE,
         "time": packed(replay.time, "f8"),
         "origin": packed(replay.origin, "f8"),
         "position": packed(replay.position),

@@ -28,6 +28,22 @@ TRUTH = "#1a1a1a"
 COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
 
+SCENE = {
+    "paper": "#f4f7f9",
+    "grid": "#dbe2e8",
+    "gridMajor": "#bcc8d1",
+    "shadow": "#d3dbe1",
+    "bodies": "#8c9aa7",
+    "carrier": "#c3ccd4",
+    "upper": "#9fc0d8",
+    "lower": "#7d9db6",
+    "edge": "#46627a",
+    "path": "#7b8894",
+    "ahead": "#c6cfd7",
+    "trace": "#4f86ad",
+}
+"""Things in space: on the replay page, live, and in pictures."""
+
 
 @dataclass(frozen=True)
 class Look:

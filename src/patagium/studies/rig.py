@@ -35,8 +35,10 @@ from patagium.studies.rig_plan import (
 )
 from patagium.studies.rig_report import LEFT_OUT, TITLE, facts, results, sections, summary
 from patagium.studies.workers import WORKERS, Job, run_jobs
+from patagium.viewer import replay
 from patagium.whole_file import write_whole
 
+_MOVING = "The flight on the arm, as it truly was"
 Stages = Callable[[str, float], None]
 """Told the stage and the part of all done, 0 to 1."""
 LEARNING_COST, CASE_COST = 60.0, 10.0
@@ -64,7 +66,8 @@ def run_rig(
         page: A page of the results to write too, Markdown or HTML.
 
     Returns:
-        Path of report.html; beside it metrics.json, logs/, models/, truth/ and figures/.
+        Path of report.html; beside it flight.html, metrics.json, logs/, models/, truth/ and
+        figures/.
 
     Raises:
         PathError: If the arm cannot follow.
@@ -89,6 +92,7 @@ def run_rig(
     metrics["cycles"] = {name: dict(one.attrs) for name, one in cycles.items()}
     gallery = Gallery(out / "figures")
     _draw(gallery, plan, flown, runs, metrics, cycles)
+    metrics["replay"] = replay(flown.flight, out / "flight.html", title=_MOVING).name
     metrics["seconds"] = time.perf_counter() - begun
     text = json.dumps(json_ready(metrics), indent=1, ensure_ascii=False)
     write_whole(out / "metrics.json", text + "\n")

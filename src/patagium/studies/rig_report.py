@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patagium.report import Note, Picture, Section, Table, cell_text
+from patagium.report import Link, Note, Picture, Section, Table, cell_text
 from patagium.studies.rig_learning import OBSERVER_GAIN, SOURCES
 from patagium.studies.verdicts import count_met, verdict
 
@@ -96,6 +96,7 @@ def _rig(metrics: Metrics, pictures: Pictures) -> Section:
             f"{cell_text(plan['speed'])} m/s where it is fastest, while the wings flap at "
             f"{cell_text(plan['frequency'])} Hz. The truth is a lifting line with the lags of its "
             "wake and stall, and added mass. Each instrument has a clock of its own.",
+            Link("The flight on the arm in three dimensions", metrics["replay"]),
             *_present(pictures, "flight"),
             Table(
                 ("instrument", "part", "rate [Hz]", "errors"),

@@ -1,5 +1,6 @@
 """Looking at it: the flight of a robot as a page that moves."""
 
 from patagium.viewer.replay import replay
+from patagium.viewer.still import still
 
-__all__ = ["replay"]
+__all__ = ["replay", "still"]

@@ -73,6 +73,17 @@ def replay(
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """
+    return write_replay(path, shown_of(flight, predicted, title, start, end))
+
+
+def shown_of(
+    flight: xr.Dataset,
+    predicted: Predicted | None = None,
+    title: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Replay:
+    """What a page or a picture of a flight shows; see `replay` for arguments and errors."""
     robot = robot_of(flight)
     time = np.asarray(flight["time"].values, float)
     period = _period(flight)
@@ -100,33 +111,30 @@ def replay(
         bodies += arm.names
         placed = np.concatenate([placed, arm.position], axis=1)
         turned = np.concatenate([turned, arm.rotation], axis=1)
-    return write_replay(
-        path,
-        Replay(
-            title=title or f"Flight of {robot.name}",
-            subtitle=_subtitle(flight, robot, time[span], period),
-            time=time[frames],
-            period=period,
-            bodies=bodies,
-            origin=origin[inside],
-            position=placed - origin[inside, None],
-            quaternion=quaternions(turned),
-            speed=speed[inside],
-            solids=drawn,
-            ground=None if arm is None else 0.0,
-            surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
-            marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
-            arrows=arrows,
-            series=_series(shown, robot, foreseen),
-            notes=[
-                _sampling(robot, time[span], inside, position, rotation),
-                *_NOTES,
-                *_wind(shown),
-                *([] if arm is None else [_ARM]),
-                *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
-                *([] if foreseen is None or foreseen.deviation is None else [_SURE]),
-            ],
-        ),
+    return Replay(
+        title=title or f"Flight of {robot.name}",
+        subtitle=_subtitle(flight, robot, time[span], period),
+        time=time[frames],
+        period=period,
+        bodies=bodies,
+        origin=origin[inside],
+        position=placed - origin[inside, None],
+        quaternion=quaternions(turned),
+        speed=speed[inside],
+        solids=drawn,
+        ground=None if arm is None else 0.0,
+        surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
+        marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
+        arrows=arrows,
+        series=_series(shown, robot, foreseen),
+        notes=[
+            _sampling(robot, time[span], inside, position, rotation),
+            *_NOTES,
+            *_wind(shown),
+            *([] if arm is None else [_ARM]),
+            *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
+            *([] if foreseen is None or foreseen.deviation is None else [_SURE]),
+        ],
     )
 
 

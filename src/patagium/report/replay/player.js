@@ -4,6 +4,7 @@
 const SPEEDS = [1 / 200, 1 / 100, 1 / 50, 1 / 20, 1 / 10, 1 / 5, 1 / 2, 1];
 const STILL = 200, WORDS = 100; // ms: at rest after so long; numbers change so often
 const flight = new Flight(JSON.parse(document.getElementById("flight").textContent));
+const LOOK = flight.look; // colors of things in space
 const $ = (id) => document.getElementById(id);
 
 class Player {

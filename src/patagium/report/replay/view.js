@@ -2,10 +2,6 @@
 // The robot in space. The scene's zero is the camera's target (`anchor`), so that single
 // precision on the graphics card is enough however far the robot flies.
 
-const LOOK = {
-  paper: "#f4f7f9", grid: "#dbe2e8", gridMajor: "#bcc8d1", shadow: "#d3dbe1", bodies: "#8c9aa7", carrier: "#c3ccd4",
-  upper: "#9fc0d8", lower: "#7d9db6", edge: "#46627a", path: "#7b8894", ahead: "#c6cfd7", trace: "#4f86ad",
-};
 const MOST_DOTS = 3e6; // of a picture at rest that the processor draws
 const DIRECTIONS = { oblique: [-0.72, -0.75, 0.62], side: [0, -1, 0.04], behind: [-1, 0, 0.12], above: [-0.02, 0, 1] };
 
