@@ -93,4 +93,32 @@ def test_at_rest_the_robot_is_drawn_with_all_dots(
     browser.ask("replay.seek(0.3)")
     browser.ask(resting)
     assert browser.ask("replay.drawn") == pytest.approx(0.3)
+    browser.press("?")
+    assert browser.ask("document.getElementById('keyboard').open") is True
+    browser.press(" ")  # keys of the page sleep while its help is open: this closes it
+    browser.ask("document.getElementById('keyboard').close()")
+    assert browser.ask("replay.playing") is False
+    for key, button in {"f": "forces", "o": "total", "t": "trail", "c": "follow"}.items():
+        pressed = f"document.getElementById('{button}').getAttribute('aria-pressed')"
+        before = browser.ask(pressed)
+        browser.press(key)
+        assert browser.ask(pressed) != before
+    unnamed = """[...document.querySelectorAll("button, input, select, canvas, summary")].filter(
+      (one) => !(one.textContent.trim() || one.title || one.labels?.length
+        || one.getAttribute("aria-label") || one.getAttribute("aria-hidden"))
+      ).map((one) => one.outerHTML)"""
+    assert browser.ask(unnamed) == []  # each control says what it is
+    browser.size(390, 700, touch=True)
+    place = """(() => { const b = document.getElementById("play").getBoundingClientRect();
+      return [b.left + b.width / 2, b.top + b.height / 2]; })()"""
+    x, y = browser.ask(place)
+    point = [{"x": x, "y": y}]
+    browser.send("Input.dispatchTouchEvent", type="touchStart", touchPoints=point)
+    browser.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    moving = """new Promise((f) => {
+      const look = () => (replay.playing ? f(true) : requestAnimationFrame(look));
+      look();
+    })"""
+    assert browser.ask(moving) is True  # a finger on the button
+    browser.size(500, 360)
     assert browser.complaints == []
