@@ -291,9 +291,7 @@ class HiddenStripNetwork(RecallingNetwork):
         return np.asarray((readout @ out.reshape(len(x), -1, 1))[:, :, 0])
 
     def strip_forces(self, x: Array, weights: Array) -> Array | None:
-        """Force on each strip, world axes, (N, m, 3) [N]; None unless one body floats.
-
-        What each strip adds to the generalized force along x, y, z.
+        """What each strip adds to the force along x, y, z, (N, m, 3) [N]; None if none floats.
 
         Args:
             x: Inputs, (N, n_x).

@@ -13,7 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from patagium.dynamics.poses import Poses
-from patagium.report.style import COLORS, TRUTH
+from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
@@ -21,8 +21,8 @@ from patagium.viewer.replay import center_of_mass, quaternions
 
 Array = NDArray[np.float64]
 
-_BODIES, _UPPER, _LOWER, _EDGE = "#8c9aa7", "#9fc0d8", "#7d9db6", "#46627a"
-_GRID, _MAJOR, _PATH = "#dbe2e8", "#bcc8d1", "#7b8894"
+_BODIES, _UPPER, _LOWER, _EDGE = (SCENE[k] for k in ("bodies", "upper", "lower", "edge"))
+_GRID, _MAJOR, _PATH = (SCENE[k] for k in ("grid", "gridMajor", "path"))
 _AXES = {"x": "#c23b3b", "y": "#3a8f4d", "z": "#3a62c2"}
 _BEHIND = (-0.72, -0.75, 0.62)  # where the camera is, from the robot
 _AWAY = 5.2  # times the reach
