@@ -11,6 +11,7 @@ import xarray as xr
 import patagium as pt
 from patagium.dynamics.poses import poses_at
 from patagium.identification.hidden import HiddenStripNetwork
+from patagium.identification.hidden_strips import strip_forces
 from patagium.identification.recollection import Recollection
 from patagium.simulation import robot_of
 from patagium.viewer.whole import on_the_whole
@@ -70,7 +71,7 @@ def test_strips_with_memory_add_up_to_their_force() -> None:
     x = np.hstack([flight["q"].values, flight["v"].values])
     weights = network.initial(3)
     seen = Recollection(network, flight["time"].values, x).upto(60, weights)
-    strips = network.strip_forces(seen, weights)
+    strips = strip_forces(network, seen, weights)
     assert strips is not None and strips.shape == (60, len(robot.strips), 3)
     force = network.evaluate(seen, weights)[:, :3]
     np.testing.assert_allclose(strips.sum(axis=1), force, atol=1e-12 * np.abs(force).max())

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError, ShapeError
 from patagium.identification.hidden import HiddenStripNetwork
+from patagium.identification.hidden_strips import strip_forces
 from patagium.identification.identify import Trained, samples
 from patagium.identification.model_file import Model
 from patagium.identification.network import Network
@@ -150,7 +151,7 @@ def _measuring(network: Network, measured: Any) -> StripNetwork:
 def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array | None:
     """Force on each strip, world axes, (F, n_strips, 3) [N]; None where the network has none."""
     if isinstance(network, HiddenStripNetwork):
-        return network.strip_forces(x, weights)
+        return strip_forces(network, x, weights)
     if not isinstance(network, StripNetwork):
         return None
     every = _measuring(network, np.eye(3 * len(robot.strips)).tolist())

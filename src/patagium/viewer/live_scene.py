@@ -32,7 +32,7 @@ _WITHIN = 1.959963985  # deviations of the 95 % interval
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """A color such as "#0072B2" as numbers from 0 to 255."""
+    """A color such as "#336699" as numbers from 0 to 255."""
     red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
     return red, green, blue
 
