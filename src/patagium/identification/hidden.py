@@ -290,23 +290,6 @@ class HiddenStripNetwork(RecallingNetwork):
         out = self._perceptron.forward(features, weights[self._numbers :])
         return np.asarray((readout @ out.reshape(len(x), -1, 1))[:, :, 0])
 
-    def strip_forces(self, x: Array, weights: Array) -> Array | None:
-        """What each strip adds to the force along x, y, z, (N, m, 3) [N]; None if none floats.
-
-        Args:
-            x: Inputs, (N, n_x).
-            weights: (n,).
-        """
-        floating = [body.floating_dofs for body in self.robot.bodies if body.floating_dofs]
-        if len(floating) != 1:
-            return None
-        own = np.broadcast_to(weights[: self._numbers], (len(x), self._numbers))
-        features, readout = self._seen(x, own)
-        out = self._perceptron.forward(features, weights[self._numbers :])
-        shape = len(x), len(self.robot.strips), -1
-        along = readout[:, list(floating[0][:3])].reshape(shape[0], 3, *shape[1:])
-        return np.asarray(np.einsum("nksc,nsc->nsk", along, out.reshape(shape)))
-
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at many weights, (p, n_y).
 
