@@ -76,8 +76,8 @@ if TYPE_CHECKING:
     from patagium.identification import momentum_force as momentum_force
     from patagium.identification import motor_forces as motor_forces
     from patagium.identification import refine as refine
+    from patagium.identification.forces.training_data import training_data as training_data
     from patagium.identification.identify import identify as identify
-    from patagium.identification.training_data import training_data as training_data
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
     from patagium.robot import load_urdf as load_urdf

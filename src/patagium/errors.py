@@ -8,6 +8,8 @@ is returned, and turned into an exception at the door.
 from __future__ import annotations
 
 from enum import IntEnum
+from math import isfinite
+from numbers import Real
 from typing import Any
 
 
@@ -182,3 +184,33 @@ class FilterDiverged(PatagiumError, RuntimeError):
 
 class CompilerError(PatagiumError, RuntimeError):
     """A compiler that is there but failed; carries its output."""
+
+
+def finite(name: str, value: Any) -> float:
+    """A finite number.
+
+    Args:
+        name: The argument.
+        value: What was given.
+
+    Raises:
+        ParameterError: If it is not.
+    """
+    if not (isinstance(value, Real) and isfinite(value)):
+        raise ParameterError(name, "a finite number", value)
+    return float(value)
+
+
+def positive(name: str, value: Any) -> float:
+    """A finite number above zero.
+
+    Args:
+        name: The argument.
+        value: What was given.
+
+    Raises:
+        ParameterError: If it is not.
+    """
+    if not (isinstance(value, Real) and isfinite(value) and float(value) > 0):
+        raise ParameterError(name, "a positive number", value)
+    return float(value)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.linear import LinearNetwork
+from patagium.identification.networks.linear import LinearNetwork
 
 
 def made(kind):

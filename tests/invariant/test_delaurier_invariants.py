@@ -90,7 +90,7 @@ def test_left_and_right_are_mirror_images_and_wind_is_flying(
 
 
 def test_a_plate_that_flies_backward_is_the_same_plate(rng: np.random.Generator) -> None:
-    from patagium.studies.validation_cases.wings import rectangular_wing
+    from patagium.studies.validation.cases.wings import rectangular_wing
 
     aero = DeLaurier(rectangular_wing(4.0, 3))
     z, middle = np.full(3, 0.2), -0.25  # mid-chord, behind the quarter chord

@@ -7,7 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.identification.change import ChangeMonitor
+from patagium.identification.filters.change import ChangeMonitor
 
 TOLD = {"prior_deviation": 0.5, "measurement_deviation": 0.05, "spread": 3**0.5}
 STRUCTURES = ["full", "layer", "node", pt.LowRank(6)]

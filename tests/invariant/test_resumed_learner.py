@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.learner_file import Resumable
+from patagium.identification.learners.file import Resumable
 
 NOISE = {"prior_deviation": 0.5, "measurement_deviation": [0.1, 0.3]}
 DRIFT = {"process_deviation": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
@@ -173,7 +173,7 @@ def test_a_machine_with_no_compiler_goes_on_to_rounding(
 
 
 def test_replay_beyond_its_memory_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("patagium.identification.gradient._MEMORY", 60)
+    monkeypatch.setattr("patagium.identification.learners.gradient._MEMORY", 60)
     straight, killed = KINDS["gradient, replay"](), KINDS["gradient, replay"]()
     teach(straight, 0, 200)
     teach(killed, 0, 100)

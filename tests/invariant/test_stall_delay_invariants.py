@@ -8,7 +8,7 @@ import pytest
 from patagium.aerodynamics import ONE_STATE, Air, LiftingLine, StallDelay, measured_section
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.robot import Robot, load_robot
-from patagium.studies.pitching_case import load_pitching_case
+from patagium.studies.validation.pitching import load_pitching_case
 
 FREQUENCY, STEPS, COUNT = 5.0, 120, 40
 

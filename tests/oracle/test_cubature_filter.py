@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.root import lower_factor, measured_root, transformed_root
+from patagium.identification.filters.root import lower_factor, measured_root, transformed_root
 
 ROUNDING = 1e-9  # fifty updates of some n^2 roundings each, gains up to 1e2
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.array_filter import ArrayFilter, FilterSetting
-from patagium.identification.kernel_filter import KernelFilter, load_cubature, restore
-from patagium.identification.spread import spread_rule
+from patagium.identification.filters.array import ArrayFilter, FilterSetting
+from patagium.identification.filters.kernel import KernelFilter, load_cubature, restore
+from patagium.identification.filters.spread import spread_rule
 
 AGREEMENT = 1e-12  # design.md, decision 4
 

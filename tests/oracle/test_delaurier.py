@@ -9,7 +9,7 @@ import pytest
 
 from patagium.aerodynamics import AddedMass, Air, DeLaurier
 from patagium.aerodynamics.model import aero_functions
-from patagium.studies.validation_cases.wings import rectangular_wing
+from patagium.studies.validation.cases.wings import rectangular_wing
 
 SPEED = 10.0
 

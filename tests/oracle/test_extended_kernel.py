@@ -7,11 +7,11 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
-from patagium.identification.assumptions import assume
-from patagium.identification.extended_filter import ExtendedBlockFilter, ExtendedFilter
-from patagium.identification.extended_kernel import ExtendedKernel, restore_extended
-from patagium.identification.screening import NoiseEstimation, Screening
-from patagium.identification.spread import spread_rule
+from patagium.identification.filters.extended import ExtendedBlockFilter, ExtendedFilter
+from patagium.identification.filters.extended_kernel import ExtendedKernel, restore_extended
+from patagium.identification.filters.screening import NoiseEstimation, Screening
+from patagium.identification.filters.spread import spread_rule
+from patagium.identification.learners.assumptions import assume
 from patagium.native import compiler_name
 from patagium.robot import load_robot_text
 

@@ -10,9 +10,9 @@ import xarray as xr
 
 import patagium as pt
 from patagium.dynamics.poses import poses_at
-from patagium.identification.hidden import HiddenStripNetwork
-from patagium.identification.hidden_strips import strip_forces
-from patagium.identification.recollection import Recollection
+from patagium.identification.networks.hidden import HiddenStripNetwork
+from patagium.identification.networks.hidden_strips import strip_forces
+from patagium.identification.networks.recollection import Recollection
 from patagium.simulation import robot_of
 from patagium.viewer.whole import on_the_whole
 

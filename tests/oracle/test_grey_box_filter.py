@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.network import Memory
+from patagium.identification.networks.network import Memory
 
 NOISE = 0.02
 

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.identification.array_filter import FilterSetting
-from patagium.identification.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
-from patagium.identification.low_rank_kernel import LowRankKernel, load_low_rank, restore_low_rank
-from patagium.identification.spread import spread_rule
+from patagium.identification.filters.array import FilterSetting
+from patagium.identification.filters.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
+from patagium.identification.filters.low_rank_kernel import (
+    LowRankKernel,
+    load_low_rank,
+    restore_low_rank,
+)
+from patagium.identification.filters.spread import spread_rule
 from patagium.native import compiler_name
 
 AGREEMENT = 1e-11  # of the largest: six samples of 1e-15, points thirty deviations away

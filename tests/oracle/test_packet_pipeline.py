@@ -7,9 +7,9 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
-from patagium.identification import pipeline as module
-from patagium.identification.pipeline import Pipeline
-from patagium.identification.sender import flight_packets
+from patagium.identification.live import pipeline as module
+from patagium.identification.live.pipeline import Pipeline
+from patagium.identification.live.sender import flight_packets
 from patagium.native import compiler_name
 
 COUNT = 200

@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.identification import network_from_description
-from patagium.identification.mlp import Perceptron
+from patagium.identification.networks.mlp import Perceptron
 
 ROUNDING = 1e-9  # fifty updates, each some n^2 roundings
 

@@ -7,11 +7,11 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
-from patagium.identification.array_filter import ArrayFilter, FilterSetting
-from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
-from patagium.identification.filters import restore_nodes
-from patagium.identification.kernel_filter import restore
-from patagium.identification.spread import spread_rule
+from patagium.identification.filters.array import ArrayFilter, FilterSetting
+from patagium.identification.filters.block import BlockFilter, scattered, setting_blocks
+from patagium.identification.filters.choice import restore_nodes
+from patagium.identification.filters.kernel import restore
+from patagium.identification.filters.spread import spread_rule
 
 WATCHFUL = {
     "screening": pt.Screening(outlier_deviation=3.0, stuck_samples=4),

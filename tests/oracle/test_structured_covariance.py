@@ -10,12 +10,16 @@ import pytest
 
 import patagium as pt
 from patagium.errors import FilterDiverged, ParameterError
-from patagium.identification.array_filter import FilterSetting
-from patagium.identification.block_filter import BlockFilter, scattered, setting_blocks
-from patagium.identification.kernel_filter import KernelFilter, load_cubature
-from patagium.identification.node_filter import NodeFilter, load_node
-from patagium.identification.spread import spread_rule
-from patagium.identification.structure import blocks_of, described_structure, structure_from
+from patagium.identification.filters.array import FilterSetting
+from patagium.identification.filters.block import BlockFilter, scattered, setting_blocks
+from patagium.identification.filters.kernel import KernelFilter, load_cubature
+from patagium.identification.filters.node import NodeFilter, load_node
+from patagium.identification.filters.spread import spread_rule
+from patagium.identification.networks.structure import (
+    blocks_of,
+    described_structure,
+    structure_from,
+)
 
 AGREEMENT = 1e-12  # design.md, decision 4
 ROUNDING = 1e-9  # some thirty samples, two ways of doing the same

@@ -27,7 +27,7 @@ from patagium.aerodynamics.traveling import met_by_strips
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, simulate
-from patagium.studies.validation_cases.wings import INFINITE, rectangular_wing
+from patagium.studies.validation.cases.wings import INFINITE, rectangular_wing
 
 UPSTREAM, UP = (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 AIRSPEED, SEMICHORD = 10.0, 0.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.studies.benchmark_update import in_turns, multiply_adds, peak_time
+from patagium.studies.bench.update import in_turns, multiply_adds, peak_time
 from patagium.studies.rivals.algorithm_1 import Algorithm1
 
 ROUNDING = 1e-9  # thirty updates, P known to 1e-16 of its largest entry

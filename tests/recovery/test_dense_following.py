@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import patagium as pt
-from patagium.studies.reproduction_flights import corrected_flight
-from patagium.studies.reproduction_subjects import SUBJECTS, make_network
+from patagium.studies.reproduction.flights import corrected_flight
+from patagium.studies.reproduction.subjects import SUBJECTS, make_network
 
 EVERY = 5
 MEMORY = {"forgetting_factor": 0.9975}  # 0.2 s, about one wingbeat

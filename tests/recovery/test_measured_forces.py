@@ -12,7 +12,7 @@ import xarray as xr
 import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError
 from patagium.identification import identify, stream
-from patagium.identification.force_sources import Measured
+from patagium.identification.forces.sources import Measured
 from patagium.robot import load_robot_text
 
 S, P = pt.sensors, pt.sensors.presets

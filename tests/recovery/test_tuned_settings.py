@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.identification import DenseNetwork, Table, Tuned, identify_table, knobs, tune
+from patagium.identification import DenseNetwork, Table, Tuned, identify_table, tune
+from patagium.identification.tuning import knobs
 
 NOISE = np.array([0.02, 0.3])
 
@@ -136,7 +137,7 @@ def test_questions_without_an_answer_are_refused() -> None:
 
 
 def test_a_cluster_without_its_extra_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    from patagium.identification import pool
+    from patagium.identification.tuning import pool
 
     def absent(name: str) -> None:
         raise ImportError(name)

@@ -13,11 +13,11 @@ from patagium.cli.main import run
 from patagium.errors import ParameterError, PatagiumError
 from patagium.native import compiler_name
 from patagium.robot import load_robot
-from patagium.studies.benchmark import GROUPS, QUICK, run_benchmark
-from patagium.studies.benchmark_dynamics import ARGUMENTS, DynamicsBench
-from patagium.studies.benchmark_targets import figure_text
-from patagium.studies.benchmark_timing import compiled_call, time_call
+from patagium.studies.bench.dynamics import ARGUMENTS, DynamicsBench
+from patagium.studies.bench.run import GROUPS, QUICK, run_benchmark
+from patagium.studies.bench.targets import figure_text
 from patagium.studies.rivals import energy_rival
+from patagium.studies.timing import compiled_call, time_call
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
 FIELDS = {"group", "name", "value", "unit", "against", "ratio", "note", "against_value"}

@@ -11,14 +11,14 @@ from patagium.identification import (
     network_for,
     read_table,
 )
-from patagium.identification.recollection import Recollection
-from patagium.studies.crazyflie import (
+from patagium.identification.networks.recollection import Recollection
+from patagium.studies.measured.crazyflie import (
     crazyflie_mapping,
     crazyflie_sections,
     crazyflie_study,
     in_flight,
 )
-from patagium.studies.thrust import FIRST_LAG, ThrustNetwork, thrust_network_for
+from patagium.studies.measured.thrust import FIRST_LAG, ThrustNetwork, thrust_network_for
 
 LOG = Path(__file__).parents[2].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"
 pytestmark = pytest.mark.skipif(

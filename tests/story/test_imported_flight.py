@@ -10,7 +10,7 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.identification.log_record import LogRecord
+from patagium.identification.logs.record import LogRecord
 
 PARTS = ("q", "v", "a", "u1")
 LEARN = ("--network", "strip", "--prior-deviation", "0.3", "--measurement-deviation", "3e-4",

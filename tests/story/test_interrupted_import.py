@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from patagium.cli.main import run
-from patagium.identification.importing import spool
-from patagium.identification.log_files import csv_file
-from patagium.identification.log_record import LogRecord
+from patagium.identification.logs.files import csv_file
+from patagium.identification.logs.importing import spool
+from patagium.identification.logs.record import LogRecord
 
 
 def say(*words: object) -> int:

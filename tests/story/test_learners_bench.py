@@ -12,12 +12,12 @@ import pytest
 
 from patagium.cli.main import run
 from patagium.errors import FilterDiverged, Outcome, ParameterError
-from patagium.studies import learners_bench
-from patagium.studies.learners_bench import run_learners
-from patagium.studies.learners_course import flight_course, load_course, log_course
-from patagium.studies.learners_entries import ENTRIES, SPANS, HeldSample, entries_of, entry
-from patagium.studies.learners_page import write_learners
-from patagium.studies.learners_race import Foreseen, RacePlan, draws, follow, race, search
+from patagium.studies.learners import bench as learners_bench
+from patagium.studies.learners.bench import run_learners
+from patagium.studies.learners.course import flight_course, load_course, log_course
+from patagium.studies.learners.entries import ENTRIES, SPANS, HeldSample, entries_of, entry
+from patagium.studies.learners.page import write_learners
+from patagium.studies.learners.race import Foreseen, RacePlan, draws, follow, race, search
 
 PLAN = RacePlan(after=(0.02, 0.04), tuning=0.08, draws=4, limit=5.0, twin_limit=0.5)
 LOG = Path(__file__).parents[2].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"

@@ -26,12 +26,12 @@ import patagium as pt
 from patagium.cli import live as live_words
 from patagium.cli.main import run
 from patagium.errors import ParameterError
-from patagium.identification.live import Rhythm, Status, follow, summary
-from patagium.identification.packets import Intake
-from patagium.identification.pipeline import Pipeline
-from patagium.identification.sender import flight_packets
-from patagium.identification.sources import PacketQueue
-from patagium.identification.tally import Tally
+from patagium.identification.live.loop import Rhythm, Status, follow, summary
+from patagium.identification.live.packets import Intake
+from patagium.identification.live.pipeline import Pipeline
+from patagium.identification.live.sender import flight_packets
+from patagium.identification.live.sources import PacketQueue
+from patagium.identification.live.tally import Tally
 from patagium.viewer import live_view
 from patagium.viewer.live_flight import LiveFlight, flight_subject
 from patagium.viewer.live_frames import Subject

@@ -18,20 +18,21 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.identification import load_learner, sources
-from patagium.identification.air_force import packet_columns
-from patagium.identification.live import Rhythm, Status, follow, summary
-from patagium.identification.live_record import StreamFile
-from patagium.identification.packets import Intake, datagrams
-from patagium.identification.pipeline import Pipeline
-from patagium.identification.sender import flight_packets, send_packets
-from patagium.identification.sources import (
+from patagium.identification import load_learner
+from patagium.identification.forces.air_force import packet_columns
+from patagium.identification.live import sources
+from patagium.identification.live.loop import Rhythm, Status, follow, summary
+from patagium.identification.live.packets import Intake, datagrams
+from patagium.identification.live.pipeline import Pipeline
+from patagium.identification.live.record import StreamFile
+from patagium.identification.live.sender import flight_packets, send_packets
+from patagium.identification.live.sources import (
     DatagramSource,
     PacketQueue,
     TextSource,
     start_reading,
 )
-from patagium.identification.tally import Tally
+from patagium.identification.live.tally import Tally
 
 COUNT = 2000
 LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--spread", "1.7")

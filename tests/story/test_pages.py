@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from patagium.report import cell_text
-from patagium.studies import reproduction_report, rig_report
-from patagium.studies.benchmark import GROUPS
-from patagium.studies.benchmark_page import PARTS, write_benchmark
-from patagium.studies.benchmark_targets import TARGETS, figure_text, speed_targets
-from patagium.studies.learners_entries import ENTRIES
-from patagium.studies.validation import error_rows, validate
-from patagium.studies.validation_cases.case import CaseResult, Target
-from patagium.studies.validation_page import write_validation
+from patagium.studies.bench.page import PARTS, write_benchmark
+from patagium.studies.bench.run import GROUPS
+from patagium.studies.bench.targets import TARGETS, figure_text, speed_targets
+from patagium.studies.learners.entries import ENTRIES
+from patagium.studies.reproduction import report as reproduction_report
+from patagium.studies.rig import report as rig_report
+from patagium.studies.validation.cases.case import CaseResult, Target
+from patagium.studies.validation.page import write_validation
+from patagium.studies.validation.run import error_rows, validate
 
 DOCS = Path(__file__).parents[2] / "docs"
 

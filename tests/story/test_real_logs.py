@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from patagium.cli.main import run
-from patagium.identification.importing.inspection import inspect_log
-from patagium.identification.importing.run import import_log
-from patagium.identification.log_record import load_log
-from patagium.identification.mapping import parse_mapping
+from patagium.identification.logs.importing.inspection import inspect_log
+from patagium.identification.logs.importing.run import import_log
+from patagium.identification.logs.mapping import parse_mapping
+from patagium.identification.logs.record import load_log
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 PX4 = DATA / "px4" / "sample_log_small.ulg"

@@ -25,7 +25,7 @@ from patagium.cli.main import run
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.identification import Identification
 from patagium.robot import load_robot_text
-from patagium.studies.reproduction_flights import corrected_flight
+from patagium.studies.reproduction.flights import corrected_flight
 
 from .chromium import Chromium, found
 

@@ -13,9 +13,9 @@ import pytest
 import xarray as xr
 
 from patagium.report import cell_text
-from patagium.studies.reproduction import reproduce
-from patagium.studies.reproduction_plan import Plan
-from patagium.studies.reproduction_report import RESULTS
+from patagium.studies.reproduction.experiment import reproduce
+from patagium.studies.reproduction.plan import Plan
+from patagium.studies.reproduction.report import RESULTS
 from patagium.studies.verdicts import verdict
 
 SECTIONS = (

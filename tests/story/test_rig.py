@@ -15,12 +15,12 @@ from patagium.identification import load_learner
 from patagium.report import cell_text
 from patagium.robot import load_robot
 from patagium.simulation import load_sensor_log
-from patagium.studies import rig as rig_module
-from patagium.studies.rig import run_rig
-from patagium.studies.rig_learning import SOURCES
-from patagium.studies.rig_limits import CASES
-from patagium.studies.rig_plan import CELL, MOTORS, RigPlan, carriers, instruments
-from patagium.studies.rig_report import RESULTS
+from patagium.studies.rig import experiment as rig_module
+from patagium.studies.rig.experiment import run_rig
+from patagium.studies.rig.learning import SOURCES
+from patagium.studies.rig.limits import CASES
+from patagium.studies.rig.plan import CELL, MOTORS, RigPlan, carriers, instruments
+from patagium.studies.rig.report import RESULTS
 from patagium.studies.verdicts import verdict
 
 SECTIONS = (

@@ -12,10 +12,10 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import ParameterError
-from patagium.identification.change import ChangeDetection, ChangeMonitor
-from patagium.studies import stress as study
-from patagium.studies.stress_calibration import flight_calibration
-from patagium.studies.stress_campaign import (
+from patagium.identification.filters.change import ChangeDetection, ChangeMonitor
+from patagium.studies.stress import study
+from patagium.studies.stress.calibration import flight_calibration
+from patagium.studies.stress.campaign import (
     FIRST,
     WORST_RATIO,
     Pilot,
@@ -26,7 +26,7 @@ from patagium.studies.stress_campaign import (
     run_kill,
     undisturbed,
 )
-from patagium.studies.stress_damage import (
+from patagium.studies.stress.damage import (
     BEAT,
     LONG,
     damaged,
@@ -34,8 +34,8 @@ from patagium.studies.stress_damage import (
     filter_learner,
     recovery,
 )
-from patagium.studies.stress_endurance import single_precision, steady_glide
-from patagium.studies.stress_faults import FAULTS
+from patagium.studies.stress.endurance import single_precision, steady_glide
+from patagium.studies.stress.faults import FAULTS
 
 PILOTS = (
     Pilot("strip", "full", "float32", detects=True, seed=0),

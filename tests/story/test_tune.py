@@ -80,7 +80,7 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: S
 
 
 def test_the_page_names_every_knob_and_its_range() -> None:
-    from patagium.identification.knobs import KNOBS, Level
+    from patagium.identification.tuning.knobs import KNOBS, Level
 
     for knob in KNOBS:
         row = re.search(rf"^\| `{knob.name}`.*\|(.*)\|$", PAGE, re.MULTILINE)

@@ -12,9 +12,9 @@ import pytest
 
 from patagium.cli.main import run
 from patagium.errors import ParameterError, ShapeError
-from patagium.studies.validation import error_rows, validate
-from patagium.studies.validation_cases import CASES
-from patagium.studies.validation_cases.case import CaseResult
+from patagium.studies.validation.cases import CASES
+from patagium.studies.validation.cases.case import CaseResult
+from patagium.studies.validation.run import error_rows, validate
 
 THEORY = [name for name in CASES if name != "measured_wing"]
 
@@ -99,7 +99,7 @@ def test_an_unknown_case_is_refused():
 
 def test_every_module_of_cases_is_named():
     for name in CASES:
-        assert callable(import_module(f"patagium.studies.validation_cases.{name}").compute)
+        assert callable(import_module(f"patagium.studies.validation.cases.{name}").compute)
     with pytest.raises(ShapeError):
         x = np.zeros(3)
         CaseResult("a", "b", "c", "d", x, x, {"e": np.zeros(2)}, "f", {}, {}, "g")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from patagium.report import write_page
-from patagium.studies.yeo_grey import yeo_grey_box, yeo_grey_section, yeo_stand
+from patagium.studies.measured.yeo_grey import yeo_grey_box, yeo_grey_section, yeo_stand
 
 
 def test_the_other_half_is_predicted_and_the_interval_holds_it(tmp_path: Path) -> None:

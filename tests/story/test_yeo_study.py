@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from patagium.report import write_page
-from patagium.studies.yeo import YeoStudy, lift_balance, quasi_steady_lift, yeo_sections, yeo_study
-from patagium.studies.yeo_case import load_yeo_case
+from patagium.studies.measured.yeo import (
+    YeoStudy,
+    lift_balance,
+    quasi_steady_lift,
+    yeo_sections,
+    yeo_study,
+)
+from patagium.studies.measured.yeo_case import load_yeo_case
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from patagium.aerodynamics import QuasiSteady
 from patagium.native import compiler_name
 from patagium.robot import load_robot
-from patagium.studies.benchmark_air import restriped, strip_results
+from patagium.studies.bench.air import restriped, strip_results
 
 
 @pytest.mark.parametrize("name", ["aerobat", "yeo-wing"])

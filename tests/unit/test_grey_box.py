@@ -9,8 +9,8 @@ import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification import load_model, model_of, network_from_description, save_model
 from patagium.identification.identify import compare, samples
-from patagium.identification.network import Encoding, Network
-from patagium.identification.physical import unit_of, written_unit
+from patagium.identification.networks.network import Encoding, Network
+from patagium.identification.networks.physical import unit_of, written_unit
 from patagium.identification.stream import stream
 from patagium.robot import load_robot_text
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError
-from patagium.identification.importing.findings import Finding
-from patagium.identification.importing.run import Imported, import_log
-from patagium.identification.log_record import LogRecord, load_log
-from patagium.identification.mapping import TableMapping, parse_mapping
+from patagium.identification.logs.importing.findings import Finding
+from patagium.identification.logs.importing.run import Imported, import_log
+from patagium.identification.logs.mapping import TableMapping, parse_mapping
+from patagium.identification.logs.record import LogRecord, load_log
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

@@ -9,10 +9,10 @@ import pytest
 
 from patagium.errors import LogError
 from patagium.identification import read_table
-from patagium.identification.importing.inspection import inspect_log
-from patagium.identification.importing.run import Imported, import_log
-from patagium.identification.log_record import LogRecord, is_log
-from patagium.identification.mapping import parse_mapping
+from patagium.identification.logs.importing.inspection import inspect_log
+from patagium.identification.logs.importing.run import Imported, import_log
+from patagium.identification.logs.mapping import parse_mapping
+from patagium.identification.logs.record import LogRecord, is_log
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "ms"},

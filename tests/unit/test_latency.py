@@ -10,9 +10,9 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import ParameterError
-from patagium.identification.pipeline import Pipeline
+from patagium.identification.live.pipeline import Pipeline
 from patagium.native import compiler_name
-from patagium.studies.latency import LOADS, call_times, measure_latency
+from patagium.studies.bench.latency import LOADS, call_times, measure_latency
 
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="times compiled code")
 

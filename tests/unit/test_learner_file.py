@@ -15,7 +15,7 @@ import pytest
 import patagium as pt
 from patagium.errors import LogError, ParameterError
 from patagium.identification import AutoSave, save_learner
-from patagium.identification.learner_file import FORMAT, Resumable
+from patagium.identification.learners.file import FORMAT, Resumable
 
 
 def learner_of(hidden: tuple[int, ...] = (4,), **options: Any) -> pt.CubatureLearner:
@@ -216,7 +216,7 @@ class Clock:
 
 def test_it_saves_when_due_and_only_then(tmp_path: Path, monkeypatch: Any) -> None:
     clock = Clock()
-    monkeypatch.setattr("patagium.identification.autosave.time", clock)
+    monkeypatch.setattr("patagium.identification.live.autosave.time", clock)
     learner = taught()
     saver = AutoSave(learner, tmp_path / "learner.state", 10.0)
     clock.now = 20.0
@@ -235,7 +235,7 @@ def test_it_saves_when_due_and_only_then(tmp_path: Path, monkeypatch: Any) -> No
 
 def test_a_full_disk_does_not_stop_a_learner(tmp_path: Path, monkeypatch: Any) -> None:
     clock = Clock()
-    monkeypatch.setattr("patagium.identification.autosave.time", clock)
+    monkeypatch.setattr("patagium.identification.live.autosave.time", clock)
     (tmp_path / "file").write_text("no folder")
     learner = taught()
     saver = AutoSave(learner, tmp_path / "file" / "learner.state", 10.0)

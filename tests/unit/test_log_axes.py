@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from patagium.identification.axes import (
+from patagium.identification.logs.axes import (
     attitude_in_ours,
     axes_of,
     conjugate,

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.identification.importing.findings import Sizes, stamp_findings, unit_findings
-from patagium.identification.importing.run import import_log
-from patagium.identification.importing.survey import NO_STAMP, StampSurvey, ValueSurvey
-from patagium.identification.mapping import conversion, parse_mapping
+from patagium.identification.logs.importing.findings import Sizes, stamp_findings, unit_findings
+from patagium.identification.logs.importing.run import import_log
+from patagium.identification.logs.importing.survey import NO_STAMP, StampSurvey, ValueSurvey
+from patagium.identification.logs.mapping import conversion, parse_mapping
 
 GRAVITY = 9.80665
 

@@ -6,10 +6,10 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
-from patagium.identification.logs import evaluate_table, identify_table, network_for
-from patagium.identification.mapping import parse_mapping
+from patagium.identification.logs.log import evaluate_table, identify_table, network_for
+from patagium.identification.logs.mapping import parse_mapping
+from patagium.identification.logs.table import Table, table_from_frame
 from patagium.identification.model_file import model_of
-from patagium.identification.table import Table, table_from_frame
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "ms"},

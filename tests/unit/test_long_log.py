@@ -10,14 +10,14 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
-from patagium.identification.importing import spool
-from patagium.identification.importing.run import import_log
-from patagium.identification.log_files import csv_file
-from patagium.identification.log_record import LogRecord
-from patagium.identification.logs import identify_table, network_for
-from patagium.identification.long_log import identify_record
-from patagium.identification.mapping import parse_mapping
-from patagium.identification.table import Table
+from patagium.identification.logs.files import csv_file
+from patagium.identification.logs.importing import spool
+from patagium.identification.logs.importing.run import import_log
+from patagium.identification.logs.log import identify_table, network_for
+from patagium.identification.logs.long_log import identify_record
+from patagium.identification.logs.mapping import parse_mapping
+from patagium.identification.logs.record import LogRecord
+from patagium.identification.logs.table import Table
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "s"},

@@ -24,8 +24,8 @@ from patagium.aerodynamics.model import aero_functions
 from patagium.aerodynamics.polars import section_flow
 from patagium.errors import ParameterError
 from patagium.robot import load_robot
-from patagium.studies.pitching_case import load_pitching_case
-from patagium.studies.validation_cases.wings import flat_wing
+from patagium.studies.validation.cases.wings import flat_wing
+from patagium.studies.validation.pitching import load_pitching_case
 
 SPEED = 10.0
 

@@ -7,9 +7,9 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.identification.low_rank import Precision
+from patagium.identification.filters.low_rank import Precision
+from patagium.identification.filters.weight_covariance import LowRankCovariance
 from patagium.identification.model_file import Model, load_model, model_of, save_model
-from patagium.identification.weight_covariance import LowRankCovariance
 
 
 def taught(rng: np.random.Generator, **options: Any) -> pt.CubatureLearner:

@@ -16,9 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from patagium.errors import PatagiumError
-from patagium.identification.importing.inspection import inspect_log
-from patagium.identification.importing.run import import_log
-from patagium.identification.log_record import LogRecord
+from patagium.identification.logs.importing.inspection import inspect_log
+from patagium.identification.logs.importing.run import import_log
+from patagium.identification.logs.record import LogRecord
 
 Words = dict[str, Any]
 

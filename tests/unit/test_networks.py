@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.identification import network_from_description
-from patagium.identification.linear import LinearNetwork
+from patagium.identification.networks.linear import LinearNetwork
 
 
 @pytest.fixture(scope="module")

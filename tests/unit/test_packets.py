@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError, ParameterError
-from patagium.identification.packets import (
+from patagium.identification.live.packets import (
     DatagramPackets,
     Intake,
     TextPackets,
     datagrams,
     most_rows,
 )
-from patagium.identification.sources import PacketQueue, address_of, source_of
+from patagium.identification.live.sources import PacketQueue, address_of, source_of
 
 NAMES = ("time", "q.a", "v.a", "a.a", "u1.a")
 ROWS = np.arange(60.0).reshape(12, 5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError
-from patagium.studies.pitching_case import load_pitching_case, measured_loop
+from patagium.studies.validation.pitching import load_pitching_case, measured_loop
 
 RAW = Path(__file__).parents[2].parent / "shared" / "data" / "osu_unsteady"
 needs_raw = pytest.mark.skipif(

@@ -12,9 +12,9 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
-from patagium.identification.air_force import packet_columns
-from patagium.identification.live_record import StreamFile
-from patagium.identification.sender import flight_packets
+from patagium.identification.forces.air_force import packet_columns
+from patagium.identification.live.record import StreamFile
+from patagium.identification.live.sender import flight_packets
 from patagium.report.views import flight_overview
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.attitude import (

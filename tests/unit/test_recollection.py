@@ -5,12 +5,12 @@ import pytest
 
 import patagium as pt
 from patagium.errors import ShapeError
-from patagium.identification.foresight import foresee
-from patagium.identification.network import Memory, Network
-from patagium.identification.perceptron_network import as_perceptron
-from patagium.identification.recollection import Observed, Recollection
+from patagium.identification.networks.network import Memory, Network
+from patagium.identification.networks.perceptron import as_perceptron
+from patagium.identification.networks.recollection import Observed, Recollection
+from patagium.identification.networks.structure import blocks_of
 from patagium.identification.stream import stream
-from patagium.identification.structure import blocks_of
+from patagium.identification.tuning.foresight import foresee
 
 
 class Lag(Network):

@@ -7,13 +7,13 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.identification.chains import (
+from patagium.identification.motion.chains import (
     added_covariance,
     likely_density,
     smooth_chain,
     transition,
 )
-from patagium.identification.smoothers import merged
+from patagium.identification.motion.smoothers import merged
 
 METHODS = [pt.Kalman(), pt.Kalman(order=3), pt.Spline(0.02), pt.SavitzkyGolay(0.04)]
 

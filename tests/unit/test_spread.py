@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patagium.errors import ParameterError
-from patagium.identification.spread import moments_of, spread_rule
+from patagium.identification.filters.spread import moments_of, spread_rule
 
 SIZE = 6
 

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from patagium.errors import LogError
-from patagium.identification.mapping import load_mapping, parse_mapping
-from patagium.identification.table import read_table, table_from_frame
+from patagium.identification.logs.mapping import load_mapping, parse_mapping
+from patagium.identification.logs.table import read_table, table_from_frame
 
 WORDS: dict[str, Any] = {
     "time": {"column": "stamp", "unit": "ms"},

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from patagium.errors import Outcome
-from patagium.identification.pipeline import Records
+from patagium.identification.live.pipeline import Records
+from patagium.identification.live.tally import Tally
 from patagium.identification.scores import normalized_error
-from patagium.identification.tally import Tally
 
 
 def records_of(y, guess, deviation, *, outcome=0.0, left_out=0.0, nanoseconds=1e4):

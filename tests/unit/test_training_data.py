@@ -8,15 +8,14 @@ import xarray as xr
 
 import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError
+from patagium.identification.forces.training_data import state_columns, training_data
 from patagium.identification.identify import (
     evaluate,
     flight_horizons,
     identify,
     samples,
-    state_columns,
 )
 from patagium.identification.model_file import load_model, model_of, save_model
-from patagium.identification.training_data import training_data
 
 
 @pytest.fixture(scope="module")

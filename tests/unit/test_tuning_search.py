@@ -14,11 +14,18 @@ from scipy.stats import norm
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError
 from patagium.identification import CubatureLearner, DenseNetwork, ExtendedLearner, load_settings
-from patagium.identification.foresight import Foresight, foresee, moving
-from patagium.identification.journal import Journal
-from patagium.identification.knobs import KNOBS, Choice, Level, keywords, knobs_for, values_at
-from patagium.identification.search import LEAST_TRIALS, Asked, evaluations, search
-from patagium.identification.settings import Settings
+from patagium.identification.tuning.foresight import Foresight, foresee, moving
+from patagium.identification.tuning.journal import Journal
+from patagium.identification.tuning.knobs import (
+    KNOBS,
+    Choice,
+    Level,
+    keywords,
+    knobs_for,
+    values_at,
+)
+from patagium.identification.tuning.search import LEAST_TRIALS, Asked, evaluations, search
+from patagium.identification.tuning.settings import Settings
 
 LEARNERS = {"cubature": CubatureLearner, "extended": ExtendedLearner}
 GOOD = Foresight(1.5, 1.0, 10, 0.1, 0.95)

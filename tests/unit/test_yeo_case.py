@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError
-from patagium.studies.yeo_case import (
+from patagium.studies.measured.yeo_case import (
     digitized_flap_angle,
     load_yeo_case,
     measured_lift,

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, positive
 
 STEPS_PER_LENGTH = 50
 """Samples of Dryden turbulence in the time the shortest length scale takes to pass."""
@@ -76,7 +76,7 @@ class OneMinusCosineGust:
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
         if not isfinite(self.start):
             raise ParameterError("start", "a finite time [s]", self.start)
-        require_positive("length_time", self.length_time)
+        positive("length_time", self.length_time)
 
     def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
@@ -117,7 +117,7 @@ class RampGust:
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
         if not isfinite(self.start):
             raise ParameterError("start", "a finite time [s]", self.start)
-        require_positive("length_time", self.length_time)
+        positive("length_time", self.length_time)
 
     def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
@@ -167,8 +167,8 @@ class DrydenGust:
         object.__setattr__(self, "length_scale", triple("length_scale", self.length_scale))
         if min(self.intensity) < 0:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
-        require_positive("length_scale", min(self.length_scale))
-        require_positive("airspeed", self.airspeed)
+        positive("length_scale", min(self.length_scale))
+        positive("airspeed", self.airspeed)
         if self.seed != int(self.seed) or self.seed < 0:
             raise ParameterError("seed", "a whole number >= 0", self.seed)
 
@@ -303,16 +303,6 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
     if not np.isfinite(array).all():
         raise ParameterError(name, "three finite numbers", value)
     return tuple(array.tolist())
-
-
-def require_positive(name: str, value: float) -> None:
-    """Refuse what is not a positive number.
-
-    Raises:
-        ParameterError: If it is not.
-    """
-    if not (isfinite(value) and value > 0):
-        raise ParameterError(name, "a positive number", value)
 
 
 def _listed(values: dict[str, Any]) -> dict[str, Any]:

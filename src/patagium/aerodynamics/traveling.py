@@ -20,10 +20,9 @@ from patagium.aerodynamics.gusts import (
     Gust,
     Profile,
     profile_from_description,
-    require_positive,
     triple,
 )
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, positive
 
 Array = NDArray[np.float64]
 
@@ -90,7 +89,7 @@ class TravelingGust:
         length = float(np.linalg.norm(direction))
         if length == 0:
             raise ParameterError("direction", "a direction, not zero", self.direction)
-        require_positive("speed", self.speed)
+        positive("speed", self.speed)
         if not callable(getattr(self.profile, "knots", None)):
             raise ParameterError("profile", "a gust with knots, that can travel", self.profile)
         object.__setattr__(self, "direction", tuple((direction / length).tolist()))

@@ -65,8 +65,8 @@ def bench(
 def _speed(output: Path, json_file: Path | None, quick: bool, only: list[str] | None) -> None:
     from patagium.cli.words import json_text, show_table, stage_bar
     from patagium.report import Table
-    from patagium.studies.benchmark import QUICK, run_benchmark
-    from patagium.studies.benchmark_page import write_benchmark
+    from patagium.studies.bench.page import write_benchmark
+    from patagium.studies.bench.run import QUICK, run_benchmark
     from patagium.whole_file import write_whole
 
     chosen = only or (QUICK if quick else None)
@@ -85,10 +85,10 @@ def _learners(
     output: Path, json_file: Path | None, quick: bool, only: list[str] | None, log: Path | None
 ) -> None:
     from patagium.cli.words import existing, json_text, stage_bar
-    from patagium.studies.learners_bench import run_learners
-    from patagium.studies.learners_course import flight_course, log_course
-    from patagium.studies.learners_page import write_learners
-    from patagium.studies.learners_race import QUICK, RacePlan
+    from patagium.studies.learners.bench import run_learners
+    from patagium.studies.learners.course import flight_course, log_course
+    from patagium.studies.learners.page import write_learners
+    from patagium.studies.learners.race import QUICK, RacePlan
     from patagium.whole_file import write_whole
 
     plan = QUICK if quick else RacePlan()

@@ -30,7 +30,7 @@ def check(
     """
     from patagium.cli.words import answer
     from patagium.errors import ParameterError
-    from patagium.identification.log_record import is_log
+    from patagium.identification.logs.record import is_log
     from patagium.robot import preset_names
 
     ending = file.suffix.lower()
@@ -65,7 +65,7 @@ def _flight_facts(file: Path) -> dict[str, Any]:
 
 
 def _log_facts(file: Path) -> dict[str, Any]:
-    from patagium.identification.log_record import LogRecord
+    from patagium.identification.logs.record import LogRecord
 
     with LogRecord(file) as record:
         time = record.time()

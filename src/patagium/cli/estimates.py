@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from patagium.aerodynamics import Aerodynamics
     from patagium.identification import Identification
-    from patagium.identification.network import Network
+    from patagium.identification.networks.network import Network
 
 
 class GreyModel(StrEnum):
@@ -78,7 +78,7 @@ def deviations(words: Sequence[str]) -> dict[str, float]:
         ParameterError: If a word is not NAME=DEVIATION, or a name comes twice.
     """
     from patagium.errors import ParameterError
-    from patagium.identification.physical import written_unit
+    from patagium.identification.networks.physical import written_unit
 
     found: dict[str, float] = {}
     for word in (part.strip() for given in words for part in given.split(",")):
@@ -111,7 +111,7 @@ def grey_box(
     """
     from patagium.aerodynamics import AddedMass
     from patagium.identification import GreyBox
-    from patagium.identification.physical import FACTOR
+    from patagium.identification.networks.physical import FACTOR
     from patagium.simulation import added_mass_of
 
     estimate, model = deviations(words), _model(flight, aero)

@@ -32,7 +32,7 @@ def evaluate(
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import existing
     from patagium.identification import evaluate as evaluate_flight
-    from patagium.identification.logs import evaluate_table
+    from patagium.identification.logs.log import evaluate_table
     from patagium.identification.model_file import load_model
 
     learned = load_model(existing(model))

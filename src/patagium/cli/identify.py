@@ -136,8 +136,8 @@ def identify(
     from patagium.cli.words import progress_bar
     from patagium.errors import Outcome
     from patagium.identification import identify as identify_flight
-    from patagium.identification.logs import identify_table
-    from patagium.identification.long_log import identify_record
+    from patagium.identification.logs.log import identify_table
+    from patagium.identification.logs.long_log import identify_record
 
     watching = watched(
         outlier_deviation,
@@ -274,7 +274,7 @@ def table_network(
 ) -> Any:
     """A network for a table; it is scaled by the ranges of its mapping."""
     from patagium.errors import ParameterError
-    from patagium.identification.logs import network_for
+    from patagium.identification.logs.log import network_for
 
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)

@@ -31,7 +31,7 @@ def latency(
     """
     from patagium.cli.words import json_text, show_table, stage_bar
     from patagium.report import Table
-    from patagium.studies.latency import LOADS, QUANTILES, measure_latency
+    from patagium.studies.bench.latency import LOADS, QUANTILES, measure_latency
     from patagium.whole_file import write_whole
 
     with stage_bar("Timing") as progress:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification.network import Network
+    from patagium.identification.networks.network import Network
     from patagium.robot import Robot
 
 
@@ -303,7 +303,7 @@ def settled(values: Mapping[str, Any], kind: LearnerKind) -> dict[str, Any]:
         values: Plain, by name.
         kind: How it learns.
     """
-    from patagium.identification.knobs import keywords
+    from patagium.identification.tuning.knobs import keywords
 
     known = _NEEDED[kind] | _TAKEN[kind]
     return {name: value for name, value in keywords(values).items() if name in known}

@@ -24,9 +24,9 @@ from patagium.cli.learner_options import (
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
-    from patagium.identification.live import Rhythm, Sink, Status
-    from patagium.identification.packets import Intake
-    from patagium.identification.pipeline import Pipeline
+    from patagium.identification.live.loop import Rhythm, Sink, Status
+    from patagium.identification.live.packets import Intake
+    from patagium.identification.live.pipeline import Pipeline
     from patagium.robot import Robot
     from patagium.simulation.flying import Flying
     from patagium.simulation.gait_models import Gait
@@ -130,7 +130,7 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
         status: How it goes.
         intake: What came in, and what did not.
     """
-    from patagium.identification.live import Rhythm
+    from patagium.identification.live.loop import Rhythm
     from patagium.viewer.live_frames import Feed
     from patagium.viewer.live_view import PERIOD
 
@@ -244,7 +244,7 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
 def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline | None, int]:
     """What learns along, and from one sample in how many at most."""
     from patagium.errors import ParameterError
-    from patagium.identification.pipeline import Pipeline
+    from patagium.identification.live.pipeline import Pipeline
 
     if asked.settings is None:
         return None, 1

@@ -9,7 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from patagium.identification import Table
-    from patagium.identification.log_record import LogRecord
+    from patagium.identification.logs.record import LogRecord
 
 
 def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
@@ -23,7 +23,7 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
         ParameterError: If an imported log comes with a mapping: it carries its own.
     """
     from patagium.errors import ParameterError
-    from patagium.identification.log_record import LogRecord, is_log
+    from patagium.identification.logs.record import LogRecord, is_log
 
     if not is_log(file):
         return None
@@ -46,8 +46,8 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
         file: Any file.
         mapping: The mapping it came with.
     """
-    from patagium.identification.log_record import LogRecord, is_log
-    from patagium.identification.long_log import LONG
+    from patagium.identification.logs.long_log import LONG
+    from patagium.identification.logs.record import LogRecord, is_log
 
     if not is_log(file) or mapping is not None:
         return None

@@ -32,7 +32,7 @@ def reproduce(
     Writes report.html, metrics.json, the flights (*.nc) and figures/.
     """
     from patagium.cli.words import existing, stage_bar
-    from patagium.studies.reproduction import reproduce as run
+    from patagium.studies.reproduction.experiment import reproduce as run
 
     with stage_bar("Reproducing the paper") as progress:
         log = None if crazyflie is None else existing(crazyflie)

@@ -48,8 +48,8 @@ def rig(
     Writes report.html, metrics.json, logs/, models/, truth/ and figures/.
     """
     from patagium.cli.words import stage_bar
-    from patagium.studies.rig import run_rig
-    from patagium.studies.rig_plan import RigPlan
+    from patagium.studies.rig.experiment import run_rig
+    from patagium.studies.rig.plan import RigPlan
 
     plan = RigPlan(
         robot=robot,

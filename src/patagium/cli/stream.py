@@ -53,10 +53,10 @@ from patagium.cli.learner_options import (
 from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
 
 if TYPE_CHECKING:
-    from patagium.identification.live import Rhythm, Status
-    from patagium.identification.packets import Intake
-    from patagium.identification.pipeline import Pipeline
-    from patagium.identification.sources import PacketQueue, Source
+    from patagium.identification.live.loop import Rhythm, Status
+    from patagium.identification.live.packets import Intake
+    from patagium.identification.live.pipeline import Pipeline
+    from patagium.identification.live.sources import PacketQueue, Source
     from patagium.robot import Robot
 
 EXAMPLES = (
@@ -143,12 +143,12 @@ def stream(
     """
     from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
-    from patagium.identification.air_force import packet_columns
-    from patagium.identification.live import Status
-    from patagium.identification.packets import Intake
-    from patagium.identification.pipeline import Pipeline
-    from patagium.identification.sources import PacketQueue, source_of
-    from patagium.identification.tally import Tally
+    from patagium.identification.forces.air_force import packet_columns
+    from patagium.identification.live.loop import Status
+    from patagium.identification.live.packets import Intake
+    from patagium.identification.live.pipeline import Pipeline
+    from patagium.identification.live.sources import PacketQueue, source_of
+    from patagium.identification.live.tally import Tally
     from patagium.robot import load_robot
 
     watching = watched(
@@ -209,8 +209,8 @@ def _learn(
 ) -> tuple[dict[str, Any], Exception | None]:
     """The stream itself: its summary, and what ended it before its time."""
     from patagium.errors import PatagiumError
-    from patagium.identification.live import Rhythm, follow, summary
-    from patagium.identification.sources import start_reading
+    from patagium.identification.live.loop import Rhythm, follow, summary
+    from patagium.identification.live.sources import start_reading
 
     stop, problem = threading.Event(), None
     with (
@@ -236,8 +236,8 @@ def _learn(
 
 def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
     """The state kept from time to time; a disk that is full does not stop the stream."""
-    from patagium.identification.autosave import AutoSave
-    from patagium.identification.live import Rhythm
+    from patagium.identification.live.autosave import AutoSave
+    from patagium.identification.live.loop import Rhythm
 
     if state is None:
         return ()
@@ -307,7 +307,7 @@ def _stopping(stop: threading.Event, queue: PacketQueue) -> Iterator[None]:
 @contextmanager
 def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
     """A file of the stream, whole or not at all; None where none is asked for."""
-    from patagium.identification.live_record import StreamFile
+    from patagium.identification.live.record import StreamFile
 
     if path is None:
         yield None

@@ -85,7 +85,7 @@ def tune(
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import progress_bar, say_json
     from patagium.identification import tune as tune_learner
-    from patagium.identification.structure import described_structure
+    from patagium.identification.networks.structure import described_structure
 
     layers = list(dict.fromkeys(tuple(one) for one in hidden or [WholeNumbers((8, 8))]))
     learned: Any
@@ -125,7 +125,7 @@ def tune(
 def _show(found: Tuned) -> None:
     """The best trials as a table, and the best of them in a sentence."""
     from patagium.cli.words import show_table
-    from patagium.identification.tune import SHOWN
+    from patagium.identification.tuning.tune import SHOWN
     from patagium.report import Table
 
     rows: list[list[Any]] = []

@@ -27,8 +27,8 @@ def validate(
     pitches through stall; nothing is tuned.
     """
     from patagium.cli.words import json_text, progress_bar, show_table
-    from patagium.studies import validation
-    from patagium.studies.validation_page import write_validation
+    from patagium.studies.validation import run as validation
+    from patagium.studies.validation.page import write_validation
 
     with progress_bar("Validating") as progress:
         results = validation.validate(only, progress)

@@ -1,49 +1,49 @@
 """What we learn: networks, learners, training data, the online stream and its scores."""
 
-from patagium.identification.autosave import AutoSave
-from patagium.identification.change import ChangeDetection
-from patagium.identification.clocks import Shifts, estimate_shifts
-from patagium.identification.cubature import CubatureLearner
-from patagium.identification.dense import DenseNetwork
-from patagium.identification.extended import ExtendedLearner
-from patagium.identification.flow import FlowNetwork
-from patagium.identification.force_samples import ForceSamples
-from patagium.identification.force_sources import (
+from patagium.identification.filters.change import ChangeDetection
+from patagium.identification.filters.screening import NoiseEstimation, Screening
+from patagium.identification.forces.momentum_observer import MomentumObserver, momentum_force
+from patagium.identification.forces.samples import ForceSamples
+from patagium.identification.forces.sources import (
     cell_wrench,
     inverse_dynamics_force,
     load_cell_force,
     motor_forces,
 )
-from patagium.identification.gradient import GradientLearner
-from patagium.identification.grey_box import GreyBox
-from patagium.identification.hidden import HiddenStripNetwork
-from patagium.identification.hidden_flow import HiddenFlowNetwork
+from patagium.identification.forces.training_data import training_data
 from patagium.identification.identify import evaluate, identify
-from patagium.identification.importing.inspection import inspect_log
-from patagium.identification.importing.run import import_log
-from patagium.identification.learner_description import learner_from_description
-from patagium.identification.learner_file import load_learner, save_learner
-from patagium.identification.linear import LinearLearner
-from patagium.identification.log_record import load_log
-from patagium.identification.logs import evaluate_table, identify_table, network_for
-from patagium.identification.mapping import TableMapping, load_mapping
+from patagium.identification.learners.cubature import CubatureLearner
+from patagium.identification.learners.description import learner_from_description
+from patagium.identification.learners.extended import ExtendedLearner
+from patagium.identification.learners.file import load_learner, save_learner
+from patagium.identification.learners.gradient import GradientLearner
+from patagium.identification.learners.linear import LinearLearner
+from patagium.identification.live.autosave import AutoSave
+from patagium.identification.live.pipeline import Pipeline
+from patagium.identification.logs.importing.inspection import inspect_log
+from patagium.identification.logs.importing.run import import_log
+from patagium.identification.logs.log import evaluate_table, identify_table, network_for
+from patagium.identification.logs.mapping import TableMapping, load_mapping
+from patagium.identification.logs.record import load_log
+from patagium.identification.logs.table import Table, read_table
 from patagium.identification.model_file import Model, load_model, model_of, save_model
-from patagium.identification.momentum_observer import MomentumObserver, momentum_force
-from patagium.identification.motion import estimate_motion
-from patagium.identification.motion_tracker import MotionTracker
-from patagium.identification.network import network_from_description
-from patagium.identification.pipeline import Pipeline
+from patagium.identification.motion.clocks import Shifts, estimate_shifts
+from patagium.identification.motion.estimate import estimate_motion
+from patagium.identification.motion.smoothers import Kalman, SavitzkyGolay, Spline
+from patagium.identification.motion.tracker import MotionTracker
+from patagium.identification.networks.dense import DenseNetwork
+from patagium.identification.networks.flow import FlowNetwork
+from patagium.identification.networks.grey_box import GreyBox
+from patagium.identification.networks.hidden import HiddenStripNetwork
+from patagium.identification.networks.hidden_flow import HiddenFlowNetwork
+from patagium.identification.networks.network import network_from_description
+from patagium.identification.networks.strip import StripNetwork
+from patagium.identification.networks.structure import LowRank
 from patagium.identification.refinement import refine
 from patagium.identification.result import Identification, load_identification
-from patagium.identification.screening import NoiseEstimation, Screening
-from patagium.identification.settings import Settings, load_settings
-from patagium.identification.smoothers import Kalman, SavitzkyGolay, Spline
 from patagium.identification.stream import stream
-from patagium.identification.strip import StripNetwork
-from patagium.identification.structure import LowRank
-from patagium.identification.table import Table, read_table
-from patagium.identification.training_data import training_data
-from patagium.identification.tune import Tuned, tune
+from patagium.identification.tuning.settings import Settings, load_settings
+from patagium.identification.tuning.tune import Tuned, tune
 
 __all__ = [
     "AutoSave",

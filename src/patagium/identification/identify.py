@@ -14,18 +14,18 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome, ParameterError, ShapeError
-from patagium.identification.force_samples import ForceSamples
-from patagium.identification.learner import Learner
+from patagium.identification.forces.samples import ForceSamples
+from patagium.identification.forces.training_data import state_columns, training_data
+from patagium.identification.learners.learner import Learner
 from patagium.identification.model_file import Model
-from patagium.identification.network import Network
+from patagium.identification.networks.network import Network
+from patagium.identification.networks.recollection import Recollection
 from patagium.identification.parameter_paths import parameter_scores, told
-from patagium.identification.recollection import Recollection
 from patagium.identification.record import check, interval_scores, no_updates, record_of
 from patagium.identification.result import Identification
 from patagium.identification.schedule import MOST_CHECKS, thin, used_samples
 from patagium.identification.scores import error_scores, persistence, silent_outputs
 from patagium.identification.stream import Progress, stream
-from patagium.identification.training_data import training_data
 from patagium.robot import Robot
 from patagium.simulation import gait_period, robot_of
 
@@ -258,24 +258,6 @@ def strip_force_matrix(network: Network) -> Array | None:
     if not measured or isinstance(measured[0], str):
         return None
     return np.array(measured, float)
-
-
-def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
-    """Places of named inputs in the state [q, v].
-
-    Args:
-        robot: The machine.
-        inputs: Names such as `q.roll`, `v.left_plunge`.
-
-    Raises:
-        ParameterError: If there is no such name.
-    """
-    names = [f"q.{name}" for name in robot.coordinate_names]
-    names += [f"v.{name}" for name in robot.dof_names]
-    for name in inputs:
-        if name not in names:
-            raise ParameterError("inputs", f"names among {', '.join(names)}", name)
-    return [names.index(name) for name in inputs]
 
 
 def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium import __version__
 from patagium.errors import LogError, PatagiumError, ShapeError
-from patagium.identification.learner import Learner, as_input
-from patagium.identification.network import Network, network_from_description
-from patagium.identification.weight_covariance import (
+from patagium.identification.filters.weight_covariance import (
     WeightCovariance,
     block_covariance,
     covariance_from,
 )
+from patagium.identification.learners.learner import Learner, as_input
+from patagium.identification.networks.network import Network, network_from_description
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.identification.model_file import Model
-from patagium.identification.network import Network
-from patagium.identification.physical import Estimate
+from patagium.identification.networks.network import Network
+from patagium.identification.networks.physical import Estimate
 from patagium.report import Table
 
 Array = NDArray[np.float64]

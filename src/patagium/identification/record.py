@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.identification.calibration import NOMINAL, reliability
-from patagium.identification.filter_learner import FilterLearner
-from patagium.identification.learner import Learner
+from patagium.identification.learners.filter_learner import FilterLearner
+from patagium.identification.learners.learner import Learner
 from patagium.identification.schedule import Indices
 from patagium.identification.scores import coverage
 

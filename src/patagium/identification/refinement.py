@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
-from patagium.identification.filter_learner import FilterLearner
+from patagium.identification.filters.weight_covariance import block_covariance
+from patagium.identification.learners.filter_learner import FilterLearner
 from patagium.identification.model_file import Model, model_of
-from patagium.identification.network import Network
+from patagium.identification.networks.network import Network
+from patagium.identification.networks.structure import Indices
 from patagium.identification.schedule import used_samples
-from patagium.identification.structure import Indices
-from patagium.identification.weight_covariance import block_covariance
 
 Array = NDArray[np.float64]
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ShapeError
 from patagium.identification.calibration import calibration_scores
-from patagium.identification.filter_learner import FilterLearner
-from patagium.identification.learner import Learner
+from patagium.identification.learners.filter_learner import FilterLearner
+from patagium.identification.learners.learner import Learner
+from patagium.identification.networks.physical import Estimate
+from patagium.identification.networks.recollection import Recollection
 from patagium.identification.parameter_paths import parameter_paths, parameter_scores, told
-from patagium.identification.physical import Estimate
-from patagium.identification.recollection import Recollection
 from patagium.identification.record import Check, Updates, check, interval_scores, record_of
 from patagium.identification.result import Identification
 from patagium.identification.schedule import (

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arms import carried_gait
@@ -78,7 +78,7 @@ def sinusoidal(
         robot,
         FourierGait(
             joints=_joints(robot),
-            frequency=_positive("frequency", frequency),
+            frequency=positive("frequency", frequency),
             mean=_by_joint(robot, offset or {}),
             cosine=(size * np.sin(lead))[None],
             sine=(size * np.cos(lead))[None],
@@ -113,7 +113,7 @@ def fourier(
         robot,
         FourierGait(
             joints=_joints(robot),
-            frequency=_positive("frequency", frequency),
+            frequency=positive("frequency", frequency),
             mean=_by_joint(robot, {name: mean for name, (mean, _) in series.items()}),
             cosine=np.array([harmonic(k, 0) for k in range(order)]).reshape(shape),
             sine=np.array([harmonic(k, 1) for k in range(order)]).reshape(shape),
@@ -150,7 +150,7 @@ def linkage(
     offset = _by_joint(robot, {"plunge": plunge_offset, "elbow": elbow_offset})
     gait = LinkageGait(
         joints=_joints(robot),
-        frequency=_positive("frequency", frequency),
+        frequency=positive("frequency", frequency),
         linkage=linkage if linkage is not None else Linkage(),
         offset=offset,
         plunge=_by_joint(robot, {"plunge": 1.0}) != 0,
@@ -286,10 +286,4 @@ def _remainder(ratio: float) -> float:
 def _finite(name: str, value: float) -> float:
     if not np.isfinite(value):
         raise ParameterError(name, "a finite number", value)
-    return float(value)
-
-
-def _positive(name: str, value: float) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise ParameterError(name, "a positive number", value)
     return float(value)

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation.gait_models import Array, FourierGait, Gait, Motion, SuperposedGait
 from patagium.simulation.gait_table import read_columns, unit_factor
@@ -94,7 +94,7 @@ def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVE
         ParameterError: If a number is not finite, or the duration not positive.
     """
     points = [_triple("start", start), _triple("end", end)]
-    return waypoints([0.0, _positive("duration", duration)], points, attitude=attitude)
+    return waypoints([0.0, positive("duration", duration)], points, attitude=attitude)
 
 
 def circle(
@@ -120,7 +120,7 @@ def circle(
         ParameterError: If a number is not what it may be, or not one of speed and frequency
             is given.
     """
-    radius = _positive("radius", radius)
+    radius = positive("radius", radius)
     rate = _frequency(speed, frequency, radius)
     first, second = _plane(normal)
     return _harmonic(center, attitude, rate, [radius * first], [radius * second])
@@ -153,7 +153,7 @@ def figure_of_eight(
         ParameterError: If a number is not what it may be, or not one of speed and frequency
             is given.
     """
-    half, side = _positive("length", length) / 2, _positive("width", width) / 2
+    half, side = positive("length", length) / 2, positive("width", width) / 2
     first, second = _direction("along", along), _direction("across", across)
     if abs(first @ second) > 1e-9:
         raise ParameterError("across", "a direction square to along", tuple(across))
@@ -186,7 +186,7 @@ def sinusoid(
     return _checked(
         FourierGait(
             FLOATING_COORDINATES,
-            _positive("frequency", frequency),
+            positive("frequency", frequency),
             _mean(center, attitude),
             (size * np.sin(lead))[None],
             (size * np.cos(lead))[None],
@@ -331,8 +331,8 @@ def _frequency(speed: float | None, frequency: float | None, speed_per_rate: flo
     if (speed is None) == (frequency is None):
         raise ParameterError("speed", "one of speed and frequency", (speed, frequency))
     if speed is not None:
-        return _positive("speed", speed) / (2 * np.pi * speed_per_rate)
-    return _positive("frequency", float(frequency or 0.0))
+        return positive("speed", speed) / (2 * np.pi * speed_per_rate)
+    return positive("frequency", float(frequency or 0.0))
 
 
 def _plane(normal: Triple) -> tuple[Array, Array]:
@@ -369,9 +369,3 @@ def _by_name(values: Mapping[str, float]) -> Array:
             raise ParameterError(name, "a finite number", value)
         vector[FLOATING_COORDINATES.index(name)] = value
     return vector
-
-
-def _positive(name: str, value: float) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise ParameterError(name, "a positive number", value)
-    return float(value)

@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, LiftingLine
-from patagium.identification.cubature import CubatureLearner
-from patagium.identification.extended import ExtendedLearner
-from patagium.identification.filter_learner import FilterLearner
-from patagium.identification.grey_box import GreyBox
+from patagium.identification.forces.training_data import training_data
+from patagium.identification.learners.cubature import CubatureLearner
+from patagium.identification.learners.extended import ExtendedLearner
+from patagium.identification.learners.filter_learner import FilterLearner
+from patagium.identification.networks.grey_box import GreyBox
+from patagium.identification.networks.physical import Estimate
 from patagium.identification.parameter_paths import told
-from patagium.identification.physical import Estimate
 from patagium.identification.refinement import refine
 from patagium.identification.stream import stream
-from patagium.identification.training_data import training_data
 from patagium.robot import Robot, load_robot, load_robot_text
 from patagium.simulation import gaits, mounts, simulate
 

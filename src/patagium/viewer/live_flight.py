@@ -18,8 +18,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.identification.pipeline import Pipeline, Records
-from patagium.identification.tally import Tally
+from patagium.identification.live.pipeline import Pipeline, Records
+from patagium.identification.live.tally import Tally
 from patagium.robot import Robot
 from patagium.simulation.flying import Flying
 from patagium.simulation.gait_models import Gait

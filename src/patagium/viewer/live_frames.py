@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
-from patagium.identification.air_force import packet_parts
-from patagium.identification.learner import Learner
-from patagium.identification.network import Network
-from patagium.identification.pipeline import Records
+from patagium.identification.forces.air_force import packet_parts
+from patagium.identification.learners.learner import Learner
+from patagium.identification.live.pipeline import Records
+from patagium.identification.networks.network import Network
 from patagium.robot import Robot
 from patagium.viewer.live_mailbox import Mailbox
 

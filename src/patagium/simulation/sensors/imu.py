@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.simulation.flight import AXES
 from patagium.simulation.sensors.scene import Scene
 from patagium.simulation.sensors.sensor import (
@@ -24,7 +24,6 @@ from patagium.simulation.sensors.sensor import (
     axes,
     limited,
     noise,
-    positive,
     stepped,
     vector,
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.simulation.sensors.scene import Scene
 from patagium.simulation.sensors.sensor import (
@@ -19,7 +19,6 @@ from patagium.simulation.sensors.sensor import (
     Signal,
     limited,
     noise,
-    positive,
     stepped,
 )
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.errors import FlightError, ParameterError, ShapeError
+from patagium.errors import FlightError, ParameterError, ShapeError, positive
 from patagium.simulation.flight import WRENCH
 from patagium.simulation.sensors.scene import Scene, low_pass
 from patagium.simulation.sensors.sensor import (
@@ -25,7 +25,6 @@ from patagium.simulation.sensors.sensor import (
     axes,
     limited,
     noise,
-    positive,
     stepped,
     vector,
 )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, finite
 from patagium.simulation.flight import AXES
 from patagium.simulation.sensors.scene import Scene
 from patagium.simulation.sensors.sensor import (
@@ -23,7 +23,6 @@ from patagium.simulation.sensors.sensor import (
     Sensor,
     Signal,
     axes,
-    finite,
     noise,
     vector,
 )

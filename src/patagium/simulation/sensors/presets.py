@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.simulation.sensors.imu import Imu
 from patagium.simulation.sensors.joints import Encoder, MotorCurrent
 from patagium.simulation.sensors.load_cell import LoadCell
 from patagium.simulation.sensors.motion_capture import MotionCapture
-from patagium.simulation.sensors.sensor import positive
 
 __all__ = ["as5600", "bmi270", "icm_42688_p", "ina226", "nano17", "prime_x_13"]
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
     from patagium.simulation.sensors.scene import Scene
@@ -165,28 +165,6 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, tuple):
         return tuple(_times(part, factor) for part in value)
     return factor * value
-
-
-def finite(name: str, value: Any) -> float:
-    """A finite number.
-
-    Raises:
-        ParameterError: If it is not.
-    """
-    if not (isinstance(value, int | float | np.number) and math.isfinite(value)):
-        raise ParameterError(name, "a finite number", value)
-    return float(value)
-
-
-def positive(name: str, value: Any) -> float:
-    """A finite number above zero.
-
-    Raises:
-        ParameterError: If it is not.
-    """
-    if finite(name, value) <= 0:
-        raise ParameterError(name, "a positive number", value)
-    return float(value)
 
 
 def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:

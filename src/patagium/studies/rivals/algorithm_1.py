@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.identification.dense import DenseNetwork
+from patagium.identification.networks.dense import DenseNetwork
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.native.compiler import STRAIGHT_LINE, build
-from patagium.studies.benchmark_timing import CompiledCall
+from patagium.studies.timing import CompiledCall
 
 SHORT_FLAGS = (*STRAIGHT_LINE, "-w")
 LONG_FLAGS = ("-O1", *STRAIGHT_LINE[1:], "-w")  # megabytes of text compile for minutes above -O1

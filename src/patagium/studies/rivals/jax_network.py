@@ -7,7 +7,7 @@ from importlib import import_module
 from itertools import pairwise
 from typing import Any
 
-from patagium.identification.dense import DenseNetwork
+from patagium.identification.networks.dense import DenseNetwork
 
 
 def jax_network(network: DenseNetwork) -> Callable[[Any, Any], Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
-from patagium.identification.dense import DenseNetwork
+from patagium.identification.networks.dense import DenseNetwork
 
 Array = NDArray[np.float64]
 

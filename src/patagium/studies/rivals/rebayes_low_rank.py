@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.identification.network import network_from_description
+from patagium.identification.networks.network import network_from_description
 from patagium.studies.rivals.jax_network import jax_network
 from patagium.studies.rivals.weight_rival import WeightRival
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.identification.network import Encoding
+from patagium.identification.networks.network import Encoding
 from patagium.studies.rivals.weight_rival import WeightRival
 
 Array = NDArray[np.float64]

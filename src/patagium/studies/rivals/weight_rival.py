@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
-from patagium.identification.dense import DenseNetwork
-from patagium.identification.network import Encoding
+from patagium.identification.networks.dense import DenseNetwork
+from patagium.identification.networks.network import Encoding
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""How one sample moves weights and their covariance."""

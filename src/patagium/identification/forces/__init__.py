@@ -1,0 +1,1 @@
+"""What the air did to the robot, from how it moved."""

@@ -1,0 +1,1 @@
+"""A network and a filter, with what is assumed of them."""

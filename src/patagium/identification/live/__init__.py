@@ -1,0 +1,1 @@
+"""A learner beside a robot in flight."""

@@ -1,0 +1,1 @@
+"""Flights that were measured: files, columns, axes, tables."""

@@ -1,0 +1,1 @@
+"""How the robot moved, from what its sensors saw."""

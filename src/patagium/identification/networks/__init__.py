@@ -1,0 +1,1 @@
+"""What maps flows to forces: networks, what they know of the robot, what they remember."""

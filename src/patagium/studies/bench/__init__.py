@@ -1,0 +1,1 @@
+"""Times of compiled functions, beside other programs'."""

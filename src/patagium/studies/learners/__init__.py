@@ -1,0 +1,1 @@
+"""Learners raced against other programs'."""

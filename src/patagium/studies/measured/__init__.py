@@ -1,0 +1,1 @@
+"""Wings and flights that were measured, and constants found from them."""

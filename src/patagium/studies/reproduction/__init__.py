@@ -1,0 +1,1 @@
+"""The paper's experiment, as published and corrected."""

@@ -1,0 +1,1 @@
+"""A robot on an arm, seen through sensors."""

@@ -1,0 +1,1 @@
+"""Models of the air beside theory and measurement."""
