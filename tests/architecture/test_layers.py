@@ -150,7 +150,7 @@ def test_every_import_is_declared() -> None:
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
     for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
-        places = {"studies": rivals, "log_files": formats, "viewer": pages}
+        places = {"studies": rivals, "files": formats, "viewer": pages}
         extra = [line for place, lines in places.items() if place in path.parts for line in lines]
         allowed = core | {canonical(line) for line in extra}
         for name in third_party_imports(path):

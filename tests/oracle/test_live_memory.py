@@ -7,8 +7,8 @@ import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.identification import load_learner
 from patagium.identification.live import pipeline as module
-from patagium.identification.live.memory import LONGEST_STEP
 from patagium.identification.live.pipeline import Pipeline
+from patagium.identification.networks.live_memory import LONGEST_STEP
 from patagium.identification.stream import stream
 from patagium.native import compiler_name
 from patagium.robot import load_robot_text

@@ -29,7 +29,7 @@ from patagium.identification.learners.learner import (
     diverged,
     shaped_sample,
 )
-from patagium.identification.live.memory import LiveMemory
+from patagium.identification.networks.live_memory import LiveMemory
 from patagium.identification.networks.network import Network
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from patagium.identification.learners.learner import (
     diverged,
     shaped_sample,
 )
-from patagium.identification.live.memory import LiveMemory
+from patagium.identification.networks.live_memory import LiveMemory
 from patagium.identification.networks.network import Encoding, Network
 
 Array = NDArray[np.float64]

@@ -29,9 +29,9 @@ from patagium.identification.forces.air_force import (
 )
 from patagium.identification.learners.filter_learner import FilterLearner
 from patagium.identification.learners.learner import Learner
-from patagium.identification.live.memory import UNSEEN, LiveMemory
 from patagium.identification.networks.hidden import HiddenStripNetwork
 from patagium.identification.networks.lag_memory import LiveLags
+from patagium.identification.networks.live_memory import UNSEEN, LiveMemory
 from patagium.native import NativeFunction, load_kernel
 from patagium.robot import Robot
 

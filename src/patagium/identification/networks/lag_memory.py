@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.identification.live.memory import LiveMemory
 from patagium.identification.networks.hidden_equations import Remembered
+from patagium.identification.networks.live_memory import LiveMemory
 from patagium.native import NativeFunction, load_kernel
 
 Array = NDArray[np.float64]
