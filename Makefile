@@ -60,8 +60,8 @@ bench: $(STAMP)
 pages: $(STAMP)
 	@$(BIN)/patagium validate -o docs/validation.md
 	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json
-	@$(BIN)/patagium reproduce --out $(OUT)/demo -o docs/results.md
-	@$(BIN)/patagium rig --out $(OUT)/rig -o docs/rig.md
+	@$(BIN)/patagium reproduce --out $(OUT)/demo --page docs/results.md
+	@$(BIN)/patagium rig --out $(OUT)/rig --page docs/rig.md
 	@$(if $(LOG),$(BIN)/patagium bench learners -o docs/learners.md --log $(LOG), \
 	  echo "docs/learners.md is left as it is: LOG=log16.csv.gz makes it anew")
 

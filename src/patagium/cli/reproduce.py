@@ -10,7 +10,7 @@ import typer
 EXAMPLES = (
     "patagium reproduce --out out/demo",
     "patagium reproduce --out out/quick --quick",
-    "patagium reproduce --out out/demo -o docs/results.md",
+    "patagium reproduce --out out/demo --page docs/results.md",
 )
 
 
@@ -23,8 +23,7 @@ def reproduce(
         Path | None, typer.Option(help="A quadrotor's log, log16.csv.gz, for a section on it.")
     ] = None,
     page: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Page of the results to write too (.md or HTML)."),
+        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
     ] = None,
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.

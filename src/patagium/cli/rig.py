@@ -11,7 +11,7 @@ from patagium.cli.words import quantity
 
 EXAMPLES = (
     "patagium rig --out out/rig",
-    "patagium rig --out out/rig -o docs/rig.md",
+    "patagium rig --out out/rig --page docs/rig.md",
     'patagium rig --out out/slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
 )
 
@@ -39,8 +39,7 @@ def rig(
         bool, typer.Option("--quick", help="One eight, and no look at what limits the forces.")
     ] = False,
     page: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Page of the results to write too (.md or HTML)."),
+        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
     ] = None,
 ) -> None:
     """Run the rig: fly on an arm, sense, learn the air from logs alone, compare with the truth.
