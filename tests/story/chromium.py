@@ -23,7 +23,7 @@ OPTIONS = (
     "--mute-audio",
     *("--disable-dev-shm-usage", "--remote-debugging-pipe"),
 )
-PATIENCE = 60.0
+PATIENCE = 180.0
 """Longest wait for an answer; the processor may be busy [s]."""
 
 _LAUNCH = """
