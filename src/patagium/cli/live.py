@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import (
     Activation,
     Asked,
@@ -203,7 +203,8 @@ def fly_live(
     pipeline, every = _learning_along(asked, robot, air)
     subject = flight_subject(robot, gait, pipeline)
     start(gait)  # compiled before there is a page, and refused before
-    with opened(subject, asked.address) as view, _until_interrupted() as stop:
+    stop = threading.Event()
+    with opened(subject, asked.address) as view, interrupted(stop.set):
         flying = LiveFlight(start, robot, gait, time_step, view, subject, pipeline, every)
         return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 
@@ -258,27 +259,6 @@ def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline 
         raise ParameterError("--settings", expected, shape.value)
     net = winged_network(shape, robot, layers, air, activation.value)
     return Pipeline(make_learner(kind, net, options, seed), robot), every
-
-
-@contextmanager
-def _until_interrupted() -> Iterator[threading.Event]:
-    """Set by the first Ctrl-C or SIGTERM; the second one ends the program."""
-    stop = threading.Event()
-
-    def end(number: int, frame: object) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _asked(live: bool, address: str | None) -> bool:

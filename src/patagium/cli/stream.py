@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import (
     Activation,
     ActivationOption,
@@ -214,7 +214,7 @@ def _learn(
 
     stop, problem = threading.Event(), None
     with (
-        _stopping(stop, queue),
+        interrupted(stop.set, queue.abandon),  # the first lets what waits be learned
         _recording(record, pipeline) as sink,
         _line(status, pipeline, queue.intake) as show,
     ):
@@ -273,35 +273,6 @@ def _network(
         raise ParameterError("--scale-by", "a flight that scales the dense network", None)
     _, x, y = training_data(load_flight(scale_by), robot)
     return scaled_network(robot.dof_names, hidden, activation, x, y)
-
-
-@contextmanager
-def _stopping(stop: threading.Event, queue: PacketQueue) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the stream, not the program.
-
-    The first one lets what waits be learned, the second drops it, the third ends the program.
-    """
-    heard = 0
-
-    def end(number: int, frame: object) -> None:
-        nonlocal heard
-        heard += 1
-        stop.set()
-        if heard == 2:
-            queue.abandon()
-        if heard > 2:
-            raise KeyboardInterrupt
-
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = [signal.signal(number, end) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 @contextmanager

@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 SILENT_RATIO = 1e-9
 """An output is silent when its deviation is below this share of the largest rms of all outputs."""
 
+INTERVAL = 1.959963985
+"""Half width of the 95 % interval of a normal distribution, in deviations."""
+
 
 def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
     """Outputs that never move: their variance is zero up to rounding.
@@ -105,7 +108,7 @@ def coverage(error: ArrayLike, deviation: ArrayLike, heard: ArrayLike | None = N
     share = np.full(miss.shape[1], np.nan)
     chosen = np.ones(miss.shape[1], bool) if heard is None else np.asarray(heard, bool)
     if len(miss) and np.isfinite(sigma).all():
-        inside = np.ma.masked_where(np.isnan(miss), np.abs(miss) <= 1.959963985 * sigma)
+        inside = np.ma.masked_where(np.isnan(miss), np.abs(miss) <= INTERVAL * sigma)
         share[chosen] = inside.mean(axis=0).filled(np.nan)[chosen]
     return share
 

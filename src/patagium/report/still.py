@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.report.perspective import Camera, Painting, normals_of, parted, solid_faces
 from patagium.report.replay_page import Replay
-from patagium.report.style import COLORS, SCENE, TRUTH, styled, width
+from patagium.report.style import COLORS, SCENE, TRUTH, round_down, styled, width
 
 Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def _solid(one: dict[str, Any]) -> Array:
 
 def _ground(painting: Painting, target: Array, reach: float, ground: float) -> float:
     """A grid that fades away; the size of its squares [m]."""
-    square = _round(0.55 * reach)
+    square = round_down(0.55 * reach)
     middle = np.round(target[:2] / square) * square
     wide = 16
     steps = np.arange(-wide, wide + 1)
@@ -183,7 +183,7 @@ def _arrows(painting: Painting, replay: Replay, frame: int, reach: float) -> tup
 
 def _told(scale: float, reach: float) -> list[float]:
     """A round force whose arrow is not too short, if there are arrows [N]."""
-    return [_round(0.4 * reach / scale)] if scale else []
+    return [round_down(0.4 * reach / scale)] if scale else []
 
 
 def _frame(axes: Any, camera: Camera, points: Array) -> None:
@@ -195,12 +195,6 @@ def _frame(axes: Any, camera: Camera, points: Array) -> None:
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - _SHAPE * half[0], middle[1] + _SHAPE * half[0])
     axes.set_aspect("equal")
-
-
-def _round(x: float) -> float:
-    """1, 2 or 5 times a power of ten, not above x."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(power * max(k for k in (1, 2, 5) if k * power <= x * (1 + 1e-9)))
 
 
 def _length(meters: float) -> str:

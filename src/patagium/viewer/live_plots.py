@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.identification.scores import INTERVAL
 from patagium.report.style import COLORS, TRUTH
 from patagium.viewer.live_frames import FORCES, Subject
 
@@ -21,7 +22,6 @@ Array = NDArray[np.float64]
 _KEPT = 1200
 _FIRST = ("z", "x", "pitch")
 _FORCES = 3
-_WITHIN = 1.959963985  # deviations of the 95 % interval
 _HIGH, _LOW = 128, 104  # px, scores
 _CURSOR = {"sync": {"key": "live"}, "drag": {"setScale": False, "x": False, "y": False}}
 
@@ -100,7 +100,7 @@ class LivePlots:
         truth, guess, deviation = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
         if self._subject.network is None:
             return time, truth
-        reach = _WITHIN * deviation
+        reach = INTERVAL * deviation
         return time, truth, guess, guess - reach, guess + reach
 
 

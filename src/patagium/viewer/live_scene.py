@@ -13,7 +13,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from patagium.dynamics.poses import Poses
-from patagium.report.style import COLORS, SCENE, TRUTH
+from patagium.identification.scores import INTERVAL
+from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
@@ -28,7 +29,6 @@ _BEHIND = (-0.72, -0.75, 0.62)  # where the camera is, from the robot
 _AWAY = 5.2  # times the reach
 _TRAIL = 240  # points
 _STILL = 0.2  # s over which the path is averaged where there is no wingbeat
-_WITHIN = 1.959963985  # deviations of the 95 % interval
 
 
 def rgb(color: str) -> tuple[int, int, int]:
@@ -131,7 +131,7 @@ class LiveScene:
             self._interval.visible = shown
         if shown and total is not None and deviation is not None:
             self._interval.position = self._center + self.meters_per_newton * total
-            size = np.maximum(_WITHIN * self.meters_per_newton * deviation, 1e-3 * self.reach)
+            size = np.maximum(INTERVAL * self.meters_per_newton * deviation, 1e-3 * self.reach)
             self._interval.scale = tuple(map(float, size))
 
     def _build(self) -> None:
@@ -151,7 +151,7 @@ class LiveScene:
             self._add_solid(f"/robot/{self._robot.bodies[solid.body].name}/solid{number}", solid)
         for index, body in enumerate(self._robot.bodies):
             self._add_wing(f"/robot/{body.name}/wing", index)
-        self._square = _round_down(0.6 * reach)
+        self._square = round_down(0.6 * reach)
         self._grid = scene.add_grid(
             "/ground", infinite_grid=True, cell_size=self._square, section_size=5 * self._square,
             cell_color=rgb(_GRID), section_color=rgb(_MAJOR), fade_distance=40.0 * reach,
@@ -240,7 +240,7 @@ class LiveScene:
         largest = max(float(np.linalg.norm(force, axis=-1).max()) for force in given)
         fits = 0.0 < self.meters_per_newton * largest < 1.3 * self.reach
         if largest > 0 and not fits:
-            self.meters_per_newton = _round_down(0.9 * self.reach / largest)
+            self.meters_per_newton = round_down(0.9 * self.reach / largest)
 
     def _arrows(
         self, name: str, at: Array, force: Array | None, color: tuple[int, int, int], width: float
@@ -284,9 +284,3 @@ def _mesh_of(solid: Solid) -> Any:
         made.apply_transform(geometry.align_vectors([0, 0, 1], solid.axis))
     made.apply_translation(solid.center)
     return made
-
-
-def _round_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above a positive value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= value * (1 + 1e-9)))

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.identification.live.pipeline import Records
-from patagium.identification.scores import SILENT_RATIO
+from patagium.identification.scores import INTERVAL, SILENT_RATIO
 
 Array = NDArray[np.float64]
 
-_WITHIN = 1.959963985  # deviations of the 95 % interval
 _BINS = np.concatenate([[0.0], np.geomspace(1e-7, 10.0, 1600)])  # s: steps of 1.2 %
 
 
@@ -41,7 +40,7 @@ class Tally:
         y, guess = records.measurement, records.prediction
         heard = np.isfinite(y) & np.isfinite(guess) & ~records.left_out
         error = np.where(heard, y - guess, 0.0)
-        inside = heard & (np.abs(error) <= _WITHIN * records.deviation)
+        inside = heard & (np.abs(error) <= INTERVAL * records.deviation)
         known = np.where(heard, y, 0.0)
         fading = self._keep ** np.arange(len(y) - 1, -1, -1.0)
         fresh = np.einsum("k,rko->ro", fading, np.stack([known, known**2, error**2, inside]))

@@ -283,11 +283,20 @@ class HiddenStripNetwork(RecallingNetwork):
             encoding: Of N samples.
             weights: (n,).
         """
-        x = encoding.features[:, 0]
+        readout, sections = self.sections(encoding.features[:, 0], weights)
+        return np.asarray((readout @ sections[:, :, None])[:, :, 0])
+
+    def sections(self, x: Array, weights: Array) -> tuple[Array, Array]:
+        """Readout, (N, n_y, m n_out), and what the perceptron says of m strips, (N, m n_out).
+
+        Args:
+            x: Inputs, (N, n_x).
+            weights: (n,).
+        """
         own = np.broadcast_to(weights[: self._numbers], (len(x), self._numbers))
         features, readout = self._seen(x, own)
         out = self._perceptron.forward(features, weights[self._numbers :])
-        return np.asarray((readout @ out.reshape(len(x), -1, 1))[:, :, 0])
+        return readout, out.reshape(len(x), -1)
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at many weights, (p, n_y).

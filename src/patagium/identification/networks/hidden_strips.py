@@ -24,9 +24,7 @@ def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array
     floating = [body.floating_dofs for body in network.robot.bodies if body.floating_dofs]
     if len(floating) != 1:
         return None
-    own = np.broadcast_to(weights[: network._numbers], (len(x), network._numbers))  # noqa: SLF001
-    features, readout = network._seen(x, own)  # noqa: SLF001
-    out = network.perceptron.forward(features, weights[network._numbers :])  # noqa: SLF001
+    readout, sections = network.sections(x, weights)
     shape = len(x), len(network.robot.strips), -1
     along = readout[:, list(floating[0][:3])].reshape(shape[0], 3, *shape[1:])
-    return np.asarray(np.einsum("nksc,nsc->nsk", along, out.reshape(shape)))
+    return np.asarray(np.einsum("nksc,nsc->nsk", along, sections.reshape(shape)))

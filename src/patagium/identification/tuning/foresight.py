@@ -26,7 +26,7 @@ from patagium.errors import FilterDiverged, Outcome
 from patagium.identification.filters.root import MatrixLost
 from patagium.identification.learners.filter_learner import FilterLearner
 from patagium.identification.networks.recollection import Observed, Recollection
-from patagium.identification.scores import SILENT_RATIO
+from patagium.identification.scores import INTERVAL, SILENT_RATIO
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
@@ -35,8 +35,6 @@ STRETCHES = 50
 """An output stands still where, over so long a part of the samples, ..."""
 STILL = 0.02
 """... it deviates by so small a share of its deviation over all of them, or less."""
-INTERVAL = 1.959963985
-"""Half width of the 95 % interval, in deviations."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from scipy.stats import qmc
 
 from patagium.errors import PatagiumError
 from patagium.identification.schedule import Indices, thin, used_samples
-from patagium.identification.scores import normalized_error
+from patagium.identification.scores import INTERVAL, normalized_error
 from patagium.studies.learners.course import Course
 from patagium.studies.learners.entries import SPANS, Entrant, Entry
 
@@ -26,8 +26,6 @@ Array = NDArray[np.float64]
 
 SHORT = 0.01
 """The short horizon [s]."""
-INSIDE = 1.959963985
-"""Deviations on either side of a 95 % interval."""
 _MOST = {"hold": 400, "short": 60, "long": 8, "checks": 60}
 """Foreseen in each span, at most."""
 _FAILURES = (PatagiumError, ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -130,8 +128,8 @@ def race(
     misses = [row for span in spans[1:] if span.complete for row in span.misses]
     return {
         "errors": {f"{s.begin:g}": s.errors(course.heard) for s in spans if s.complete},
-        "coverage": _inside(misses, course, INSIDE),
-        "scaled": _inside(misses, course, INSIDE * factor),
+        "coverage": _inside(misses, course, INTERVAL),
+        "scaled": _inside(misses, course, INTERVAL * factor),
         "samples": passage.samples,
         "outcome": passage.outcome,
     }
@@ -174,7 +172,7 @@ def search(entry: Entry, course: Course, plan: RacePlan) -> tuple[dict[str, floa
 def _factor(misses: Sequence[Array], course: Course) -> float:
     each = np.array(misses).reshape(-1, course.y.shape[1])[:, course.heard]
     each = each[np.isfinite(each)]
-    return float(np.quantile(each, 0.95)) / INSIDE if each.size else float("nan")
+    return float(np.quantile(each, 0.95)) / INTERVAL if each.size else float("nan")
 
 
 def draws(knobs: Sequence[str], count: int, seed: int) -> list[dict[str, float]]:
