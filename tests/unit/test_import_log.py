@@ -179,6 +179,36 @@ def test_a_wrong_topic_or_field_names_what_there_is(recordings: Any, tmp_path: P
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
 
 
+@pytest.mark.parametrize("name", ["z" * 256, "\u00e9" * 128, "-a", ".", " a", "a ", "a\tb", "a\0b"])
+def test_a_name_that_no_file_can_hold_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"channels\.0\.name: expected at most 255 bytes"):
+        import_log(two_columns(tmp_path), parse_mapping(called(name, "b")), tmp_path / "log.nc")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(("one", "other"), [("time", "b"), ("a|b", "a/b"), ("\u00e9", "e\u0301")])
+def test_a_name_that_is_taken_is_refused(one: str, other: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"channels\.\d\.name: expected one that is not taken"):
+        import_log(two_columns(tmp_path), parse_mapping(called(one, other)), tmp_path / "log.nc")
+
+
+@pytest.mark.parametrize("name", ["z" * 255, "a b", "imu/x", "\u00e9", "7", "_"])
+def test_other_names_are_kept_as_they_are(name: str, tmp_path: Path) -> None:
+    found = import_log(two_columns(tmp_path), parse_mapping(called(name, "b")), tmp_path / "log.nc")
+    assert load_log(found.path)[name].shape == (200,)
+
+
+def two_columns(folder: Path) -> Path:
+    rows = [f"{0.01 * k:.2f},{np.sin(k)},{np.cos(k)}" for k in range(200)]
+    (folder / "log.csv").write_text("\n".join(["t,first,second", *rows]) + "\n")
+    return folder / "log.csv"
+
+
+def called(one: str, other: str) -> dict[str, Any]:
+    columns = ({"column": "first", "name": one}, {"column": "second", "name": other})
+    return {"time": {"column": "t"}, "channels": [{**words, "unit": "m"} for words in columns]}
+
+
 @pytest.mark.parametrize(
     ("name", "change", "kind", "words"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +21,10 @@ from patagium.identification.logs.files.channels import (
     find_topic,
 )
 from patagium.identification.logs.mapping import TableMapping, ValueColumn, conversion
+
+LONGEST_NAME = 255
+"""Of a variable of a netCDF file [bytes]."""
+_SOUND = re.compile("[A-Za-z0-9_\x80-\U0010ffff](?:[^\0-\x1f\x7f]*[^\0-\x20\x7f])?")
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     """
     streams: dict[tuple[str, Base], list[str]] = {}
     topics: dict[str, Topic] = {}
-    found = []
+    found, taken = [], {"time"}
     for role, columns in (
         ("inputs", mapping.inputs), ("outputs", mapping.outputs), ("channels", mapping.channels),
     ):  # fmt: skip
@@ -126,6 +132,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
             topics[topic.name] = topic
             base = _base(topic, column, mapping, source)
             fields = find_fields(topic, column.source, column.size, where)
+            _take_names(column, taken, where)
             held = streams.setdefault((topic.name, base), [])
             held.extend(field for field in fields if field not in held)
             found.append((role[:-1], column, (topic.name, base), fields))
@@ -142,6 +149,29 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     wanted = tuple(Wanted(name, base, tuple(streams[name, base])) for name, base in keys)
     names = tuple((name or "table") + _suffix(base, keys, name) for name, base in keys)
     return Plan(wanted, names, items, tuple(topics[n].count or topics[n].about for n, _ in keys))
+
+
+def variable_name(label: str) -> str:
+    """How a file calls a number: its label without slashes, composed as netCDF does it."""
+    return unicodedata.normalize("NFC", label.replace("/", "|"))
+
+
+def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
+    """Note the names of a quantity's numbers, or refuse those that no file can hold.
+
+    Raises:
+        LogError: If one is taken, too long, or has characters that no name may have.
+    """
+    for label in column.labels:
+        name = variable_name(label)
+        if name in taken:
+            raise LogError(f"{where}.name: expected one that is not taken, found {label!r}")
+        if not _SOUND.fullmatch(name) or len(name.encode(errors="replace")) > LONGEST_NAME:
+            raise LogError(
+                f"{where}.name: expected at most {LONGEST_NAME} bytes, the first a letter, a digit "
+                f"or _, no control characters and no space at the end, found {label!r}"
+            )
+        taken.add(name)
 
 
 def _base(topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str) -> Base:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from patagium.identification.logs.files.channels import Array
-from patagium.identification.logs.importing.plan import Plan
+from patagium.identification.logs.importing.plan import Plan, variable_name
 from patagium.identification.logs.record import FORMAT
 
 CHUNK = 1 << 15
@@ -78,7 +78,7 @@ class NetcdfWriter:
 
     def _variable(self, name: str, unit: str, facts: dict[str, Any]) -> Any:
         variable = self._file.createVariable(
-            name.replace("/", "|"), "f8", ("time",), chunksizes=(self._chunk,)
+            variable_name(name), "f8", ("time",), chunksizes=(self._chunk,)
         )
         variable.set_var_chunk_cache(8 * self._chunk, 3, 0.75)  # one chunk; the default is many
         variable.setncatts({"units": unit, "long_name": name, **facts})
