@@ -179,7 +179,9 @@ def test_a_wrong_topic_or_field_names_what_there_is(recordings: Any, tmp_path: P
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
 
 
-@pytest.mark.parametrize("name", ["z" * 256, "\u00e9" * 128, "-a", ".", " a", "a ", "a\tb", "a\0b"])
+@pytest.mark.parametrize(
+    "name", ["z" * 256, "\u00e9" * 128, "-a", ".", " a", "a ", "a\tb", "a\0b", "\ud800", "a\udfff"]
+)
 def test_a_name_that_no_file_can_hold_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"channels\.0\.name: expected at most 255 bytes"):
         import_log(two_columns(tmp_path), parse_mapping(called(name, "b")), tmp_path / "log.nc")

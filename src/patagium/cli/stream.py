@@ -214,7 +214,7 @@ def _learn(
 
     stop, problem = threading.Event(), None
     with (
-        interrupted(stop.set, queue.abandon),  # the first lets what waits be learned
+        interrupted(stop.set, queue.abandon),  # what waits is learned; asked again, dropped
         _recording(record, pipeline) as sink,
         _line(status, pipeline, queue.intake) as show,
     ):

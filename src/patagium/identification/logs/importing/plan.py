@@ -24,7 +24,11 @@ from patagium.identification.logs.mapping import TableMapping, ValueColumn, conv
 
 LONGEST_NAME = 255
 """Of a variable of a netCDF file [bytes]."""
-_SOUND = re.compile("[A-Za-z0-9_\x80-\U0010ffff](?:[^\0-\x1f\x7f]*[^\0-\x20\x7f])?")
+_SOUND = re.compile(
+    "[A-Za-z0-9_\x80-\ud7ff\ue000-\U0010ffff]"
+    "(?:[^\0-\x1f\x7f\ud800-\udfff]*[^\0-\x20\x7f\ud800-\udfff])?"
+)
+"""A name that such a file takes: no control characters, no halves of a surrogate pair."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +156,11 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
 
 
 def variable_name(label: str) -> str:
-    """How a file calls a number: its label without slashes, composed as netCDF does it."""
+    """How a file calls a number: its label without slashes, composed as netCDF does it.
+
+    Args:
+        label: Of the number, as the mapping has it.
+    """
     return unicodedata.normalize("NFC", label.replace("/", "|"))
 
 
@@ -166,7 +174,7 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
         name = variable_name(label)
         if name in taken:
             raise LogError(f"{where}.name: expected one that is not taken, found {label!r}")
-        if not _SOUND.fullmatch(name) or len(name.encode(errors="replace")) > LONGEST_NAME:
+        if not _SOUND.fullmatch(name) or len(name.encode()) > LONGEST_NAME:
             raise LogError(
                 f"{where}.name: expected at most {LONGEST_NAME} bytes, the first a letter, a digit "
                 f"or _, no control characters and no space at the end, found {label!r}"
