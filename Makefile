@@ -2,6 +2,7 @@
 #
 #   make demo     the paper's experiment, corrected and as published: out/demo/report.html
 #   make test     the tests
+#   make test-core  the tests of the package alone, without the laboratory: what one runs while working
 #   make check    format, lint, types, layers, spelling, and the tests
 #   make docs     the documentation as pages: out/docs/index.html
 #   make bench    times of the compiled functions, against their rivals
@@ -19,11 +20,11 @@ UV ?= uv
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: install demo test lint check docs bench pages lock
+.PHONY: install demo test test-core lint check docs bench pages lock
 
 install: $(STAMP)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements.lock pyproject.toml lab/pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || { \
 	  echo "patagium needs Python 3.11 to 3.13, and \`$(PYTHON)\` is not one: try 'make PYTHON=python3.12 ...'." >&2; \
 	  exit 1; }
@@ -32,7 +33,7 @@ $(STAMP): requirements.lock pyproject.toml
 	  rm -rf .venv; echo "$(PYTHON) has no working venv module (Debian: apt install python3-venv)." >&2; exit 1; }; }
 	@echo "Installing requirements.lock into .venv (once)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . -e lab
 	@touch $@
 
 demo: $(STAMP)
@@ -41,12 +42,15 @@ demo: $(STAMP)
 test: $(STAMP)
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(TESTS)
 
+test-core: $(STAMP)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile tests/core
+
 lint: $(STAMP)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
-	@$(BIN)/codespell src tests docs README.md CHANGELOG.md
+	@$(BIN)/codespell src lab tests docs README.md CHANGELOG.md
 
 check: lint test
 

@@ -18,6 +18,8 @@ from hypothesis import settings
 
 from patagium.robot import Robot, load_robot_text
 
+from .random_machines import random_machine as random_machine
+
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=25)
 settings.load_profile("repeatable")
 

@@ -8,8 +8,11 @@ importing the package costs nothing.
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from patagium.plugins import OLD_NAMES, plugin
 
 __version__ = "0.1.0"
 
@@ -21,7 +24,6 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import Indicial as Indicial
     from patagium.aerodynamics import LiftingLine as LiftingLine
     from patagium.aerodynamics import OneMinusCosineGust as OneMinusCosineGust
-    from patagium.aerodynamics import Published as Published
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
     from patagium.aerodynamics import RampGust as RampGust
     from patagium.aerodynamics import Section as Section
@@ -42,57 +44,56 @@ if TYPE_CHECKING:
     from patagium.errors import RobotFileWarning as RobotFileWarning
     from patagium.errors import ShapeError as ShapeError
     from patagium.errors import SimulationFailed as SimulationFailed
-    from patagium.identification import ChangeDetection as ChangeDetection
-    from patagium.identification import CubatureLearner as CubatureLearner
-    from patagium.identification import DenseNetwork as DenseNetwork
-    from patagium.identification import ExtendedLearner as ExtendedLearner
-    from patagium.identification import FlowNetwork as FlowNetwork
-    from patagium.identification import ForceSamples as ForceSamples
-    from patagium.identification import GradientLearner as GradientLearner
-    from patagium.identification import GreyBox as GreyBox
-    from patagium.identification import HiddenFlowNetwork as HiddenFlowNetwork
-    from patagium.identification import HiddenStripNetwork as HiddenStripNetwork
-    from patagium.identification import Kalman as Kalman
-    from patagium.identification import LinearLearner as LinearLearner
-    from patagium.identification import LowRank as LowRank
-    from patagium.identification import MomentumObserver as MomentumObserver
-    from patagium.identification import MotionTracker as MotionTracker
-    from patagium.identification import NoiseEstimation as NoiseEstimation
-    from patagium.identification import Pipeline as Pipeline
-    from patagium.identification import SavitzkyGolay as SavitzkyGolay
-    from patagium.identification import Screening as Screening
-    from patagium.identification import Spline as Spline
-    from patagium.identification import StripNetwork as StripNetwork
-    from patagium.identification import cell_wrench as cell_wrench
-    from patagium.identification import estimate_motion as estimate_motion
-    from patagium.identification import estimate_shifts as estimate_shifts
-    from patagium.identification import evaluate as evaluate
-    from patagium.identification import import_log as import_log
-    from patagium.identification import inspect_log as inspect_log
-    from patagium.identification import inverse_dynamics_force as inverse_dynamics_force
-    from patagium.identification import load_cell_force as load_cell_force
-    from patagium.identification import load_learner as load_learner
-    from patagium.identification import load_log as load_log
-    from patagium.identification import momentum_force as momentum_force
-    from patagium.identification import motor_forces as motor_forces
-    from patagium.identification import refine as refine
-    from patagium.identification.forces.training_data import training_data as training_data
-    from patagium.identification.identify import identify as identify
+    from patagium.learning import ChangeDetection as ChangeDetection
+    from patagium.learning import CubatureLearner as CubatureLearner
+    from patagium.learning import DenseNetwork as DenseNetwork
+    from patagium.learning import ExtendedLearner as ExtendedLearner
+    from patagium.learning import FlowNetwork as FlowNetwork
+    from patagium.learning import GradientLearner as GradientLearner
+    from patagium.learning import GreyBox as GreyBox
+    from patagium.learning import HiddenFlowNetwork as HiddenFlowNetwork
+    from patagium.learning import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.learning import LinearLearner as LinearLearner
+    from patagium.learning import LowRank as LowRank
+    from patagium.learning import NoiseEstimation as NoiseEstimation
+    from patagium.learning import Screening as Screening
+    from patagium.learning import StripNetwork as StripNetwork
+    from patagium.learning import evaluate as evaluate
+    from patagium.learning import load_learner as load_learner
+    from patagium.learning import refine as refine
+    from patagium.learning.identify import identify as identify
+    from patagium.live import Pipeline as Pipeline
     from patagium.robot import Robot as Robot
     from patagium.robot import load_robot as load_robot
     from patagium.robot import load_urdf as load_urdf
-    from patagium.simulation import SensorLog as SensorLog
+    from patagium.sensing import ForceSamples as ForceSamples
+    from patagium.sensing import Kalman as Kalman
+    from patagium.sensing import MomentumObserver as MomentumObserver
+    from patagium.sensing import MotionTracker as MotionTracker
+    from patagium.sensing import SavitzkyGolay as SavitzkyGolay
+    from patagium.sensing import SensorLog as SensorLog
+    from patagium.sensing import Spline as Spline
+    from patagium.sensing import cell_wrench as cell_wrench
+    from patagium.sensing import estimate_motion as estimate_motion
+    from patagium.sensing import estimate_shifts as estimate_shifts
+    from patagium.sensing import import_log as import_log
+    from patagium.sensing import inspect_log as inspect_log
+    from patagium.sensing import inverse_dynamics_force as inverse_dynamics_force
+    from patagium.sensing import load_cell_force as load_cell_force
+    from patagium.sensing import load_log as load_log
+    from patagium.sensing import load_sensor_log as load_sensor_log
+    from patagium.sensing import momentum_force as momentum_force
+    from patagium.sensing import motor_forces as motor_forces
+    from patagium.sensing import save_sensor_log as save_sensor_log
+    from patagium.sensing import sense as sense
+    from patagium.sensing import sensors as sensors
+    from patagium.sensing import training_data as training_data
     from patagium.simulation import cycle_statistics as cycle_statistics
     from patagium.simulation import gaits as gaits
     from patagium.simulation import load_flight as load_flight
-    from patagium.simulation import load_sensor_log as load_sensor_log
     from patagium.simulation import mounts as mounts
     from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
-    from patagium.simulation import save_sensor_log as save_sensor_log
-    from patagium.simulation import sense as sense
-    from patagium.simulation import sensors as sensors
-    from patagium.simulation import simulate_published as simulate_published
     from patagium.simulation.simulate import simulate as simulate
     from patagium.viewer.replay import replay as replay
     from patagium.viewer.still import still as still
@@ -112,7 +113,11 @@ _HOMES = {
         "ShapeError",
         "SimulationFailed",
     ),
-    "robot": ("Robot", "load_robot", "load_urdf"),
+    "robot": (
+        "Robot",
+        "load_robot",
+        "load_urdf",
+    ),
     "dynamics": ("Dynamics",),
     "aerodynamics": (
         "AddedMass",
@@ -122,7 +127,6 @@ _HOMES = {
         "Indicial",
         "LiftingLine",
         "OneMinusCosineGust",
-        "Published",
         "QuasiSteady",
         "RampGust",
         "Section",
@@ -133,20 +137,38 @@ _HOMES = {
     ),
     "simulation": (
         "cycle_statistics",
-        "SensorLog",
         "gaits",
         "load_flight",
-        "load_sensor_log",
         "mounts",
         "paths",
         "save_flight",
+        "simulate",
+    ),
+    "sensing": (
+        "ForceSamples",
+        "Kalman",
+        "MomentumObserver",
+        "MotionTracker",
+        "SavitzkyGolay",
+        "SensorLog",
+        "Spline",
+        "cell_wrench",
+        "estimate_motion",
+        "estimate_shifts",
+        "import_log",
+        "inspect_log",
+        "inverse_dynamics_force",
+        "load_cell_force",
+        "load_log",
+        "load_sensor_log",
+        "momentum_force",
+        "motor_forces",
         "save_sensor_log",
         "sense",
         "sensors",
-        "simulate",
-        "simulate_published",
+        "training_data",
     ),
-    "identification": (
+    "learning": (
         "ChangeDetection",
         "CubatureLearner",
         "DenseNetwork",
@@ -160,31 +182,17 @@ _HOMES = {
         "LowRank",
         "NoiseEstimation",
         "Screening",
-        "Pipeline",
         "StripNetwork",
         "evaluate",
-        "ForceSamples",
-        "Kalman",
-        "MomentumObserver",
-        "MotionTracker",
-        "SavitzkyGolay",
-        "Spline",
-        "cell_wrench",
-        "estimate_motion",
-        "estimate_shifts",
-        "inverse_dynamics_force",
-        "load_cell_force",
-        "momentum_force",
-        "motor_forces",
         "identify",
-        "import_log",
-        "inspect_log",
         "load_learner",
-        "load_log",
         "refine",
-        "training_data",
     ),
-    "viewer": ("replay", "still"),
+    "live": ("Pipeline",),
+    "viewer": (
+        "replay",
+        "still",
+    ),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -194,6 +202,14 @@ __all__ = ["__version__", *sorted(_HOME_OF)]
 def __getattr__(name: str) -> Any:
     home = _HOME_OF.get(name)
     if home is None:
+        moved = None if name.startswith("_") else plugin(OLD_NAMES, name)
+        if moved is not None:
+            warnings.warn(
+                f"patagium.{name} is now {moved.__module__}.{name}",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            return moved
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{home}"), name)
     globals()[name] = value

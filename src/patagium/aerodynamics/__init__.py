@@ -19,7 +19,6 @@ from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
 from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar, TablePolar
-from patagium.aerodynamics.published import PUBLISHED_ERRORS, Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.aerodynamics.stall_delay import StallDelay
@@ -29,7 +28,6 @@ __all__ = [
     "FOUR_STATE",
     "NO_STATE",
     "ONE_STATE",
-    "PUBLISHED_ERRORS",
     "TWO_STATE",
     "AddedMass",
     "AeroExpressions",
@@ -43,7 +41,6 @@ __all__ = [
     "LocalFlow",
     "MeasuredSection",
     "OneMinusCosineGust",
-    "Published",
     "QuasiSteady",
     "RampGust",
     "Section",

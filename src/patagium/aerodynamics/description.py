@@ -12,16 +12,15 @@ from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.measured_section import measured_section_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import polar_from_description
-from patagium.aerodynamics.published import Published
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import StripSection, section_from_description
 from patagium.aerodynamics.stall_delay import stall_delay_from_description
 from patagium.errors import ParameterError
+from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
 _KEYS = {
     QuasiSteady.name: {"air", "polar", "rotational"},
-    Published.name: {"air", "errors"},
     DeLaurier.name: {"air", *NUMBERS},
     LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
@@ -35,6 +34,10 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     """
     values = dict(description)
     name = values.pop("model", None)
+    added = None if name in _KEYS else plugin(AIR_MODELS, str(name))
+    if added is not None:
+        made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
+        return made
     if name not in _KEYS:
         raise ParameterError("aerodynamic model", f"one of {', '.join(_KEYS)}", name)
     if name == LiftingLine.name:
@@ -42,8 +45,6 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if set(values) != _KEYS[name]:
         raise ParameterError(f"model {name}", f"the keys {sorted(_KEYS[name])}", sorted(values))
     air = air_from_description(values["air"])
-    if name == Published.name:
-        return Published(robot, air, errors=values["errors"])
     if name == DeLaurier.name:
         return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
     if name == LiftingLine.name:

@@ -19,22 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.horseshoes import (
-    Chain,
-    Lattice,
-    lattice,
-    strip_chains,
-)
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial
-from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
-from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
-from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
-from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
-from patagium.aerodynamics.wash import (
+from patagium.aerodynamics.induced_velocity import (
     Lags,
     Relaxation,
     Wash,
@@ -43,6 +29,20 @@ from patagium.aerodynamics.wash import (
     lag_relaxation,
     normalwash,
     solve_wash,
+)
+from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
+from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
+from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
+from patagium.aerodynamics.trailing_vortices import (
+    Chain,
+    Lattice,
+    lattice,
+    strip_chains,
 )
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot

@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi as ca
 
+from patagium.aerodynamics.induced_velocity import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion
-from patagium.aerodynamics.wash import Relaxation
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.robot.model import Robot

@@ -30,8 +30,8 @@ def check(
     """
     from patagium.cli.words import answer
     from patagium.errors import ParameterError
-    from patagium.identification.logs.record import is_log
     from patagium.robot import preset_names
+    from patagium.sensing.logs.record import is_log
 
     ending = file.suffix.lower()
     if ending in (".csv", ".parquet", ".gz"):
@@ -65,7 +65,7 @@ def _flight_facts(file: Path) -> dict[str, Any]:
 
 
 def _log_facts(file: Path) -> dict[str, Any]:
-    from patagium.identification.logs.record import LogRecord
+    from patagium.sensing.logs.record import LogRecord
 
     with LogRecord(file) as record:
         time = record.time()
@@ -82,7 +82,7 @@ def _log_facts(file: Path) -> dict[str, Any]:
 def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
     from patagium.cli.words import existing
     from patagium.errors import ParameterError
-    from patagium.identification import read_table
+    from patagium.sensing import read_table
 
     if mapping is None:
         raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)

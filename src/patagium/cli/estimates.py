@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from patagium.aerodynamics import Aerodynamics
-    from patagium.identification import Identification
-    from patagium.identification.networks.network import Network
+    from patagium.learning import Identification
+    from patagium.learning.models.network import Network
 
 
 class GreyModel(StrEnum):
@@ -78,7 +78,7 @@ def deviations(words: Sequence[str]) -> dict[str, float]:
         ParameterError: If a word is not NAME=DEVIATION, or a name comes twice.
     """
     from patagium.errors import ParameterError
-    from patagium.identification.networks.physical import written_unit
+    from patagium.learning.models.physical import written_unit
 
     found: dict[str, float] = {}
     for word in (part.strip() for given in words for part in given.split(",")):
@@ -110,8 +110,8 @@ def grey_box(
         beside: Network that learns the rest, or None.
     """
     from patagium.aerodynamics import AddedMass
-    from patagium.identification import GreyBox
-    from patagium.identification.networks.physical import FACTOR
+    from patagium.learning import GreyBox
+    from patagium.learning.models.physical import FACTOR
     from patagium.simulation import added_mass_of
 
     estimate, model = deviations(words), _model(flight, aero)
@@ -133,9 +133,9 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     """
     from dataclasses import replace
 
-    from patagium.identification import refine
-    from patagium.identification.identify import samples
-    from patagium.identification.parameter_paths import parameter_scores, told
+    from patagium.learning import refine
+    from patagium.learning.identify import samples
+    from patagium.learning.parameter_paths import parameter_scores, told
 
     time, x, y, _ = samples(flight, result.learner.network)
     model = refine(result.learner, time, x, y, every=every)

@@ -31,9 +31,9 @@ def evaluate(
     from patagium.cli.identify import show_scores
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import existing
-    from patagium.identification import evaluate as evaluate_flight
-    from patagium.identification.logs.log import evaluate_table
-    from patagium.identification.model_file import load_model
+    from patagium.learning import evaluate as evaluate_flight
+    from patagium.learning.model_file import load_model
+    from patagium.learning.tables import evaluate_table
 
     learned = load_model(existing(model))
     flight, table = flight_or_table(file, mapping)

@@ -51,10 +51,10 @@ def figures(
     One style, colors told apart by every eye and alike in every figure, units on every axis.
     """
     from patagium.cli.words import answer, existing
-    from patagium.identification.model_file import load_model
+    from patagium.learning.model_file import load_model
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
-    from patagium.studies.flight_figures import flight_figures
+    from patagium.viewer.flight_figures import flight_figures
 
     learned = None if model is None else load_model(existing(model))
     drawn = flight_figures(load_flight(existing(flight)), look.value, learned)

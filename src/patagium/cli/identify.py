@@ -58,7 +58,8 @@ from patagium.cli.learner_options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from patagium.identification import Identification, Table
+    from patagium.learning import Identification
+    from patagium.sensing import Table
 
 EXAMPLES = (
     "patagium identify flight.nc --network strip --hidden 8,8 --prior-deviation 0.3 "
@@ -135,9 +136,9 @@ def identify(
     from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state, resumed
     from patagium.cli.words import progress_bar
     from patagium.errors import Outcome
-    from patagium.identification import identify as identify_flight
-    from patagium.identification.logs.log import identify_table
-    from patagium.identification.logs.long_log import identify_record
+    from patagium.learning import identify as identify_flight
+    from patagium.learning.long_log import identify_record
+    from patagium.learning.tables import identify_table
 
     watching = watched(
         outlier_deviation,
@@ -220,8 +221,8 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
         as_json: Whether a program reads them.
     """
     from patagium.cli.words import say_json, show_table
-    from patagium.identification.page import summary
-    from patagium.identification.parameter_paths import parameter_table
+    from patagium.learning.page import summary
+    from patagium.learning.parameter_paths import parameter_table
     from patagium.report import Table
 
     if as_json:
@@ -247,7 +248,7 @@ def flight_network(
 ) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
     from patagium.aerodynamics import Air
-    from patagium.identification import training_data
+    from patagium.sensing import training_data
     from patagium.simulation import aero_of, robot_of
 
     robot = robot_of(flight)
@@ -262,7 +263,7 @@ def flight_network(
 
 def _look(flight: Any) -> float:
     """One wingbeat, or the first 10 ms: the span that scales a dense network [s]."""
-    from patagium.identification.identify import flight_horizons
+    from patagium.learning.identify import flight_horizons
 
     span = max(flight_horizons(flight).values())
     typer.echo(f"Inputs and outputs are scaled by the first {span:.4g} s.", err=True)
@@ -274,7 +275,7 @@ def table_network(
 ) -> Any:
     """A network for a table; it is scaled by the ranges of its mapping."""
     from patagium.errors import ParameterError
-    from patagium.identification.logs.log import network_for
+    from patagium.learning.tables import network_for
 
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
@@ -288,7 +289,7 @@ def _keep(
     model: Path | None,
     predictions: Path | None,
 ) -> None:
-    from patagium.identification.model_file import Model, model_of, save_model
+    from patagium.learning.model_file import Model, model_of, save_model
 
     if model is not None:
         learned = result.learner

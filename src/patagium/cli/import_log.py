@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from patagium.identification.logs.importing.run import Imported
+    from patagium.sensing.logs.importing.run import Imported
 
 NAME = "import"
 EXAMPLES = (
@@ -42,7 +42,7 @@ def import_log(
     """
     from patagium.cli.inspect import show_findings
     from patagium.cli.words import existing, progress_bar, say_json
-    from patagium.identification.logs.importing.run import import_log as bring
+    from patagium.sensing.logs.importing.run import import_log as bring
 
     target = out if out is not None else Path(f"{files[0].name.partition('.')[0]}.nc")
     try:

@@ -10,8 +10,8 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from patagium.identification.logs.importing.findings import Finding
-    from patagium.identification.logs.importing.inspection import Inspection
+    from patagium.sensing.logs.importing.findings import Finding
+    from patagium.sensing.logs.importing.inspection import Inspection
 
 EXAMPLES = (
     "patagium inspect flight.ulg",
@@ -38,7 +38,7 @@ def inspect(
     """
     from patagium.cli.words import progress_bar, say_json
     from patagium.errors import LogError
-    from patagium.identification.logs.importing.inspection import inspect_log
+    from patagium.sensing.logs.importing.inspection import inspect_log
 
     with progress_bar(f"Reading {files[0].name}") as progress:
         found = inspect_log(files, progress=progress)

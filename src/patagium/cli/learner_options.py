@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from patagium.aerodynamics import Air
-    from patagium.identification.networks.network import Network
+    from patagium.learning.models.network import Network
     from patagium.robot import Robot
 
 
@@ -69,7 +69,7 @@ def structure(text: str) -> Any:
         return text
     if not text.isdecimal() or int(text) < 1:
         raise typer.BadParameter(f"expected full, layer, node or a rank such as 20, found {text!r}")
-    from patagium.identification import LowRank
+    from patagium.learning import LowRank
 
     return LowRank(int(text))
 
@@ -202,7 +202,7 @@ def watched(
         ParameterError: If a number is out of its range, or the test for changes is not whole.
     """
     from patagium.errors import ParameterError
-    from patagium.identification import ChangeDetection, NoiseEstimation, Screening
+    from patagium.learning import ChangeDetection, NoiseEstimation, Screening
 
     found: dict[str, Any] = {}
     screening = given(outlier_deviation=outlier_deviation, stuck_samples=stuck_samples)
@@ -235,7 +235,7 @@ def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], s
     """
     import numpy as np
 
-    from patagium import identification
+    from patagium import learning as identification
     from patagium.errors import ParameterError
 
     known = set() if np.isnan(network.own_prior).any() else {"prior_deviation"}
@@ -280,7 +280,7 @@ def completed(context: typer.Context, asked: Asked, settings: Path | None) -> As
     if settings is None:
         return asked
     from patagium.cli.words import existing
-    from patagium.identification import load_settings
+    from patagium.learning import load_settings
 
     found, said = load_settings(existing(settings)), said_by_hand(context)
     learner = asked.learner if "learner" in said else LearnerKind(found.learner.kind)
@@ -303,7 +303,7 @@ def settled(values: Mapping[str, Any], kind: LearnerKind) -> dict[str, Any]:
         values: Plain, by name.
         kind: How it learns.
     """
-    from patagium.identification.tuning.knobs import keywords
+    from patagium.learning.tuning.knobs import keywords
 
     known = _NEEDED[kind] | _TAKEN[kind]
     return {name: value for name, value in keywords(values).items() if name in known}
@@ -343,7 +343,7 @@ def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
 ) -> Network:
     """The network that knows the wings; the one of strips unless asked."""
-    from patagium import identification as found
+    from patagium import learning as found
 
     if kind is NetworkKind.HIDDEN_STRIP:
         return found.HiddenStripNetwork(robot, hidden, air=air, activation=activation)
@@ -369,7 +369,7 @@ def scaled_network(
         x: Inputs, (N, n_x).
         y: Outputs, (N, n_y).
     """
-    from patagium.identification import DenseNetwork
+    from patagium.learning import DenseNetwork
 
     (x_center, x_scale), (y_center, y_scale) = _spans(x), _spans(y)
     return DenseNetwork(

@@ -24,12 +24,12 @@ from patagium.cli.learner_options import (
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
-    from patagium.identification.live.loop import Rhythm, Sink, Status
-    from patagium.identification.live.packets import Intake
-    from patagium.identification.live.pipeline import Pipeline
+    from patagium.live.loop import Rhythm, Sink, Status
+    from patagium.live.packets import Intake
+    from patagium.live.pipeline import Pipeline
     from patagium.robot import Robot
-    from patagium.simulation.flying import Flying
     from patagium.simulation.gait_models import Gait
+    from patagium.simulation.simulator import Flying
     from patagium.viewer.live_frames import Subject
     from patagium.viewer.live_view import LiveView
 
@@ -130,7 +130,7 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
         status: How it goes.
         intake: What came in, and what did not.
     """
-    from patagium.identification.live.loop import Rhythm
+    from patagium.live.loop import Rhythm
     from patagium.viewer.live_frames import Feed
     from patagium.viewer.live_view import PERIOD
 
@@ -245,7 +245,7 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
 def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline | None, int]:
     """What learns along, and from one sample in how many at most."""
     from patagium.errors import ParameterError
-    from patagium.identification.live.pipeline import Pipeline
+    from patagium.live.pipeline import Pipeline
 
     if asked.settings is None:
         return None, 1

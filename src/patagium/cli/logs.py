@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from patagium.identification import Table
-    from patagium.identification.logs.record import LogRecord
+    from patagium.sensing import Table
+    from patagium.sensing.logs.record import LogRecord
 
 
 def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
@@ -23,7 +23,7 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
         ParameterError: If an imported log comes with a mapping: it carries its own.
     """
     from patagium.errors import ParameterError
-    from patagium.identification.logs.record import LogRecord, is_log
+    from patagium.sensing.logs.record import LogRecord, is_log
 
     if not is_log(file):
         return None
@@ -46,8 +46,8 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
         file: Any file.
         mapping: The mapping it came with.
     """
-    from patagium.identification.logs.long_log import LONG
-    from patagium.identification.logs.record import LogRecord, is_log
+    from patagium.learning.long_log import LONG
+    from patagium.sensing.logs.record import LogRecord, is_log
 
     if not is_log(file) or mapping is not None:
         return None
@@ -73,7 +73,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, Table | None
     from patagium.cli.inspect import show_findings
     from patagium.cli.words import existing
     from patagium.errors import ParameterError
-    from patagium.identification import read_table
+    from patagium.sensing import read_table
     from patagium.simulation import load_flight
 
     record = record_of(file, mapping)

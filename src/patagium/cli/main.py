@@ -10,13 +10,13 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Annotated, TextIO
 
 import typer
 
 from patagium import __version__
 from patagium.cli import (
-    bench,
     check,
     cycles,
     evaluate,
@@ -24,19 +24,15 @@ from patagium.cli import (
     identify,
     import_log,
     inspect,
-    latency,
-    reproduce,
-    rig,
     robots,
     send,
     simulate,
     stream,
-    stress,
     tune,
-    validate,
     view,
 )
 from patagium.errors import PatagiumError, RobotFileWarning
+from patagium.plugins import VERBS, plugins
 
 app = typer.Typer(
     name="patagium",
@@ -49,13 +45,21 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["--help", "-h"]},
 )
+
+
+def _add(verb: ModuleType) -> None:
+    name = verb.__name__.rpartition(".")[2]
+    word = getattr(verb, "NAME", name)  # `import` names no function
+    app.command(word, epilog="\n\n".join(("Examples:", *verb.EXAMPLES)))(getattr(verb, name))
+
+
 for _verb in (
-    reproduce, rig, simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
-    stream, send, bench, latency, validate, stress, robots, check,
+    simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
+    stream, send, robots, check,
 ):  # fmt: skip
-    _name = _verb.__name__.rpartition(".")[2]
-    _word = getattr(_verb, "NAME", _name)  # `import` names no function
-    app.command(_word, epilog="\n\n".join(("Examples:", *_verb.EXAMPLES)))(getattr(_verb, _name))
+    _add(_verb)
+for _point in plugins(VERBS).values():
+    _add(_point.load())
 
 
 def _say_version(wanted: bool) -> None:

@@ -36,7 +36,7 @@ def robots(
     from patagium.robot.drawing import describe_robot, draw_robot
 
     if gallery is not None:
-        from patagium.studies.gallery import draw_gallery
+        from patagium.viewer.gallery import draw_gallery
 
         if robot is not None:
             raise ParameterError("--gallery", "no robot beside it", robot)

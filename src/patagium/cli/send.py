@@ -23,8 +23,8 @@ def send(
 ) -> None:
     """Send the packets of a recorded flight, as its sensors would have, to `patagium stream`."""
     from patagium.cli.words import existing, progress_bar
-    from patagium.identification.live.sender import send_packets
-    from patagium.identification.live.sources import address_of
+    from patagium.live.sender import send_packets
+    from patagium.live.sources import address_of
     from patagium.simulation import load_flight
 
     with progress_bar(f"Sending {file.name}") as progress:

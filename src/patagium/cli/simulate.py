@@ -252,15 +252,26 @@ _TOLD = (
 
 
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
-    from patagium.aerodynamics import DeLaurier, LiftingLine, Published, QuasiSteady
+    from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
+    from patagium.plugins import AIR_MODELS, plugin
 
     models: dict[AirModel, Callable[[Robot, Air], Aerodynamics]] = {
         AirModel.QUASI_STEADY: QuasiSteady,
         AirModel.LIFTING_LINE: LiftingLine,
         AirModel.DELAURIER: DeLaurier,
-        AirModel.PUBLISHED: Published,
     }
+    if aero is AirModel.PUBLISHED:
+        made: Aerodynamics = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero")(machine, air)
+        return made
     return models[aero](machine, air)
+
+
+def _of_laboratory(found: Any, option: str) -> Any:
+    from patagium.errors import ParameterError
+
+    if found is None:
+        raise ParameterError(option, "the package patagium-lab for 'published'", "none installed")
+    return found
 
 
 def _gait(
@@ -344,7 +355,7 @@ def _fly(
 ) -> Any:
     from patagium import simulation
     from patagium.cli.words import progress_bar
-    from patagium.simulation.flying import Flying
+    from patagium.simulation.simulator import Flying
 
     if shown is not None:
 
@@ -368,11 +379,11 @@ def _published(
     time_step: float,
 ) -> Any:
     from patagium.errors import ParameterError
-    from patagium.simulation import simulate_published
+    from patagium.plugins import STEPPINGS, plugin
 
     if frequency is None or plunge is None:
         raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
-    return simulate_published(
+    return _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")(
         machine, model, frequency=frequency, amplitude=plunge, speed=speed,
         duration=duration, time_step=time_step,
     )  # fmt: skip

@@ -33,7 +33,7 @@ def resumed(learner: Any, state: Path | None) -> Any:
     """
     if state is None or not state.exists():
         return learner
-    from patagium.identification import load_learner
+    from patagium.learning import load_learner
 
     found = load_learner(state, like=learner)
     found.restart_clock()

@@ -53,10 +53,10 @@ from patagium.cli.learner_options import (
 from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
 
 if TYPE_CHECKING:
-    from patagium.identification.live.loop import Rhythm, Status
-    from patagium.identification.live.packets import Intake
-    from patagium.identification.live.pipeline import Pipeline
-    from patagium.identification.live.sources import PacketQueue, Source
+    from patagium.live.loop import Rhythm, Status
+    from patagium.live.packets import Intake
+    from patagium.live.pipeline import Pipeline
+    from patagium.live.sources import PacketQueue, Source
     from patagium.robot import Robot
 
 EXAMPLES = (
@@ -143,13 +143,13 @@ def stream(
     """
     from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
-    from patagium.identification.forces.air_force import packet_columns
-    from patagium.identification.live.loop import Status
-    from patagium.identification.live.packets import Intake
-    from patagium.identification.live.pipeline import Pipeline
-    from patagium.identification.live.sources import PacketQueue, source_of
-    from patagium.identification.live.tally import Tally
+    from patagium.live.loop import Status
+    from patagium.live.packets import Intake
+    from patagium.live.pipeline import Pipeline
+    from patagium.live.sources import PacketQueue, source_of
+    from patagium.live.tally import Tally
     from patagium.robot import load_robot
+    from patagium.sensing.force.air_force import packet_columns
 
     watching = watched(
         outlier_deviation,
@@ -209,8 +209,8 @@ def _learn(
 ) -> tuple[dict[str, Any], Exception | None]:
     """The stream itself: its summary, and what ended it before its time."""
     from patagium.errors import PatagiumError
-    from patagium.identification.live.loop import Rhythm, follow, summary
-    from patagium.identification.live.sources import start_reading
+    from patagium.live.loop import Rhythm, follow, summary
+    from patagium.live.sources import start_reading
 
     stop, problem = threading.Event(), None
     with (
@@ -236,8 +236,8 @@ def _learn(
 
 def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
     """The state kept from time to time; a disk that is full does not stop the stream."""
-    from patagium.identification.live.autosave import AutoSave
-    from patagium.identification.live.loop import Rhythm
+    from patagium.live.autosave import AutoSave
+    from patagium.live.loop import Rhythm
 
     if state is None:
         return ()
@@ -262,7 +262,7 @@ def _network(
 ) -> Any:
     from patagium.aerodynamics import Air
     from patagium.errors import ParameterError
-    from patagium.identification import training_data
+    from patagium.sensing import training_data
     from patagium.simulation import load_flight
 
     if kind is not NetworkKind.DENSE:
@@ -278,7 +278,7 @@ def _network(
 @contextmanager
 def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
     """A file of the stream, whole or not at all; None where none is asked for."""
-    from patagium.identification.live.record import StreamFile
+    from patagium.live.record import StreamFile
 
     if path is None:
         yield None
@@ -338,7 +338,7 @@ def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
 
 
 def _keep_model(path: Path | None, pipeline: Pipeline, source: str) -> None:
-    from patagium.identification.model_file import model_of, save_model
+    from patagium.learning.model_file import model_of, save_model
 
     if path is not None:
         save_model(path, model_of(pipeline.learner, inputs=pipeline.inputs, source=source))

@@ -13,7 +13,7 @@ from patagium.cli.learner_options import Activation, NetworkKind, structure
 from patagium.cli.words import WholeNumbers, whole_numbers
 
 if TYPE_CHECKING:
-    from patagium.identification import Tuned
+    from patagium.learning import Tuned
 
 EXAMPLES = (
     "patagium tune flight.nc --network strip --hidden 8,8 --every 100 --out settings.yaml",
@@ -84,8 +84,8 @@ def tune(
     from patagium.cli.identify import flight_network, table_network
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import progress_bar, say_json
-    from patagium.identification import tune as tune_learner
-    from patagium.identification.networks.structure import described_structure
+    from patagium.learning import tune as tune_learner
+    from patagium.learning.models.structure import described_structure
 
     layers = list(dict.fromkeys(tuple(one) for one in hidden or [WholeNumbers((8, 8))]))
     learned: Any
@@ -125,7 +125,7 @@ def tune(
 def _show(found: Tuned) -> None:
     """The best trials as a table, and the best of them in a sentence."""
     from patagium.cli.words import show_table
-    from patagium.identification.tuning.tune import SHOWN
+    from patagium.learning.tuning.tune import SHOWN
     from patagium.report import Table
 
     rows: list[list[Any]] = []

@@ -89,8 +89,8 @@ def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:
     from patagium.cli.words import existing
-    from patagium.identification.model_file import load_model
-    from patagium.identification.result import load_identification
+    from patagium.learning.model_file import load_model
+    from patagium.learning.result import load_identification
 
     if model is not None:
         return load_model(existing(model))

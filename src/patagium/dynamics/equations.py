@@ -13,10 +13,10 @@ import casadi as ca
 
 from patagium.dynamics.apparent_inertia import ApparentInertia, fluid_energy, fluid_momentum
 from patagium.dynamics.chain import cross, parent_coordinates, vector
-from patagium.dynamics.composite_body import central_inertia, mass_matrix
+from patagium.dynamics.crba import central_inertia, mass_matrix
 from patagium.dynamics.factorization import solve
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.dynamics.newton_euler import apparent_force, newton_euler
+from patagium.dynamics.rnea import apparent_force, newton_euler
 from patagium.robot.model import Robot
 
 __all__ = [

@@ -252,12 +252,15 @@ def header_digest() -> str:
     return short_hash(*[file.read_text() for file in sorted(KERNELS.glob("*.h"))])
 
 
-def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ctypes.CDLL | None:
+def load_kernel(
+    name: str, defines: Mapping[str, str | int] | None = None, folder: Path = KERNELS
+) -> ctypes.CDLL | None:
     """A hand-written kernel, compiled and cached; None without a compiler.
 
     Args:
-        name: `kernels/<name>.c`.
+        name: `<name>.c` in the folder.
         defines: Macros set for this build, such as sizes or the type of a number.
+        folder: Where the source is; headers of `kernels/` can be included from anywhere.
 
     Raises:
         CompilerError: If the compiler refuses it.
@@ -266,7 +269,7 @@ def load_kernel(name: str, defines: Mapping[str, str | int] | None = None) -> ct
     if path is None:
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
-    sources = {f"{name}.c": (KERNELS / f"{name}.c").read_text()}
+    sources = {f"{name}.c": (folder / f"{name}.c").read_text()}
     with alone(short_hash(name, *macros, machine_identity(path))):
-        folder = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
-    return ctypes.CDLL(str(folder / "library.so"))
+        built = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
+    return ctypes.CDLL(str(built / "library.so"))

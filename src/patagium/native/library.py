@@ -35,7 +35,10 @@ SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fira-region=one")
 """Partial redundancies, and code to be hoisted out of branches: there are none in straight lines,
 and GCC's search for either takes a time that grows with the square of the text (one pass does
 both: it takes both flags to be rid of it). Registers are handed out for the text as a whole."""
-_SOURCES = ("native", "robot", "dynamics", "aerodynamics", "simulation", "identification")
+_SOURCES = (
+    *("native", "robot", "dynamics", "aerodynamics"),
+    *("simulation", "sensing", "learning", "live"),
+)
 
 
 def load_functions(

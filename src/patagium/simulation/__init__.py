@@ -1,6 +1,6 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
-from patagium.simulation import gaits, mounts, paths, sensors
+from patagium.simulation import gaits, mounts, paths
 from patagium.simulation.arm_records import carrier_of
 from patagium.simulation.cycles import cycle_statistics
 from patagium.simulation.flight import (
@@ -13,12 +13,9 @@ from patagium.simulation.flight import (
     robot_of,
 )
 from patagium.simulation.flight_files import check_flight, load_flight, save_flight
-from patagium.simulation.published import simulate_published
-from patagium.simulation.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
 from patagium.simulation.simulate import simulate
 
 __all__ = [
-    "SensorLog",
     "QUANTITIES",
     "added_mass_of",
     "aero_of",
@@ -29,15 +26,10 @@ __all__ = [
     "gait_period",
     "gaits",
     "load_flight",
-    "load_sensor_log",
     "mounts",
     "paths",
     "quantities",
     "robot_of",
     "save_flight",
-    "save_sensor_log",
-    "sense",
-    "sensors",
     "simulate",
-    "simulate_published",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
-from patagium.simulation.march import Array, Equations, Run
+from patagium.simulation.runge_kutta import Array, Equations, Run
 from patagium.simulation.stiffness import TooLong
 
 SPEED_LIMIT = 340.0

@@ -25,8 +25,8 @@ from patagium.aerodynamics import (
 )
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
+from patagium.simulation.flight_equations import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
 from patagium.simulation.load_cells import LoadCell
-from patagium.simulation.stage import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
 
 Array: TypeAlias = NDArray[np.float64]
 

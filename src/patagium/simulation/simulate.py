@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.errors import Outcome, SimulationFailed
 from patagium.robot import Robot
-from patagium.simulation.flying import Flying
 from patagium.simulation.gaits import Gait
 from patagium.simulation.load_cells import LoadCell
-from patagium.simulation.march import Progress
 from patagium.simulation.mounts import Mount
+from patagium.simulation.runge_kutta import Progress
+from patagium.simulation.simulator import Flying
 
 
 def simulate(

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot import Robot
-from patagium.simulation.march import Array
+from patagium.simulation.runge_kutta import Array
 
 
 def whole_steps(duration: float, time_step: float) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.simulation.march import Array, Equations, march
+from patagium.simulation.runge_kutta import Array, Equations, march
 
 REACH = 200
 """Steps before the break that are looked at."""

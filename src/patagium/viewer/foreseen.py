@@ -16,14 +16,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ShapeError
-from patagium.identification.identify import Trained, samples
-from patagium.identification.model_file import Model
-from patagium.identification.networks.hidden import HiddenStripNetwork
-from patagium.identification.networks.hidden_strips import strip_forces
-from patagium.identification.networks.network import Network
-from patagium.identification.networks.recollection import Recollection
-from patagium.identification.networks.strip import StripNetwork
-from patagium.identification.result import Identification
+from patagium.learning.identify import Trained, samples
+from patagium.learning.model_file import Model
+from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.hidden_strips import strip_forces
+from patagium.learning.models.network import Network
+from patagium.learning.models.recollection import Recollection
+from patagium.learning.models.strip import StripNetwork
+from patagium.learning.result import Identification
 from patagium.robot import Robot
 
 Array = NDArray[np.float64]

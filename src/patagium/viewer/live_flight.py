@@ -18,12 +18,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.identification.live.pipeline import Pipeline, Records
-from patagium.identification.live.tally import Tally
+from patagium.live.pipeline import Pipeline, Records
+from patagium.live.tally import Tally
 from patagium.robot import Robot
-from patagium.simulation.flying import Flying
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.march import times_of
+from patagium.simulation.runge_kutta import times_of
+from patagium.simulation.simulator import Flying
 from patagium.simulation.steered_gait import largest_amplitude, steered
 from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
 from patagium.viewer.live_view import PERIOD, LiveView

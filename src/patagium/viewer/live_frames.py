@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
-from patagium.identification.forces.air_force import packet_parts
-from patagium.identification.learners.learner import Learner
-from patagium.identification.live.pipeline import Records
-from patagium.identification.networks.network import Network
+from patagium.learning.learners.learner import Learner
+from patagium.learning.models.network import Network
+from patagium.live.pipeline import Records
 from patagium.robot import Robot
+from patagium.sensing.force.air_force import packet_parts
 from patagium.viewer.live_mailbox import Mailbox
 
 Array = NDArray[np.float64]

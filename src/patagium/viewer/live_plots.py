@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.identification.scores import INTERVAL
+from patagium.learning.scores import INTERVAL
 from patagium.report.style import COLORS, TRUTH
 from patagium.viewer.live_frames import FORCES, Subject
 

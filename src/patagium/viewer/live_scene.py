@@ -13,7 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from patagium.dynamics.poses import Poses
-from patagium.identification.scores import INTERVAL
+from patagium.learning.scores import INTERVAL
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners

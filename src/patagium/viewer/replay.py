@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from patagium.dynamics.poses import poses_at
 from patagium.errors import ParameterError
-from patagium.identification.identify import flight_horizons
+from patagium.learning.identify import flight_horizons
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners

@@ -1,0 +1,229 @@
+"""The bench of an update with the covariance of all weights, and of low rank for many.
+
+One update beside Algorithm 1 and beside the arithmetic it cannot avoid: all of them take
+turns, some calls each, so that a busy machine slows all; medians of the processor's time.
+Neglected: how much is learned; cold caches, since a learner at flight rate does nothing else.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Mapping
+from itertools import cycle, pairwise
+from time import process_time_ns
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.filters.array import FilterSetting
+from patagium.learning.filters.low_rank import LowRankFilter, Precision
+from patagium.learning.filters.spread import spread_rule
+from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.models.structure import LowRank
+from patagium.native import load_kernel
+from patagium.robot.model import Robot
+from patagium_lab.bench.dynamics import random_states
+from patagium_lab.bench.result import Result, compared
+from patagium_lab.kernels import KERNELS
+from patagium_lab.rivals.algorithm_1 import Algorithm1
+
+Array = NDArray[np.float64]
+Call = Callable[[], object]
+
+PRIOR, NOISE = 0.3, 0.003
+_ROUNDS, _LINKS = 9, 40_000
+_HIDDEN, _TWIN_WEIGHTS = (232, 734, 2_325, 7_350, 23_255), 200_000
+_FLOOR_NOTE = (
+    "floor: multiplications with additions of S Z and of the change of S, {0}, and of the network "
+    "at the points, each done once at the peak rate of this core in this precision, measured in "
+    "the same run; recursion, moments, activations and memory for nothing"
+)
+_SHAPES = {"square": "n^2 n_y each", "triangular": "n (n + 1) / 2 n_y each"}
+
+
+def full_covariance_results(robot: Robot) -> Iterator[Result]:
+    """The paper's network on the whole state: both precisions beside Algorithm 1 and the floor.
+
+    Args:
+        robot: A floating machine with wings.
+
+    Yields:
+        Ratios to Algorithm 1 line by line in NumPy, to Algorithm 1 without what may be left
+        out of it, and to the arithmetic floors, on one BLAS thread.
+    """
+    n = robot.dof
+    network = DenseNetwork(2 * n, (20,), robot.dof_names)
+    plain = Algorithm1(network, PRIOR / np.sqrt(network.fan_in), np.full(n, NOISE**2))
+    learners = {
+        "float64": CubatureLearner(network, prior_deviation=PRIOR, measurement_deviation=NOISE),
+        "float32": CubatureLearner(
+            network, prior_deviation=PRIOR, measurement_deviation=NOISE, dtype="float32"
+        ),
+        "cholesky": CubatureLearner(
+            network, prior_deviation=PRIOR, measurement_deviation=NOISE, square_root="cholesky"
+        ),
+    }
+    updates = {"plain": plain.update} | {name: one.update for name, one in learners.items()}
+    calls = {name: (on_samples(robot, update), 3) for name, update in updates.items()}
+    calls["float64"], calls["float32"] = ((calls[name][0], 25) for name in ("float64", "float32"))
+    peaks = {name: (lambda name=name: peak_time(name), 3) for name in ("float64", "float32")}
+    for _ in range(3):
+        for call, _ in calls.values():
+            call()
+    difference = np.abs(learners["float64"].weights - plain.mean).max()
+    times, unit_times = in_turns(calls, peaks)
+    for dtype in ("float64", "float32"):
+        name = f"update of full covariance, {network.size} weights, {dtype}"
+        note = f"numbers agree to {difference:.0e}; Python calls, everything included"
+        yield compared(
+            name, times[dtype], "ns", "Algorithm 1, line by line in NumPy", times["plain"], note
+        )
+        yield compared(
+            name, times[dtype], "ns", "Algorithm 1 (cholesky of ours)", times["cholesky"], note
+        )
+        for shape, count in _SHAPES.items():
+            floor = multiply_adds(network, shape) * unit_times[dtype]
+            against, note = f"arithmetic floor, S {shape}", _FLOOR_NOTE.format(count)
+            yield compared(name, times[dtype], "ns", against, floor, note)
+
+
+def low_rank_results(robot: Robot) -> Iterator[Result]:
+    """Networks of 10^4 to 10^6 weights with a covariance of low rank, and how time grows.
+
+    Args:
+        robot: A floating machine with wings.
+
+    Yields:
+        Compiled beside NumPy up to 10^5 weights, float32 beside float64, and the slope of
+        the logarithm of time over that of the number of weights.
+    """
+    n, structure, found = robot.dof, LowRank(10), []
+    for hidden in _HIDDEN:
+        network = DenseNetwork(2 * n, (hidden,), robot.dof_names)
+        told = {"prior_deviation": PRIOR, "measurement_deviation": NOISE, "covariance": structure}
+        double, single = (
+            CubatureLearner(network, dtype=dtype, spread=3**0.5, **told)  # type: ignore[arg-type]
+            for dtype in ("float64", "float32")
+        )
+        calls = {"float64": (on_samples(robot, double.update), 4)}
+        calls["float32"] = (on_samples(robot, single.update), 4)
+        if network.size < _TWIN_WEIGHTS:
+            calls["twin"] = (on_samples(robot, _numpy_twin(network).update), 2)
+        times, _ = in_turns(calls, {}, 3)
+        name, note = f"update of low rank 10, {network.size} weights", "Python call, all included"
+        if "twin" in times:
+            yield compared(name, times["float64"], "ns", "NumPy", times["twin"], note)
+        yield compared(
+            name, times["float32"], "ns", "float64", times["float64"], note + "; float32"
+        )
+        found.append((network.size, times["float64"], times["float32"]))
+    sizes, *columns = np.log(np.array(found)).T
+    for dtype, column in zip(("float64", "float32"), columns, strict=True):
+        slope = float(np.polyfit(sizes, column, 1)[0])
+        name = f"growth of an update of low rank 10 with the weights, {dtype}"
+        yield Result(
+            name, slope, "1", note=f"d ln time / d ln n over {len(sizes)} sizes; 1: linear"
+        )
+
+
+def _numpy_twin(network: DenseNetwork) -> LowRankFilter:
+    setting = FilterSetting(
+        network,
+        spread_rule(network.size, 3**0.5),
+        np.full(network.outputs, NOISE**2),
+        np.zeros(network.size),
+        1.0,
+        "float64",
+        LowRank(10),
+    )
+    precision = Precision(network.fan_in / PRIOR**2, np.zeros((network.size, 10)))
+    return LowRankFilter(setting, network.initial(0), precision)
+
+
+def multiply_adds(network: DenseNetwork, shape: str) -> int:
+    """Multiplications with additions that an update of the square root S cannot avoid.
+
+    With n weights and n_y outputs, S Z and the change of S take 2 n^2 n_y, half of it where S
+    is triangular. At the two points of a column of a triangular S its own layer takes one for
+    each of the column's entries there, every later layer two a weight and point, to move it
+    and to apply it; for a square S no more is counted.
+
+    Args:
+        network: Whose weights are estimated.
+        shape: Of S, "square" or "triangular".
+    """
+    sizes = [(below + 1) * above for below, above in pairwise(network.perceptron.widths)]
+    points = sum(
+        size * (size + 1) // 2 + size * 4 * sum(sizes[layer + 1 :])
+        for layer, size in enumerate(sizes)
+    )
+    rows = 2 * network.size if shape == "square" else network.size + 1
+    return network.size * rows * network.outputs + points
+
+
+def peak_time(dtype: str, links: int = _LINKS) -> float:
+    """Time of one multiplication with addition at the peak rate of a core [ns].
+
+    Without a compiler that of a product of matrices in NumPy's BLAS.
+
+    Args:
+        dtype: "float64" or "float32".
+        links: Length of the chains timed.
+    """
+    single = dtype == "float32"
+    kernel = load_kernel(
+        "peak", {"REAL": "float" if single else "double", "SINGLE": int(single)}, KERNELS
+    )
+    if kernel is None:
+        matrix = np.ones((400, 400), dtype)
+        started = process_time_ns()
+        np.matmul(matrix, matrix)
+        return (process_time_ns() - started) / 400**3
+    kernel.peak_time.restype = ctypes.c_double
+    total = ctypes.c_double()
+    return float(kernel.peak_time(links, ctypes.c_double(0.999), ctypes.byref(total)))
+
+
+def on_samples(robot: Robot, update: Callable[[Array, Array], object], count: int = 64) -> Call:
+    """A call of an update that takes the next of some random samples each time.
+
+    Args:
+        robot: A machine, whose states are the inputs.
+        update: A learner's.
+        count: How many samples.
+    """
+    states = random_states(robot, count)
+    y = 0.01 * np.random.default_rng(1).normal(size=(count, robot.dof))
+    turn = cycle(zip(np.hstack([states.q, states.v]), y, strict=True))
+    return lambda: update(*next(turn))
+
+
+def in_turns(
+    calls: Mapping[str, tuple[Call, int]],
+    figures: Mapping[str, tuple[Callable[[], float], int]],
+    rounds: int = _ROUNDS,
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Median time of each call [ns] and median of each figure, all taking turns.
+
+    Args:
+        calls: Name to a call and how often it is called a turn; the first call of a turn
+            finds the caches as its predecessor left them and does not count.
+        figures: Name to what measures a figure itself, and how often a turn.
+        rounds: How often each has its turn.
+    """
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    found: dict[str, list[float]] = {name: [] for name in figures}
+    for _ in range(rounds):
+        for name, (call, count) in calls.items():
+            call()
+            for _ in range(count - 1):
+                started = process_time_ns()
+                call()
+                times[name].append(process_time_ns() - started)
+        for name, (figure, count) in figures.items():
+            found[name] += [figure() for _ in range(count)]
+    return (
+        {name: float(np.median(values)) for name, values in times.items()},
+        {name: float(np.median(values)) for name, values in found.items()},
+    )

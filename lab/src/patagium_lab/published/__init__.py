@@ -1,0 +1,1 @@
+"""The published experiment's air and stepping, with its errors, for comparison only."""

@@ -1,0 +1,151 @@
+"""The air of the published experiment, with its errors switchable one by one.
+
+For comparison only: as published the air pushes a robot that moves backward and
+drives the stroke it should damp. Neglected: as in the quasi-steady model, and
+signs are hard, so that forces jump.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polars import DickinsonPolar
+from patagium.aerodynamics.smooth import hard_sign
+from patagium.errors import ParameterError
+from patagium.robot.model import Robot
+
+PUBLISHED_ERRORS = ("sign", "backwards_drag", "factor", "polar", "midchord")
+PUBLISHED_FACTOR = 5.0
+_SOURCE = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+"""Part of the key of compiled functions: the cache knows patagium's own source only."""
+
+
+@dataclass(frozen=True)
+class Published(Aerodynamics):
+    """Blade elements as in the published experiment.
+
+    With v = (v_x, v_z) the velocity of mid-chord relative to the air, forward and
+    normal, b = atan2(v_z, |v_x|), L and D = 1/2 rho A |v|^2 times 5 C_L(b), 5 C_D(b):
+
+        F_x = -L sin b - D cos b,    F_z = L cos b - D sin b,
+
+    at a quarter chord ahead of mid-chord if v_x >= 0, else behind. The errors in it:
+
+    - "sign": incidence b where it must be -b;
+    - "backwards_drag": no sign of v_x on F_x, so drag pushes a wing that moves backward;
+    - "factor": 5 on both coefficients;
+    - "polar": a fit for 0 to 90 degrees taken at negative incidence as it stands, where
+      it must be C_L(|a|) sgn(a), C_D(|a|);
+    - "midchord": velocity of mid-chord where it must be that of the force point.
+
+    Without any of them the equations are those of `QuasiSteady`, signs not smoothed.
+
+    Args:
+        robot: The machine.
+        air: Density, wind and gusts.
+        errors: Names of the errors to keep; all by default.
+
+    Raises:
+        ParameterError: If an error is not one of `PUBLISHED_ERRORS`.
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    errors: Iterable[str] = PUBLISHED_ERRORS
+
+    name = "published"
+
+    def __post_init__(self) -> None:
+        errors = frozenset([self.errors] if isinstance(self.errors, str) else self.errors)
+        if not errors <= set(PUBLISHED_ERRORS):
+            raise ParameterError("errors", f"among {', '.join(PUBLISHED_ERRORS)}", set(errors))
+        object.__setattr__(self, "errors", errors)
+
+    @property
+    def state_size(self) -> int:
+        """No states of its own."""
+        return 0
+
+    @property
+    def structure(self) -> str:
+        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        return f"{self.name} errors={sorted(self.errors)} source={_SOURCE}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        return ("density", *(f"polar.{name}" for name in DickinsonPolar().parameter_names))
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the model's parameters, (n_c,)."""
+        return np.array([self.air.density, *DickinsonPolar().parameters])
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the robot needed to make the model again, as JSON-able values."""
+        return {"model": self.name, "air": self.air.describe(), "errors": sorted(self.errors)}
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        motions = strip_motions(robot, q, v, wind)
+        loads = [self._load(motion, parameters) for motion in motions]
+        return assemble(robot, q, loads, ca.SX(0, 1))
+
+    def _load(self, motion: StripMotion, parameters: ca.SX) -> StripLoad:
+        strip = motion.strip
+        direction = hard_sign(motion.forward)
+        ahead = (direction - 1.0) * (strip.chord / 4)
+        measured_ahead = -strip.chord / 4 if "midchord" in self.errors else ahead
+        v_x, v_z = motion.forward, motion.normal_ahead(measured_ahead)
+        flow_angle = ca.atan2(v_z, ca.fabs(v_x))
+        incidence = flow_angle if "sign" in self.errors else -flow_angle
+        lift, drag = self._coefficients(incidence, parameters[1:])
+        speed = ca.sqrt(v_x * v_x + v_z * v_z)
+        mass_flow = parameters[0] * strip.width * strip.chord * speed / 2
+        along_sign = 1.0 if "backwards_drag" in self.errors else direction
+        return StripLoad(
+            motion=motion,
+            forward=-along_sign * mass_flow * (lift * v_z + drag * ca.fabs(v_x)),
+            normal=mass_flow * (lift * ca.fabs(v_x) - drag * v_z),
+            ahead=ahead,
+            angle_of_attack=incidence,
+        )
+
+    def _coefficients(self, incidence: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        fit = DickinsonPolar()
+        factor = PUBLISHED_FACTOR if "factor" in self.errors else 1.0
+        if "polar" in self.errors:
+            lift, drag = fit.lift(incidence, parameters), fit.drag(incidence, parameters)
+        else:
+            size = ca.fabs(incidence)
+            lift = hard_sign(incidence) * fit.lift(size, parameters)
+            drag = fit.drag(size, parameters)
+        return factor * lift, factor * drag
+
+
+def published_air(robot: Robot, air: Air, errors: Iterable[str] = PUBLISHED_ERRORS) -> Published:
+    """Published air for a robot, as a plugin of `patagium.air_models`.
+
+    Args:
+        robot: The machine.
+        air: Density, wind and gusts.
+        errors: Names of the errors to keep.
+
+    Raises:
+        ParameterError: If an error is not one of `PUBLISHED_ERRORS`.
+    """
+    return Published(robot, air, errors=frozenset(errors))

@@ -1,0 +1,261 @@
+"""The figures of the reproduction: the paper's four, and what they leave out.
+
+Each is written as PNG and SVG and put on the page. Forces are shown over the last few
+wingbeats, the start is in the innovations. Neglected: the wing in three dimensions.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from patagium.report import Picture
+from patagium.report.figures import (
+    comparison,
+    innovation_and_covariance,
+    overhead_bars,
+    save_figure,
+    score_bars,
+)
+from patagium.report.style import color, dash, legend_above, panels, styled
+from patagium.report.views import flight_overview
+from patagium_lab.reproduction.learning import Run
+from patagium_lab.reproduction.subjects import LEARNERS, NETWORKS, STRIPS
+
+Array = NDArray[np.float64]
+
+BEATS = 3
+"""Wingbeats shown of the forces."""
+SILENT = 1e-9
+"""Share of the largest force below which a force is rounding, and drawn as zero."""
+BODY = ("x", "y", "z")
+ATTITUDE = ("roll", "pitch", "yaw")
+LEFT_WING = ("left_plunge", "left_mediolateral", "left_elbow", "left_feather")
+WORDS = {
+    "published": "Published flight",
+    "corrected": "Corrected flight",
+    "unsteady_free": "Air with memory, free flight",
+    "unsteady_fixed": "Air with memory, fixed mount",
+}
+PARTS = ("body", "attitude", "left_wing")
+
+
+class Gallery:
+    """Figures as files in a folder and as pictures for a page.
+
+    Args:
+        folder: Where the files go.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.pictures = folder, dict[str, Picture]()
+
+    def add(self, name: str, figure: Figure, caption: str) -> None:
+        """Write a figure as `name`.png and `name`.svg, and keep it for the page."""
+        for kind in ("png", "svg"):
+            save_figure(figure, self.folder / f"{name}.{kind}")
+            figure.set_layout_engine("none")  # laid out once: it takes half of the time
+        image = base64.b64encode((self.folder / f"{name}.png").read_bytes()).decode("ascii")
+        self.pictures[name] = Picture(f"data:image/png;base64,{image}", caption)
+
+    def vectors(self) -> dict[str, Picture]:
+        """The same pictures as vectors, which are smaller where lines are few."""
+        found = {}
+        for name, one in self.pictures.items():
+            image = base64.b64encode((self.folder / f"{name}.svg").read_bytes()).decode("ascii")
+            found[name] = Picture(f"data:image/svg+xml;base64,{image}", one.caption)
+        return found
+
+
+def force_figures(
+    gallery: Gallery,
+    flight: str,
+    runs: Mapping[str, xr.Dataset],
+    beat: float,
+    parts: Sequence[str] = PARTS,
+) -> None:
+    """Generalized forces of body and left wing, actual and estimated, one sample in 100.
+
+    Args:
+        gallery: Where they go.
+        flight: Key of the flight.
+        runs: Name of a network to its predictions, the first with its interval.
+        beat: One wingbeat [s].
+        parts: Which figures.
+    """
+    groups = {"body": BODY, "attitude": ATTITUDE, "left_wing": LEFT_WING}
+    titles = {
+        "body": "Generalized forces in x, y and z",
+        "attitude": "Generalized forces on roll, pitch and yaw",
+        "left_wing": "Generalized forces on the joints of the left wing",
+    }
+    for key in parts:
+        figure = _forces(runs, groups[key], beat)
+        caption = (
+            f"{WORDS[flight]}. {titles[key]}, actual and estimated before the sample was used, "
+            f"one sample in 100; the last {BEATS} wingbeats."
+        )
+        gallery.add(f"{flight}_forces_{key}", figure, caption)
+
+
+def _forces(runs: Mapping[str, xr.Dataset], names: Sequence[str], beat: float) -> Figure:
+    first = next(iter(runs.values()))
+    time = first["time"].to_numpy()
+    shown = time > time[-1] - BEATS * beat
+    actual = first["measurement"].sel(output=list(names)).to_numpy()
+    heard = np.abs(actual).max(axis=0) > SILENT * np.abs(first["measurement"]).max().item()
+    truth = np.where(heard, actual, 0.0)[shown]
+    chosen = {
+        name: np.where(heard, record["prediction"].sel(output=list(names)).to_numpy(), 0.0)[shown]
+        for name, record in runs.items()
+    }
+    units = ["N" if name in BODY else "N m" for name in names]
+    return comparison(time[shown], truth, chosen, names=list(names), units=units)
+
+
+def innovation_figure(gallery: Gallery, flight: str, record: xr.Dataset) -> None:
+    """What each update of the strip network learned, and its largest variance.
+
+    Args:
+        gallery: Where it goes.
+        flight: Key of the flight.
+        record: Predictions of its cubature run.
+    """
+    looked = np.isfinite(record["largest_variance"].to_numpy())
+    chosen = record.isel(update_time=looked).sel(output=["x", "z", "pitch", "left_plunge"])
+    figure = innovation_and_covariance(
+        chosen["update_time"].to_numpy(),
+        chosen["innovation"].to_numpy(),
+        chosen["largest_variance"].to_numpy(),
+        names=["x", "z", "pitch", "left plunge"],
+        units=["N", "N", "N m", "N m"],
+    )
+    caption = (
+        f"{WORDS[flight]}, strip network, one sample in 100: innovation of each update, and the "
+        "largest variance of a weight, which starts just below 1e-2 by choice of the prior."
+    )
+    gallery.add(f"{flight}_innovation", figure, caption)
+
+
+def overview_figure(gallery: Gallery, flight: str, record: xr.Dataset) -> None:
+    """The flight at a glance.
+
+    Args:
+        gallery: Where it goes.
+        flight: Key of the flight.
+        record: The flight.
+    """
+    caption = f"{WORDS[flight]}: path, attitude, joints, force and moment of the air, energies."
+    gallery.add(f"{flight}_flight", flight_overview(record), caption)
+
+
+def curve_figure(gallery: Gallery, flight: str, runs: Sequence[Run]) -> None:
+    """Learning curves: error against samples used.
+
+    Args:
+        gallery: Where it goes.
+        flight: Key of the flight.
+        runs: Runs of the flight, seeds and settings left out.
+    """
+    curves = {_curve_name(run): run.scores["curve"] for run in _curves(runs)}
+    caption = (
+        f"{WORDS[flight]}: normalized mean square error, mean over the forces, in windows of "
+        "time, against the samples used until the end of the window."
+    )
+    gallery.add(f"{flight}_learning", _learning(curves), caption)
+
+
+def _curves(runs: Sequence[Run]) -> Iterator[Run]:
+    best = STRIPS[runs[0].trial.flight][0]
+    wanted = (
+        (best, "cubature", 100),
+        ("strip_rotation", "cubature", 100),
+        ("dense", "cubature", 100),
+        ("dense", "cubature", 1),
+        ("dense_published", "extended", 100),
+        ("dense_published", "replay", 10),
+        ("", "features", 100),
+    )
+    for network, learner, every in wanted:
+        for run in runs:
+            trial = run.trial
+            if (trial.network, trial.learner, trial.every) == (network, learner, every):
+                yield run
+
+
+def _curve_name(run: Run) -> str:
+    trial = run.trial
+    rate = "every sample" if trial.every == 1 else f"one in {trial.every}"
+    network = NETWORKS.get(trial.network)
+    if network is None:
+        return f"{LEARNERS[trial.learner]}, {rate}"
+    return f"{network.split(',')[0]}, {trial.learner}, {rate}"
+
+
+@styled
+def _learning(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> Figure:
+    figure, axes = panels(1, 1, row_height=3.8)
+    panel = axes[0, 0]
+    for i, (name, curve) in enumerate(curves.items()):
+        used, error = np.array(curve["samples_used"]), np.array(curve["nmse"])
+        panel.plot(used, error, color=color(i), linestyle=dash(i), label=name)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_xlabel("samples used [1]")
+    panel.set_ylabel("normalized mean square error [1]")
+    legend_above(figure, panel)
+    return figure
+
+
+def unseen_figure(gallery: Gallery, flight: str, runs: Mapping[str, Run]) -> None:
+    """Error of frozen weights on each gait they never saw.
+
+    Args:
+        gallery: Where it goes.
+        flight: Key of the flight.
+        runs: Name of a method to its run.
+    """
+    gaits = list(next(iter(runs.values())).scores["unseen"])
+    scores = {
+        name: [run.scores["unseen"][gait]["worst"] for gait in gaits] for name, run in runs.items()
+    }
+    caption = f"{WORDS[flight]}: worst error on gaits that were not learned, weights frozen."
+    gallery.add(f"{flight}_unseen", score_bars(gaits, scores), caption)
+
+
+def overhead_figures(gallery: Gallery, overhead: Mapping[str, Any]) -> None:
+    """The paper's two figures of overhead.
+
+    Args:
+        gallery: Where they go.
+        overhead: Rows "dynamics" and "aerodynamics" of `studies.overhead`.
+    """
+    quantities = {"mass_matrix": "D", "bias": "C v + G", "both": "D and C v + G"}
+    times = {
+        title: {
+            f"{row['formulation']} ({row['run']})": 1e-9 * row[key]
+            for row in overhead["dynamics"]
+            if row[key] is not None and np.isfinite(row[key])
+        }
+        for key, title in quantities.items()
+    }
+    gallery.add(
+        "overhead_dynamics",
+        overhead_bars(times),
+        "Overhead of dynamics: symbolic against algorithmic differentiation, the same robot; "
+        "compiled with compiled and interpreted with interpreted.",
+    )
+    models = {row["model"]: {row["kind"]: 1e-9 * row["single"]} for row in overhead["aerodynamics"]}
+    gallery.add(
+        "overhead_aerodynamics",
+        overhead_bars(models),
+        "Overhead of aerodynamics: every model of the air and what learned it, force and rates of "
+        "its own states, one state a call.",
+    )

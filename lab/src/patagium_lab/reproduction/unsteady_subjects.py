@@ -1,0 +1,134 @@
+"""Who learns the air with memory: strips without memory and with it, a grey box, a dense network.
+
+Each candidate is one entry of `CANDIDATES`; its settings, chosen by small searches on these
+flights, are the same for both mounts and all rates of samples. Neglected: other learners than
+the cubature filter, and the extended one of hidden states and grey box (points cost eight
+times the time); the corrected flight compares those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import exp
+
+from patagium.aerodynamics import TWO_STATE, LiftingLine, Section
+from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.learners.extended import ExtendedLearner
+from patagium.learning.learners.learner import Learner
+from patagium.learning.models.flow import FlowNetwork
+from patagium.learning.models.grey_box import GreyBox
+from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.strip import StripNetwork
+from patagium.robot import Robot
+from patagium_lab.reproduction.subjects import SPREAD, WEIGHT_DEVIATION, lever_arms
+from patagium_lab.reproduction.unsteady_flights import CRUISE
+
+STRIP_DEVIATION = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
+"""What a strip's force may be wrong by and still fit [N]."""
+HIDDEN_PRIOR = 0.1
+"""Prior deviation of each weight of the network with hidden states, divided by sqrt(fan-in)."""
+GREY_START = {"lift_slope": 0.8, "profile_drag": 1.5, "rate": 1.5}
+"""What the grey box starts from, in true values; its prior deviations are half of that."""
+DENSE_PRIOR = 0.3
+"""Prior deviation of each weight of the dense network, divided by sqrt(fan-in)."""
+DENSE_MEMORY = 2.0 / CRUISE.frequency
+"""Time in which the dense network forgets to a share 1/e: two wingbeats [s]."""
+DENSE_LEAST_MEMORY = 100
+"""The same in samples, where they are rare: the memory is the longer of the two."""
+DENSE_NOISE = 0.01
+"""Measurement deviation of the dense network, in forces at cruise with unit coefficients."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Something that learns the force of the air.
+
+    Attributes:
+        key: Short name.
+        title: As tables name it.
+        make: The learner at its start: robot, time between two samples it uses [s], seed.
+        most: It learns from one sample in so many at most.
+    """
+
+    key: str
+    title: str
+    make: Callable[[Robot, float, int], Learner]
+    most: int = 1
+
+
+def _strip(robot: Robot, interval: float, seed: int) -> Learner:
+    network = StripNetwork(robot, (8, 8), activation="tanh", coefficient_scale=4.0)
+    return _filtered(network, STRIP_DEVIATION["strip"], seed)
+
+
+def _strip_rotation(robot: Robot, interval: float, seed: int) -> Learner:
+    network = StripNetwork(robot, (8, 8), activation="tanh", rotation=True, coefficient_scale=4.0)
+    return _filtered(network, STRIP_DEVIATION["strip_rotation"], seed)
+
+
+def _hidden(robot: Robot, interval: float, seed: int) -> Learner:
+    return ExtendedLearner(
+        HiddenStripNetwork(robot),
+        prior_deviation=HIDDEN_PRIOR,
+        measurement_deviation=STRIP_DEVIATION["hidden"] * lever_arms(robot),
+        seed=seed,
+    )
+
+
+def _grey(robot: Robot, interval: float, seed: int) -> Learner:
+    true = Section()
+    section = replace(
+        true,
+        lift_slope=GREY_START["lift_slope"] * true.lift_slope,
+        profile_drag=GREY_START["profile_drag"] * true.profile_drag,
+    )
+    rates = tuple(GREY_START["rate"] * rate for rate in TWO_STATE.rate)
+    model = LiftingLine(robot, lags=replace(TWO_STATE, rate=rates), section=section)
+    estimate = {
+        "section.lift_slope": 0.5 * section.lift_slope,
+        "section.profile_drag": 0.5 * section.profile_drag,
+        **{f"lags.rate[{k}]": 0.5 * rate for k, rate in enumerate(rates)},
+    }
+    return ExtendedLearner(
+        GreyBox(model, estimate, start="still"),
+        prior_deviation=1.0,
+        measurement_deviation=STRIP_DEVIATION["grey"] * lever_arms(robot),
+        seed=seed,
+    )
+
+
+def _dense(robot: Robot, interval: float, seed: int) -> Learner:
+    network = FlowNetwork(robot)
+    return CubatureLearner(
+        network,
+        spread=SPREAD,
+        prior_deviation=DENSE_PRIOR,
+        measurement_deviation=DENSE_NOISE * network.force_scale(CRUISE.speed),
+        forgetting_factor=exp(-min(interval / DENSE_MEMORY, 1.0 / DENSE_LEAST_MEMORY)),
+        seed=seed,
+    )
+
+
+def _filtered(network: StripNetwork, deviation: float, seed: int) -> Learner:
+    """A cubature filter that never forgets, for a network of strips."""
+    return CubatureLearner(
+        network,
+        spread=SPREAD,
+        prior_deviation=WEIGHT_DEVIATION * network.fan_in**0.5,
+        measurement_deviation=deviation * lever_arms(network.robot),
+        seed=seed,
+    )
+
+
+CANDIDATES = {
+    one.key: one
+    for one in (
+        Candidate("strip", "strip network, no memory", _strip),
+        Candidate("strip_rotation", "strip network, no memory, pitch rate too", _strip_rotation),
+        Candidate("hidden", "strip network with hidden states", _hidden),
+        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey),
+        Candidate("dense", "dense network of the flow", _dense),
+    )
+}
+"""By key, in the order of the tables; the first has no memory, "hidden" is the one of targets."""

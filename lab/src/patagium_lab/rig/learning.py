@@ -1,0 +1,183 @@
+"""The second half of the rig: from a log alone to a learned model of the air.
+
+Beside the file of the log it knows the robot (its description travels in the log), the density of
+the air and the speed of the fan, and the added mass that theory gives the wings. Neglected:
+errors of those.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass, Air
+from patagium.learning import ExtendedLearner, HiddenStripNetwork, NoiseEstimation, identify
+from patagium.robot import Robot
+from patagium.sensing import (
+    ForceSamples,
+    cell_wrench,
+    estimate_motion,
+    estimate_shifts,
+    inverse_dynamics_force,
+    load_cell_force,
+    momentum_force,
+    motor_forces,
+)
+from patagium.sensing.sensors import SensorLog, load_sensor_log
+from patagium_lab.reproduction.subjects import lever_arms
+from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
+
+Array = NDArray[np.float64]
+
+SOURCES = ("inverse dynamics", "momentum observer", "load cell")
+"""Ways to the force of the air; the first two ask motors and load cell, the last the cell alone."""
+OBSERVER_GAIN = 500.0
+"""Of the momentum observer [1/s]."""
+PRIOR, STRIP_DEVIATION, NOISE_MEMORY = 0.1, 5.5e-4, 50
+"""Prior deviation of a weight; of a strip's force to start from [N]; samples of its estimate."""
+
+
+@dataclass(frozen=True)
+class SourceRun:
+    """What was learned from one source of forces.
+
+    Attributes:
+        samples: The forces as they were measured.
+        prediction: Of each sample before it was learned, (N, n) [N, N m].
+        checked: Samples whose interval was looked at, (C,).
+        deviation: Predicted there, of the force and not of its measurement, (C, n).
+        model: File of the learner.
+        scores: Of the stream, against what was measured.
+        seconds: It took [s].
+    """
+
+    samples: ForceSamples
+    prediction: Array
+    checked: NDArray[np.int64]
+    deviation: Array
+    model: Path
+    scores: dict[str, float]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class LogRun:
+    """What a log gave.
+
+    Attributes:
+        shifts: How late the stamps of each instrument are, as found [s].
+        shift_deviations: As they were stated [s].
+        motion: As it was estimated, without its covariance, and u1 of the motors.
+        whole_air: Force of the air by the load cell, added mass included.
+        runs: By source.
+        seconds: That alignment and motion took [s].
+    """
+
+    shifts: dict[str, float]
+    shift_deviations: dict[str, float]
+    motion: xr.Dataset
+    whole_air: ForceSamples
+    runs: dict[str, SourceRun]
+    seconds: dict[str, float]
+
+
+def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogRun:
+    """Everything a laboratory would do with a log.
+
+    Args:
+        plan: For the wind and the settings of the learner.
+        path: File of the log.
+        models: Folder for the learned models.
+    """
+    log, air = load_sensor_log(path), plan.air()
+    begun = perf_counter()
+    shifts = estimate_shifts(log, reference=UNIT)
+    aligned = perf_counter()
+    motion = estimate_motion(log, shifts=shifts.seconds)
+    seconds = {"alignment": aligned - begun, "motion": perf_counter() - aligned}
+    mount = cell_wrench(log, motion, CELL)
+    forces = forces_of(log, motion, air)
+    runs = {
+        name: _learned(plan, samples, air, models / f"{path.stem}_{_word(name)}.learner")
+        for name, samples in forces.items()
+    }
+    torque = np.nan_to_num(motor_forces(log, motion, MOTORS).values)
+    return LogRun(
+        dict(shifts.seconds),
+        dict(shifts.deviation),
+        motion.drop_vars("covariance").assign(u1=(("time", "dof"), torque)),
+        load_cell_force(motion, mount),
+        runs,
+        seconds,
+    )
+
+
+def forces_of(
+    log: SensorLog, motion: xr.Dataset, air: Air, cell_late: float = 0.0
+) -> dict[str, ForceSamples]:
+    """Forces of the air, added mass taken off, by all sources.
+
+    Args:
+        log: The log.
+        motion: From `estimate_motion`.
+        air: Its density and wind.
+        cell_late: What the stamps of the load cell are late [s].
+    """
+    added = AddedMass(log.robot, air)
+    joints = motor_forces(log, motion, MOTORS)
+    mount = cell_wrench(log, motion, CELL, shift=cell_late)
+    return {
+        "inverse dynamics": inverse_dynamics_force(
+            motion, joints=joints, mount=mount, added_mass=added
+        ),
+        "momentum observer": momentum_force(
+            motion, gain=OBSERVER_GAIN, joints=joints, mount=mount, added_mass=added
+        ),
+        "load cell": load_cell_force(motion, mount, added_mass=added),
+    }
+
+
+def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
+    """Strips with hidden states, their noise estimated.
+
+    Args:
+        robot: The machine.
+        air: Its density and wind.
+    """
+    return ExtendedLearner(
+        HiddenStripNetwork(robot, air=air),
+        prior_deviation=PRIOR,
+        measurement_deviation=STRIP_DEVIATION * lever_arms(robot),
+        noise_estimation=NoiseEstimation(NOISE_MEMORY),
+    )
+
+
+def _learned(plan: RigPlan, samples: ForceSamples, air: Air, model: Path) -> SourceRun:
+    begun = perf_counter()
+    learner = new_learner(samples.robot, air)
+    result = identify(samples, learner, every=plan.every)
+    record = result.prediction
+    checked = np.searchsorted(record["time"].values, record["check_time"].values)
+    whole = record["predicted_deviation"].values ** 2
+    stated = np.nan_to_num(samples.deviation[checked]) ** 2
+    return SourceRun(
+        samples,
+        record["prediction"].values,
+        checked,
+        np.sqrt(np.maximum(whole - stated, 0.0)),
+        learner.save(model),
+        {name: float(result.scores[name]) for name in _KEPT},
+        perf_counter() - begun,
+    )
+
+
+def _word(name: str) -> str:
+    return name.replace(" ", "_")
+
+
+_KEPT = ("updates", "time_per_update", "nmse_second_half_worst", "coverage_second_half")

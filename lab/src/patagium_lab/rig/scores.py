@@ -1,0 +1,234 @@
+"""What the rig found, against the truth that the simulation knows.
+
+Errors are of the force that is learned, the air's without added mass, which is known; each
+coordinate's divided by the variance of the truth. Neglected: chance; one seed is flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.learning import load_learner
+from patagium.learning.scores import coverage, normalized_error, silent_outputs
+from patagium.sensing.sensors import Sensor
+from patagium.simulation import cycle_statistics
+from patagium_lab.rig.learning import LogRun, SourceRun
+from patagium_lab.rig.plan import UNIT, RigPlan
+
+Array = NDArray[np.float64]
+
+LEARNED_LIMIT, UNSEEN_LIMIT, COVERED = 0.02, 0.04, (0.90, 0.98)
+"""Targets: worst error of the second half, on what was never seen, share in the interval."""
+CLOCK_LIMIT = 1e-3
+"""Target: what a clock may be found wrong by [s]."""
+
+
+def true_force(flight: xr.Dataset, times: Array) -> Array:
+    """Force of the air without added mass at given times, (N, n) [N, N m]."""
+    return _at(flight, "aero_force", times)
+
+
+def compare(
+    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: LogRun
+) -> dict[str, Any]:
+    """Scores of all that one log gave.
+
+    Args:
+        plan: The plan.
+        flight: The truth of the flight of the log.
+        unseen: That of flights never seen.
+        run: What was found.
+    """
+    return {
+        "motion": motion_errors(flight, run.motion),
+        "seconds": run.seconds,
+        "sources": {
+            name: _source_scores(plan, flight, unseen, one) for name, one in run.runs.items()
+        },
+    }
+
+
+def measured_error(flight: xr.Dataset, samples: Any) -> float:
+    """Worst error of a measured force over the second half, of the coordinates measured."""
+    late = slice(len(samples.time) // 2, None)
+    truth = true_force(flight, samples.time)[late]
+    heard = ~silent_outputs(truth) & np.isfinite(samples.force[late]).all(axis=0)
+    return float(normalized_error(truth[:, heard], samples.force[late][:, heard]).max())
+
+
+def clock_rows(sensors: Sequence[Sensor], run: LogRun) -> list[dict[str, Any]]:
+    """How late each instrument is, against what was found.
+
+    Args:
+        sensors: The instruments with their secrets.
+        run: What was found.
+    """
+    late = {s.name: s.clock_offset + s.delay for s in sensors}
+    return [
+        {
+            "instrument": name,
+            "true": late[name],
+            "found": found,
+            "deviation": run.shift_deviations[name],
+            "error": found - late[name],
+        }
+        for name, found in run.shifts.items()
+        if name != UNIT
+    ]
+
+
+def motion_errors(flight: xr.Dataset, motion: xr.Dataset) -> dict[str, dict[str, float]]:
+    """Deviation of the errors of q, v and a by coordinate, a twentieth left out at either end.
+
+    Args:
+        flight: The truth.
+        motion: As it was estimated.
+    """
+    times, names = motion["time"].values, [str(name) for name in motion["dof"].values]
+    inner = slice(len(times) // 20, -len(times) // 20)
+    errors = {}
+    for part in "qva":
+        apart = (motion[part].values - _at(flight, part, times))[inner]
+        errors[part] = dict(zip(names, apart.std(axis=0).tolist(), strict=True))
+    return errors
+
+
+def cycles(plan: RigPlan, flight: xr.Dataset, run: LogRun) -> dict[str, xr.Dataset]:
+    """Cycle statistics of the truth and of what a laboratory has, over the same wingbeats.
+
+    Args:
+        plan: The plan.
+        flight: The truth.
+        run: What was measured: the load cell's force of the air, the motors' torques.
+    """
+    begin, end = run.motion["time"].values[[0, -1]]
+    span = flight.sel(time=slice(begin - 1e-9, end + 1e-9))
+    return {
+        "truth": cycle_statistics(span, period=plan.beat),
+        "measured": cycle_statistics(_as_flight(plan, run), period=plan.beat),
+    }
+
+
+def _as_flight(plan: RigPlan, run: LogRun) -> xr.Dataset:
+    """What was measured, as a flight whose air pushes on the body alone."""
+    robot, count = run.whole_air.robot, len(run.motion["time"])
+    base = next(body.floating_dofs for body in robot.bodies if body.floating_dofs is not None)
+    place = list(base[:3])
+    mass = sum(float(body.mass) for body in robot.bodies)
+    wind = np.broadcast_to(plan.air().wind, (count, 3))
+    return run.motion.assign(
+        strip_force=(("time", "strip", "axis"), run.whole_air.force[:, None, place]),
+        added_mass_force=(("time", "dof"), np.zeros((count, robot.dof))),
+        momentum=(("time", "axis"), mass * run.motion["v"].values[:, place]),
+        wind=(("time", "axis"), wind),
+    )
+
+
+def _source_scores(
+    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: SourceRun
+) -> dict[str, Any]:
+    count = len(run.samples.time)
+    late = slice(count // 2, None)
+    truth = true_force(flight, run.samples.time)
+    heard = ~silent_outputs(truth[late])
+    names = np.asarray(run.samples.robot.dof_names)[heard]
+    error = normalized_error(truth[late], run.prediction[late])[heard]
+    checked = run.checked >= count // 2
+    apart = truth[run.checked[checked]] - run.prediction[run.checked[checked]]
+    inside = coverage(apart, run.deviation[checked], heard)[heard]
+    return {
+        "measured_worst": measured_error(flight, run.samples),
+        "measured": list(run.samples.measured),
+        "worst": float(error.max()),
+        "worst_coordinate": str(names[int(error.argmax())]),
+        "mean": float(error.mean()),
+        "by_coordinate": dict(zip(names.tolist(), error.tolist(), strict=True)),
+        "coverage": float(inside.mean()),
+        "coverage_by_coordinate": dict(zip(names.tolist(), inside.tolist(), strict=True)),
+        "unseen": unseen_scores(plan, unseen, run),
+        "stream": run.scores,
+        "seconds": run.seconds,
+    }
+
+
+def unseen_scores(
+    plan: RigPlan, unseen: Mapping[str, xr.Dataset], run: SourceRun
+) -> dict[str, dict[str, float]]:
+    """Frozen weights on flights never seen, true states in, after the first wingbeat.
+
+    The wake of the first wingbeat began before the record, for the model; in truth there was none.
+
+    Args:
+        plan: The plan.
+        unseen: The flights.
+        run: What was learned.
+    """
+    learner, scores = load_learner(run.model), {}
+    for name, flight in unseen.items():
+        time = flight["time"].values
+        thin = slice(None, None, max(1, round(1.0 / (plan.rate * (time[1] - time[0])))))
+        state = np.hstack([flight["q"].values, flight["v"].values])[thin]
+        x, _ = learner.network.recall(learner.weights, time[thin], state)
+        guess = learner.network.evaluate(x, learner.weights)
+        truth = flight["aero_force"].values[thin]
+        later = time[thin] >= plan.beat
+        heard = ~silent_outputs(truth[later])
+        error = normalized_error(truth[later], guess[later])[heard]
+        whole = normalized_error(truth, guess)[heard]
+        scores[name] = {
+            "worst": float(error.max()),
+            "mean": float(error.mean()),
+            "worst_with_first_beat": float(whole.max()),
+        }
+    return scores
+
+
+def targets(metrics: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the rig set out to reach at the noise of the data sheets, and what it reached.
+
+    Args:
+        metrics: Of the rig.
+    """
+    by_noise = {row["noise"]: row for row in metrics["noise"]}
+    row = by_noise.get(1.0) or metrics["noise"][0]
+    at, rows = f"{row['noise']:g} x data sheet", []
+    for name, one in row["sources"].items():
+        rows.append(_below(f"{name}: worst force, second half, {at}", LEARNED_LIMIT, one["worst"]))
+    for name, one in row["sources"].items():
+        found = one["unseen"]["path and gait"]["worst"]
+        rows.append(_below(f"{name}: unseen path and gait, worst force, {at}", UNSEEN_LIMIT, found))
+    low, high = COVERED
+    for name, one in row["sources"].items():
+        share = one["coverage"]
+        rows.append(
+            {
+                "target": f"{name}: truth in the 95 % interval, second half, {at}",
+                "limit": f"{low:.2f} to {high:.2f}",
+                "found": share,
+                "met": bool(low <= share <= high),
+            }
+        )
+    for clock in row["clocks"]:
+        late = abs(clock["error"])
+        rows.append(_below(f"clock and delay of {clock['instrument']} [s]", CLOCK_LIMIT, late))
+    return rows
+
+
+def _below(target: str, limit: float, found: float) -> dict[str, Any]:
+    return {
+        "target": target,
+        "limit": f"at most {limit:g}",
+        "found": found,
+        "met": bool(found <= limit),
+    }
+
+
+def _at(flight: xr.Dataset, name: str, times: Array) -> Array:
+    """A quantity of each coordinate at given times, between samples by straight lines, (N, n)."""
+    stamps, values = flight["time"].values, flight[name].values
+    return np.column_stack([np.interp(times, stamps, column) for column in values.T])

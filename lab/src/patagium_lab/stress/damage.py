@@ -1,0 +1,239 @@
+"""A wing that loses a third of its area in mid-flight, and a learner that knew it whole.
+
+The robot beats its wings on a fixed mount in oblique wind, as a free one would roll over; then
+the left wing loses the rear third of its chord, and every strip gets another polar. The network
+is dense: a strip network gives both wings the same coefficients and the areas it was told, so
+that damage to one side is nothing it could ever represent. Neglected: the moment of breaking,
+the mass that is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import Air, DickinsonPolar, QuasiSteady
+from patagium.aerodynamics.polars import Polar
+from patagium.learning.filters.change import ChangeDetection
+from patagium.learning.filters.screening import NoiseEstimation, Screening
+from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.learners.gradient import GradientLearner
+from patagium.learning.learners.learner import Learner
+from patagium.robot import Robot, load_robot
+from patagium.sensing.force.training_data import training_data
+from patagium.simulation import mounts, simulate
+from patagium_lab.reproduction.flights import LEARNED
+from patagium_lab.reproduction.subjects import SPREAD, SUBJECTS, lever_arms
+from patagium_lab.stress.network import dense_network
+
+Array = NDArray[np.float64]
+
+TIME_STEP = 1e-4
+"""Every sample of it is learned [s]."""
+BEAT = 1680
+"""Samples in a wingbeat."""
+BEATS = (12, 12)
+"""Wingbeats before the damage, and after it."""
+WIND = (-4.5, 0.8, 0.3)
+"""Oblique, so that every coordinate feels the air before the damage too [m/s]."""
+LOST = 1 / 3
+"""Share of the left wing's chord."""
+OTHER_POLAR = DickinsonPolar(
+    lift_offset=0.15, lift_amplitude=1.2, drag_offset=2.2, drag_amplitude=1.5
+)
+"""After the damage, of every strip: a quarter less lift, more drag."""
+NOISE = 0.02
+"""Deviation of the measurement, as a share of each output's own."""
+AHEAD, APART = 100, 20
+"""Samples that frozen weights are asked for, and from one such window to the next."""
+FORMER = 3
+"""Wingbeats before the damage that the former error is the mean of."""
+HIDDEN = (20,)
+LONG, SHORT = 1e-6, 1e-5
+"""Shares of the prior: memories of 100 s and of 10 s."""
+
+
+class DamagedFlight(NamedTuple):
+    """What a robot did before and after the damage.
+
+    Attributes:
+        x: States, (N, 2n).
+        y: Force of the air, (N, n) [N, N m].
+        beats: Wingbeats before the damage.
+    """
+
+    x: Array
+    y: Array
+    beats: int
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """How a learner took it.
+
+    Attributes:
+        learner: Its name.
+        hold: NMSE by wingbeat, one sample ahead, mean over outputs.
+        ahead: The same over the 10 ms after each update, by weights frozen there.
+        beats: Wingbeats before the damage.
+        changes: Samples after the damage at which a change was detected; before it, negative.
+    """
+
+    learner: str
+    hold: Array
+    ahead: Array
+    beats: int
+    changes: tuple[int, ...]
+
+    def row(self) -> dict[str, Any]:
+        """Former errors, errors over them by wingbeat after the damage, as JSON-able values.
+
+        Returns:
+            hold_former, ahead_former; hold_ratios, ahead_ratios; hold_beats, ahead_beats
+            (wingbeats until the error stays within twice the former one; None: never);
+            detected (samples after the damage; None: not within a wingbeat), alarms_before.
+        """
+        late = [change for change in self.changes if 0 < change <= BEAT]
+        row: dict[str, Any] = {"learner": self.learner}
+        for name, error in (("hold", self.hold), ("ahead", self.ahead)):
+            former = float(error[self.beats - FORMER : self.beats].mean())
+            ratios = error[self.beats :] / former
+            over = np.flatnonzero(ratios > 2)
+            beats = int(over[-1]) + 2 if len(over) else 1
+            row[f"{name}_former"] = former
+            row[f"{name}_ratios"] = ratios.tolist()
+            row[f"{name}_beats"] = beats if beats <= len(ratios) else None
+        row["detected"] = late[0] if late else None
+        row["alarms_before"] = sum(change <= 0 for change in self.changes)
+        return row
+
+
+def damaged_flight(beats: Sequence[int] = BEATS) -> DamagedFlight:
+    """The robot whole and damaged, one after the other without a step in its motion.
+
+    Args:
+        beats: Wingbeats before and after.
+    """
+    robot = load_robot("aerobat")
+    whole = _flown(robot, DickinsonPolar(), beats[0])
+    broken = _flown(damaged(robot), OTHER_POLAR, beats[1])
+    x, y = (np.vstack([a[:-1], b]) for a, b in zip(whole, broken, strict=True))
+    return DamagedFlight(x, y, beats[0])
+
+
+def damaged(robot: Robot) -> Robot:
+    """The robot without the rear third of its left wing.
+
+    Args:
+        robot: The whole one.
+    """
+    values = dict(zip(robot.parameter_names, robot.parameters, strict=True))
+    changed: dict[str, float] = {}
+    for strip in robot.strips:
+        if not strip.mirrored:
+            chord, point = f"{strip.name}.chord", f"{strip.name}.quarter_chord.x"
+            changed[chord] = (1 - LOST) * values[chord]
+            changed[point] = values[point] + LOST * values[chord] / 4
+    return robot.with_parameters(changed)
+
+
+def learner_names() -> list[str]:
+    """Names of the learners that are compared."""
+    return list(learners())
+
+
+def damage_row(name: str) -> dict[str, Any]:
+    """What the damage did to one of the learners; see `Recovery.row`.
+
+    Args:
+        name: One of `learner_names`.
+    """
+    return recovery(name, damaged_flight(), learners()[name]()).row()
+
+
+def recovery(name: str, flight: DamagedFlight, learner: Learner) -> Recovery:
+    """A learner through the damage.
+
+    Args:
+        name: What it is called.
+        flight: What it learns; noise is added to its forces.
+        learner: It is changed.
+    """
+    noise = NOISE * flight.y.std(axis=0)
+    measured = flight.y + noise * np.random.default_rng(0).normal(size=flight.y.shape)
+    hold, ahead = np.full_like(flight.y, np.nan), np.full(flight.y.shape, np.nan)
+    for k, (x, y) in enumerate(zip(flight.x, measured, strict=True)):
+        hold[k] = y - learner.update(x, y, TIME_STEP * k) - flight.y[k]
+        end = k + 1 + AHEAD
+        if k % APART == 0 and end <= len(measured) and not k < flight.beats * BEAT < end:
+            guess = learner.network.evaluate(flight.x[k + 1 : end], learner.weights)
+            ahead[k] = np.sqrt(np.mean((guess - flight.y[k + 1 : end]) ** 2, axis=0))
+    damage = flight.beats * BEAT
+    found = learner.changes if isinstance(learner, FilterLearner) else ()
+    changes = tuple(change - damage for change in found)
+    size = flight.y.std(axis=0)
+    return Recovery(name, _by_beat(hold / size), _by_beat(ahead / size), flight.beats, changes)
+
+
+def learners() -> dict[str, Callable[[], Learner]]:
+    """What is compared: the same learner with and without detection, and its rivals."""
+    detection = ChangeDetection(1e-9, window=50, reference=BEAT, reopening=0.3)
+    return {
+        "node, memory 100 s, detects changes": lambda: filter_learner(LONG, detection),
+        "the same, detects nothing": lambda: filter_learner(LONG, None),
+        "node, memory 10 s, detects changes": lambda: filter_learner(SHORT, detection),
+        "the same with memory 10 s, detects nothing": lambda: filter_learner(SHORT, None),
+        "gradient descent": lambda: GradientLearner(dense_network(HIDDEN), learning_rate=0.003),
+        "gradient descent, replay of 8": lambda: GradientLearner(
+            dense_network(HIDDEN), learning_rate=0.03, replay=8
+        ),
+    }
+
+
+def filter_learner(
+    prior_share: float, detection: ChangeDetection | None, hidden: Sequence[int] = HIDDEN
+) -> CubatureLearner:
+    """One block a neuron, every sample, noise found online.
+
+    Args:
+        prior_share: Its memory.
+        detection: When it opens anew.
+        hidden: Neurons of its network's hidden layers.
+    """
+    subject = SUBJECTS["corrected"]
+    return CubatureLearner(
+        dense_network(hidden),
+        prior_deviation=0.5,
+        measurement_deviation=0.05 * subject.strip_force * lever_arms(load_robot("aerobat")),
+        spread=SPREAD,
+        covariance="node",
+        prior_share=prior_share,
+        screening=Screening(),
+        noise_estimation=NoiseEstimation(600),
+        change_detection=detection,
+    )
+
+
+def _flown(robot: Robot, polar: Polar, beats: int) -> tuple[Array, Array]:
+    wingbeat = replace(LEARNED, frequency=1 / (BEAT * TIME_STEP))
+    flight = simulate(
+        robot,
+        QuasiSteady(robot, air=Air(wind=WIND), polar=polar),
+        wingbeat.gait(robot),
+        duration=beats * BEAT * TIME_STEP,
+        time_step=TIME_STEP,
+        q=robot.coordinates(pitch=0.2),
+        mount=mounts.fixed(),
+    )
+    return training_data(flight)[1:]
+
+
+def _by_beat(error: Array) -> Array:
+    whole = len(error) // BEAT
+    beats = np.square(error[: whole * BEAT]).reshape(whole, BEAT, -1)
+    return np.asarray(np.nanmean(beats, axis=1).mean(axis=1))

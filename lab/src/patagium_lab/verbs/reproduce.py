@@ -1,0 +1,39 @@
+"""`patagium reproduce`: the paper's experiment, corrected and as published."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium reproduce --out out/demo",
+    "patagium reproduce --out out/quick --quick",
+    "patagium reproduce --out out/demo --page docs/results.md",
+)
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder of the report, its numbers and flights.")],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Short flights: the same pages, rougher numbers.")
+    ] = False,
+    crazyflie: Annotated[
+        Path | None, typer.Option(help="A quadrotor's log, log16.csv.gz, for a section on it.")
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
+    ] = None,
+) -> None:
+    """Run the paper's whole experiment and write one HTML report.
+
+    Writes report.html, metrics.json, the flights (*.nc) and figures/.
+    """
+    from patagium.cli.words import existing, stage_bar
+    from patagium_lab.reproduction.experiment import reproduce as run
+
+    with stage_bar("Reproducing the paper") as progress:
+        log = None if crazyflie is None else existing(crazyflie)
+        report = run(out, progress=progress, quick=quick, crazyflie=log, page=page)
+    typer.echo(f"The report is in {report}")

@@ -1,0 +1,79 @@
+"""`patagium rig`: arm, robot and sensors; then logs alone, and a learned model of the air."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from patagium.cli.words import quantity
+
+EXAMPLES = (
+    "patagium rig --out out/rig",
+    "patagium rig --out out/rig --page docs/rig.md",
+    'patagium rig --out out/slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
+)
+
+
+def rig(
+    out: Annotated[Path, typer.Option(help="Folder of the report, its logs, models and truth.")],
+    robot: Annotated[
+        str, typer.Option(help="Preset or file, with plunge and elbow on either side.")
+    ] = "aerobat",
+    noise: Annotated[
+        str, typer.Option(help="Errors of all instruments over their data sheets': 0,1,2,4.")
+    ] = "0,1,2,4",
+    frequency: Annotated[
+        float, typer.Option(parser=quantity("Hz", "a frequency"), help="Of the wingbeat, in Hz.")
+    ] = 5.0,
+    speed: Annotated[
+        float,
+        typer.Option(parser=quantity("m/s", "a speed"), help="Of the arm, the greatest, in m/s."),
+    ] = 2.0,
+    wind: Annotated[
+        float, typer.Option(parser=quantity("m/s", "a speed"), help="Against the nose, in m/s.")
+    ] = 3.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the instruments' errors.")] = 0,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One eight, and no look at what limits the forces.")
+    ] = False,
+    page: Annotated[
+        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
+    ] = None,
+) -> None:
+    """Run the rig: fly on an arm, sense, learn the air from logs alone, compare with the truth.
+
+    Writes report.html, metrics.json, logs/, models/, truth/ and figures/.
+    """
+    from patagium.cli.words import stage_bar
+    from patagium_lab.rig.experiment import run_rig
+    from patagium_lab.rig.plan import RigPlan
+
+    plan = RigPlan(
+        robot=robot,
+        frequency=frequency,
+        speed=speed,
+        wind=wind,
+        noise=_factors(noise),
+        seed=seed,
+        eights=1.0 if quick else 2.0,
+        limits=not quick,
+    )
+    with stage_bar("Rig") as progress:
+        report = run_rig(out, plan, progress=progress, page=page)
+    typer.echo(f"The report is in {report}")
+
+
+def _factors(text: str) -> tuple[float, ...]:
+    """Numbers such as "0,1,2,4".
+
+    Raises:
+        ParameterError: If one is none.
+    """
+    from patagium.errors import ParameterError
+
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise ParameterError("--noise", "numbers such as 0,1,2,4", text) from None

@@ -1,1 +1,0 @@
-"""A learner beside a robot in flight."""

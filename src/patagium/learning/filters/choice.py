@@ -1,0 +1,73 @@
+"""Which filter of weights a structure of the covariance takes, compiled where it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.filters.array import FilterSetting, WeightFilter
+from patagium.learning.filters.block import BlockFilter, scattered, setting_blocks
+from patagium.learning.filters.extended_kernel import restore_extended
+from patagium.learning.filters.kernel import restore
+from patagium.learning.filters.low_rank import Precision
+from patagium.learning.filters.low_rank_kernel import restore_low_rank
+from patagium.learning.filters.node import NodeFilter, load_node
+from patagium.learning.models.perceptron import PerceptronNetwork
+from patagium.learning.models.structure import LowRank
+
+Array = NDArray[np.float64]
+
+
+def cubature_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+    """A cubature filter whose weights start independent.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        deviation: Their standard deviations, (n,).
+    """
+    if isinstance(setting.structure, LowRank):
+        return restore_low_rank(setting, mean, independent(setting, deviation))
+    if setting.structure == "node":
+        roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+        return restore_nodes(setting, mean, roots)
+    return restore(setting, mean, np.diag(deviation))
+
+
+def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+    """The same with the network linear around its weights.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        deviation: Their standard deviations, (n,).
+    """
+    if isinstance(setting.structure, LowRank):
+        return restore_low_rank(setting, mean, independent(setting, deviation), linear=True)
+    return restore_extended(setting, mean, np.diag(deviation))
+
+
+def independent(setting: FilterSetting, deviation: Array) -> Precision:
+    """The inverse of a diagonal covariance, with columns of zeros."""
+    rank = (
+        min(setting.structure.rank, len(deviation)) if isinstance(setting.structure, LowRank) else 0
+    )
+    return Precision(1.0 / deviation**2, np.zeros((len(deviation), rank)))
+
+
+def restore_nodes(
+    setting: FilterSetting, mean: Array, roots: Sequence[Array]
+) -> NodeFilter | BlockFilter:
+    """A filter of one block a neuron in the state given, compiled where that can be.
+
+    Args:
+        setting: What it is made of.
+        mean: Weights, (n,).
+        roots: The lower triangular square root of each neuron's covariance, (k, k).
+    """
+    library = load_node(setting.dtype)
+    if library is None or not isinstance(setting.network, PerceptronNetwork):
+        return BlockFilter(setting, mean, scattered(roots, setting_blocks(setting)))
+    return NodeFilter(setting, mean, roots, library)

@@ -1,0 +1,129 @@
+"""Memory shared with compiled filters by address: arrays on cache lines, the encoder's call.
+
+Neglected: who frees what; arrays live as long as the filter that holds them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.filters.screening import Screen
+from patagium.learning.models.perceptron import PerceptronNetwork
+
+Array = NDArray[np.float64]
+
+ACTIVATION_CODES = {"softplus": 0, "tanh": 1}
+"""Names of activations to the integers of the kernels."""
+
+
+def kernel_function(library: ctypes.CDLL, name: str) -> Any:
+    """A function of a kernel that takes the address of its memory and gives an outcome."""
+    function = getattr(library, name)
+    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
+    return function
+
+
+class Compiled(NamedTuple):
+    """A filter as C code meets it: one sample is x, y and a stamp in, one call, moments out.
+
+    Attributes:
+        update: Address of `int f(void *memory)`: learns the sample; the integer is an Outcome.
+        predict: Address of the same that only predicts it.
+        memory: What both take.
+        x: Input, (n_x,), read by them.
+        y: Measurement, (n_y,), read by update; NaN where a channel is missing.
+        stamp: Time of the sample, (1,) [s], read by update; NaN: not known.
+        mean: Predicted, (n_y,), written by both.
+        covariance: Predicted with the noise, (n_y, n_y), written by both.
+        alarm: Written by update: not zero when a change was detected, (1,) of int64.
+        left_out: Written by update: channels that were not learned from, (n_y,) of int64.
+        nis: Address of the normalized innovation squared, written by update.
+        weights: W, (n,), moved by update.
+    """
+
+    update: int
+    predict: int
+    memory: int
+    x: Array
+    y: Array
+    stamp: Array
+    mean: Array
+    covariance: Array
+    alarm: NDArray[np.int64]
+    left_out: NDArray[np.int64]
+    nis: int
+    weights: Array
+
+
+def compiled_filter(
+    calls: tuple[Any, Any], struct: Any, x: Array, arrays: Mapping[str, Array], screen: Screen
+) -> Compiled:
+    """A filter as C code meets it.
+
+    Args:
+        calls: The kernel's functions that update and that predict.
+        struct: The kernel's memory.
+        x: What its encoder reads, (n_x,).
+        arrays: The filter's.
+        screen: What its samples go through.
+    """
+    update, predict = (int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls)
+    address = ctypes.addressof(struct)
+    return Compiled(
+        update,
+        predict,
+        address,
+        x,
+        arrays["measured"],
+        screen.numbers[:1],
+        arrays["predicted"],
+        arrays["covariance"],
+        screen.whole[3:4],
+        screen.marks["left_out"],
+        address + type(struct).nis.offset,
+        arrays["mean"],
+    )
+
+
+def install_encoder(
+    network: PerceptronNetwork, struct: Any, arrays: Mapping[str, Array]
+) -> tuple[Array | None, tuple[Any, ...]]:
+    """Let a kernel call a compiled encoder itself.
+
+    Args:
+        network: Whose encoder.
+        struct: The kernel's memory, with the fields encode, encode_arguments, encode_results.
+        arrays: Where features and readout are written.
+
+    Returns:
+        The x it reads, (n_x,), None without a compiled encoder; what must stay alive.
+    """
+    compiled = network.compiled_encoder()
+    if compiled is None:
+        return None, ()
+    address, constants = compiled
+    x = np.zeros(network.inputs)
+    arguments = (ctypes.c_void_p * 2)(x.ctypes.data, constants.ctypes.data)
+    results = (ctypes.c_void_p * 2)(struct.features, struct.readout)
+    struct.encode = address
+    struct.encode_arguments = ctypes.addressof(arguments)
+    struct.encode_results = ctypes.addressof(results)
+    return x, (arguments, results, constants, arrays)
+
+
+def aligned(shape: tuple[int, ...], dtype: Any) -> Any:
+    """A zeroed array that begins on a cache line."""
+    size = int(np.prod(shape)) * dtype.itemsize
+    raw = np.zeros(size + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size].view(dtype).reshape(shape)
+
+
+def rounded_up(count: int, multiple: int) -> int:
+    """The next multiple of a number."""
+    return -(-count // multiple) * multiple

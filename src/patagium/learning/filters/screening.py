@@ -1,0 +1,367 @@
+"""A sample on its way into a filter of weights: what of it is believed, and how much.
+
+A channel that is no number is left out: the others are learned from as if it were not there.
+With `Screening`, so is one that moved before and now repeats one value; and an innovation beyond
+a limit has its noise raised until it lies at the limit. With `NoiseEstimation` the
+variances of the measurement follow the innovations. Samples that are late are refused. Whatever
+happens is counted. The readable twin of `kernels/screening.h`; both work on the same arrays.
+Neglected: channels that fail together in a way that each of them looks right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf, isfinite, isnan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import Outcome, ParameterError
+from patagium.learning.filters.change import ChangeDetection, ChangeMonitor
+from patagium.learning.filters.spread import Moments
+
+Array = NDArray[np.float64]
+
+EVENTS = (
+    *("missing", "outliers", "stuck", "bad_inputs", "late", "duplicates", "clock_resets"),
+    *("blind", "refused", "changes"),
+)
+"""What is counted: channels of samples for the first three, samples for the others."""
+
+REFUSALS = {
+    Outcome.BAD_INPUT: "bad_inputs",
+    Outcome.LATE: "late",
+    Outcome.DUPLICATE: "duplicates",
+    Outcome.BLIND: "blind",
+}
+"""Outcomes of samples that are not learned from, and no failure of the filter."""
+
+_CLOCK_RUN, _FAR, _FIRST_MEMORY = 10, 1e6, 9  # as in screening.h
+_STAMP, _LAST_STAMP, _LATE_STAMP = 0, 1, 2  # of `numbers`
+_LATE_RUN, _LEARNED = 0, 4  # of `whole`
+_PARTS = ("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last")
+_MARKS = ("still", "moved", "left_out")
+
+
+@dataclass(frozen=True)
+class Screening:
+    """How far a sample is believed.
+
+    A channel whose innovation e is further off than c predicted deviations, c =
+    `outlier_deviation`, has its noise raised until e is c deviations: its pull on the weights
+    falls with 1 / e. One that moved before and repeats one value for `stuck_samples` samples is
+    left out until it moves again; one that never moved is believed.
+
+    Args:
+        outlier_deviation: c, at least 2: of Gaussian innovations one in 1.7e6 is beyond 5.
+        stuck_samples: Samples of one value before a channel is left out; more than a coarse
+            sensor repeats itself in slow motion.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+
+    References:
+        Chang (2014), Robust Kalman filtering based on Mahalanobis distance as outlier judging
+        criterion, J. Geodesy 88.
+    """
+
+    outlier_deviation: float = 5.0
+    stuck_samples: int = 50
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.outlier_deviation) and self.outlier_deviation >= 2):
+            raise ParameterError("outlier_deviation", "at least 2", self.outlier_deviation)
+        if not isinstance(self.stuck_samples, int) or self.stuck_samples < 2:
+            raise ParameterError("stuck_samples", "an integer of at least 2", self.stuck_samples)
+
+
+@dataclass(frozen=True)
+class NoiseEstimation:
+    """Variances of the measurement as the innovations show them, channel by channel.
+
+    R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
+    readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
+    is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
+    towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
+    b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
+    moves by that share. Both stay positive. `measurement_deviation` is where it starts, half in
+    each: rather too large than too small, as a covariance that shrank on too small a noise opens
+    by forgetting only.
+
+    Args:
+        memory: Samples over which it is estimated; a wingbeat or more.
+
+    Raises:
+        ParameterError: If it is no integer of at least 10.
+
+    References:
+        Shumway & Stoffer (1982), An approach to time series smoothing and forecasting using the
+        EM algorithm; Cappé & Moulines (2009), On-line expectation-maximization algorithm.
+    """
+
+    memory: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.memory, int) or self.memory < 10:
+            raise ParameterError("memory", "an integer of at least 10", self.memory)
+
+
+class Screened(NamedTuple):
+    """A sample as it is learned from.
+
+    Attributes:
+        moments: Of y, without the channels left out and with the noise of those doubted.
+        innovation: (n_y,); zero where left out.
+    """
+
+    moments: Moments
+    innovation: Array
+
+
+class Screen:
+    """What screening remembers between samples: arrays that the compiled filters share.
+
+    Args:
+        noise: Variances of the measurement to start from, (n_y,).
+        screening: How far samples are believed; None: as they are, if they are numbers.
+        noise_estimation: How the variances follow; None: they are known.
+        change_detection: When the covariance is opened anew; None: never.
+    """
+
+    def __init__(
+        self,
+        noise: Array,
+        screening: Screening | None = None,
+        noise_estimation: NoiseEstimation | None = None,
+        change_detection: ChangeDetection | None = None,
+    ) -> None:
+        channels = len(noise)
+        self.limit = inf if screening is None else screening.outlier_deviation
+        self.stuck_samples = 0 if screening is None else screening.stuck_samples
+        self.share = 0.0 if noise_estimation is None else 1.0 / noise_estimation.memory
+        self.believes = screening is None
+        self.monitor = ChangeMonitor(change_detection, channels)
+        self.numbers, self.whole = self.monitor.numbers, self.monitor.whole
+        self.counts = np.zeros(len(EVENTS), np.int64)
+        self.parts = {name: np.zeros(channels) for name in _PARTS}
+        self.marks = {name: np.zeros(channels, np.int64) for name in _MARKS}
+        self.parts["noise"][:] = noise
+        self.parts["steady"][:] = self.parts["loaded"][:] = noise / 2
+        self.parts["smallest"][:] = 1e-12 * noise
+        self.parts["last"][:] = np.nan
+        self.stated = np.zeros(channels)
+        self.numbers[:3] = np.nan, -inf, np.nan
+
+    @property
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """All it remembers, by name."""
+        return {
+            "numbers": self.numbers,
+            "whole": self.whole,
+            "counts": self.counts,
+            "past": self.monitor.past,
+            **self.parts,
+            **self.marks,
+        }
+
+    def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Remember what another one did.
+
+        Args:
+            arrays: Its `arrays`.
+        """
+        for name, array in self.arrays.items():
+            array[...] = arrays[name]
+
+    def restart_clock(self) -> None:
+        """Take the next time stamp, whatever it is."""
+        self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = -inf, 0
+
+    @property
+    def events(self) -> dict[str, int]:
+        """How often each event happened."""
+        return dict(zip(EVENTS, self.counts.tolist(), strict=True))
+
+    @property
+    def variances(self) -> Array:
+        """Of the measurement at the mean load, (n_y,)."""
+        if self.share == 0:
+            return self.parts["noise"].copy()
+        return self.parts["steady"] + self.parts["loaded"]
+
+    @property
+    def left_out(self) -> NDArray[np.bool_]:
+        """Channels of the last sample that were not learned from, (n_y,)."""
+        return self.marks["left_out"].astype(bool)
+
+    @contextmanager
+    def noisier(self, variance: Array) -> Iterator[None]:
+        """More noise of the measurement for one sample, on top of what is known or estimated.
+
+        Args:
+            variance: Of it, (n_y,).
+        """
+        place = self.stated if self.share else self.parts["noise"]
+        before = place.copy()
+        place += variance
+        try:
+            yield
+        finally:
+            place[:] = before
+
+    def note(self, event: str) -> None:
+        """Count one more of an event."""
+        self.counts[EVENTS.index(event)] += 1
+
+    def admit(self) -> Outcome:
+        """Whether the sample, by the stamp in `numbers`, is later than the one before."""
+        stamp, last, late = self.numbers[:3]
+        if isnan(stamp):
+            return Outcome.COMPLETED
+        if isfinite(stamp) and stamp > last:
+            self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = stamp, 0
+            return Outcome.COMPLETED
+        if stamp == last:
+            self.note("duplicates")
+            return Outcome.DUPLICATE
+        run = int(self.whole[_LATE_RUN])
+        self.whole[_LATE_RUN] = run + 1 if run and stamp > late else 1
+        self.numbers[_LATE_STAMP] = stamp
+        if isfinite(stamp) and self.whole[_LATE_RUN] == _CLOCK_RUN:
+            self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = stamp, 0
+            self.note("clock_resets")
+            return Outcome.COMPLETED
+        self.note("late")
+        return Outcome.LATE
+
+    def noise(self, readout: Array) -> Array:
+        """Variance of each channel at a sample, (n_y,).
+
+        Args:
+            readout: Of the network there, (n_y, r).
+        """
+        parts = self.parts
+        if self.share:
+            parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
+            own = parts["steady"] + parts["loaded"] * self._relative_load()
+            parts["noise"][:] = own + self.stated
+        return parts["noise"].copy()
+
+    def screened(self, found: Moments, measured: Array) -> Screened | None:
+        """The sample as it is learned from; None where nothing of it is left.
+
+        Args:
+            found: Moments of y before it was measured.
+            measured: y, (n_y,).
+        """
+        innovation = np.zeros(len(measured))
+        variances = np.einsum("ij,ij->j", found.slopes, found.slopes) + np.diag(found.remainder)
+        each = zip(measured.tolist(), found.mean.tolist(), variances.tolist(), strict=True)
+        kept = [self._weigh(k, *numbers, innovation) for k, numbers in enumerate(each)]
+        self.marks["left_out"][:] = np.logical_not(kept)
+        if not any(kept):
+            self.note("blind")
+            return None
+        out = self.left_out
+        slopes, remainder = found.slopes.copy(), found.remainder + np.diag(self.parts["extra"])
+        slopes[:, out] = 0.0
+        remainder[out, :], remainder[:, out] = 0.0, 0.0
+        remainder[out, out] = 1.0
+        return Screened(Moments(found.mean, slopes, remainder), innovation)
+
+    def learned(self, gain: Array, inverse: Array, nis: float) -> None:
+        """Variances and the test for changes after a sample.
+
+        Args:
+            gain: P_yy^-1 e, (n_y,).
+            inverse: Diagonal of P_yy^-1, (n_y,).
+            nis: e' P_yy^-1 e.
+        """
+        self.whole[_LEARNED] += 1
+        kept = self.marks["left_out"] == 0
+        if self.share:
+            self._learn_noise(gain, inverse, kept)
+        if self.monitor.alarmed_by(nis, int(kept.sum())):
+            self.note("changes")
+
+    def _weigh(
+        self, k: int, measured: float, mean: float, variance: float, innovation: Array
+    ) -> bool:
+        extra = self.parts["extra"]
+        extra[k] = 0.0
+        if not isfinite(measured):
+            self.note("missing")
+            return False
+        if self.stuck_samples and self._stands(k, measured):
+            self.note("stuck")
+            return False
+        apart = measured - mean
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = float(np.abs(apart) / np.sqrt(variance))
+        if reach > self.limit:
+            self.note("outliers")
+            if not reach < _FAR:
+                return False
+            extra[k] = (apart / self.limit) ** 2 - variance
+        innovation[k] = apart
+        return True
+
+    def _stands(self, k: int, measured: float) -> bool:
+        last, marks = self.parts["last"], self.marks
+        if measured == last[k]:
+            marks["still"][k] += 1
+            return bool(marks["still"][k] >= self.stuck_samples and marks["moved"][k])
+        if not isnan(last[k]):
+            marks["moved"][k] = 1
+        marks["still"][k] = 1
+        last[k] = measured
+        return False
+
+    def _relative_load(self) -> Array:
+        load, usual = self.parts["load"], self.parts["mean_load"]
+        return np.where(usual > 0, load / np.where(usual > 0, usual, 1.0), 1.0)
+
+    def _learn_noise(self, gain: Array, inverse: Array, kept: NDArray[np.bool_]) -> None:
+        parts, relative = self.parts, self._relative_load()
+        fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
+        parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
+        raised = (parts["noise"] + parts["extra"]) / parts["noise"]
+        larger = np.maximum(parts["steady"], parts["loaded"] * relative)
+        share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
+        rate = share * raised * (parts["noise"] - self.stated) / larger
+        move = np.where(kept, rate * (gain**2 - inverse), 0.0)
+        for name, factor in (("steady", move), ("loaded", relative * move)):
+            part = parts[name]
+            part[:] = np.maximum(part + part**2 * factor, parts["smallest"])
+
+
+def usable_channels(
+    screen: Screen, x: Array, y: Array, time: float | None
+) -> NDArray[np.bool_] | None:
+    """Channels of a sample that are numbers, for learners that are no filters.
+
+    Args:
+        screen: Where events are counted.
+        x: Input, (n_x,).
+        y: Measurement, (n_y,).
+        time: Of the sample [s]; None: not known.
+
+    Returns:
+        (n_y,); None where the sample is not to be learned from.
+    """
+    screen.numbers[_STAMP] = np.nan if time is None else time
+    if screen.admit():
+        return None
+    if not np.isfinite(x).all():
+        screen.note("bad_inputs")
+        return None
+    kept = np.isfinite(y)
+    for _ in range(int((~kept).sum())):
+        screen.note("missing")
+    if not kept.any():
+        screen.note("blind")
+        return None
+    return kept

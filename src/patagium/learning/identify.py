@@ -1,0 +1,272 @@
+"""A flight through a learner, and a learned model against a flight it never saw.
+
+Names of inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`. Neglected: errors of
+the states; a flight's accelerations, too, are taken as they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.learning.learners.learner import Learner
+from patagium.learning.model_file import Model
+from patagium.learning.models.network import Network
+from patagium.learning.models.recollection import Recollection
+from patagium.learning.parameter_paths import parameter_scores, told
+from patagium.learning.record import check, interval_scores, no_updates, record_of
+from patagium.learning.result import Identification
+from patagium.learning.schedule import MOST_CHECKS, thin, used_samples
+from patagium.learning.scores import error_scores, persistence, silent_outputs
+from patagium.learning.stream import Progress, stream
+from patagium.robot import Robot
+from patagium.sensing.force.samples import ForceSamples
+from patagium.sensing.force.training_data import state_columns, training_data
+from patagium.simulation import gait_period, robot_of
+
+Array = NDArray[np.float64]
+
+SHORT_HORIZON = 0.01
+"""Horizon always scored beside one wingbeat [s]."""
+
+
+class Trained(Protocol):
+    """A network and its weights: a learner, or a model from a file."""
+
+    @property
+    def network(self) -> Network:
+        """The network."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """Its weights, (n,)."""
+        ...
+
+
+@runtime_checkable
+class _Predicts(Protocol):
+    def predict(self, x: Any) -> tuple[Array, Array]: ...
+
+
+def identify(
+    flight: xr.Dataset | ForceSamples,
+    learner: Learner,
+    *,
+    every: int = 100,
+    inputs: Sequence[str] | None = None,
+    horizons: Mapping[str, float] | None = None,
+    robot: Robot | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """What a learner makes of a flight, sample by sample.
+
+    The force of the air is taken from the flight by inverse dynamics (`training_data`), or as
+    it was measured, each sample predicted before it may be used (`stream`).
+
+    Args:
+        flight: Record with q, v, a, u1; or measured forces, whose deviations the learner then
+            takes as noise on top of its own.
+        learner: What learns; it goes on from where it stands, and is changed. Its network
+            sees the inputs and gives generalized forces, or what it says it measures.
+        every: 100 to use one sample in 100.
+        inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
+        horizons: Label and length [s] of the spans to predict with frozen weights; None:
+            10 ms and one wingbeat of the flight's gait.
+        robot: The machine; None for the one the flight carries.
+        progress: Called now and then with samples done and samples in all.
+
+    Returns:
+        Scores and predictions; see `stream`.
+
+    Raises:
+        FlightError: If the flight misses a quantity.
+        ShapeError: If the network does not fit the inputs or the outputs.
+        ParameterError: If an input has no such name.
+    """
+    time, x, y, units = samples(flight, learner.network, inputs, robot)
+    if horizons is not None:
+        spans = dict(horizons)
+    else:
+        spans = flight_horizons(flight)
+    return stream(
+        learner,
+        time,
+        x,
+        y,
+        every=every,
+        horizons=spans,
+        units=units,
+        deviation=deviations(flight, learner.network),
+        progress=progress,
+    )
+
+
+def evaluate(
+    flight: xr.Dataset | ForceSamples,
+    model: Trained,
+    *,
+    every: int = 100,
+    inputs: Sequence[str] | None = None,
+    robot: Robot | None = None,
+) -> Identification:
+    """A model with frozen weights against a flight it never saw.
+
+    Args:
+        flight: Record with q, v, a, u1; or measured forces.
+        model: A learner (it is not taught), or network and weights.
+        every: The rival holds one measured sample in so many; the model sees none.
+        inputs: Names of what the network sees; None: those of the model's file, or q, then v.
+        robot: The machine; None for the one the flight carries.
+
+    Returns:
+        Scores and predictions, without updates.
+
+    Raises:
+        FlightError: If the flight misses a quantity.
+        ShapeError: If the network does not fit the inputs or the outputs.
+        ParameterError: If an input has no such name.
+    """
+    if inputs is None and isinstance(model, Model):
+        inputs = model.inputs
+    time, x, y, units = samples(flight, model.network, inputs, robot)
+    return compare(model, time, x, y, every=every, units=units)
+
+
+def compare(
+    model: Trained,
+    time: Array,
+    x: Array,
+    y: Array,
+    *,
+    every: int = 100,
+    units: Sequence[str] | None = None,
+    gaps: ArrayLike = (),
+) -> Identification:
+    """A model with frozen weights against samples it never saw; see `evaluate`.
+
+    Args:
+        model: A learner (it is not taught), or network and weights.
+        time: (N,) [s].
+        x: What is measured of the network's inputs, (N, n_measured); it recalls the rest.
+        y: What was measured, (N, n_y).
+        every: The rival holds one measured sample in so many.
+        units: Units of the outputs; None for "1".
+        gaps: First sample after each gap in time.
+    """
+    names = model.network.output_names
+    x = Recollection(model.network, time, x, gaps).upto(len(time), model.weights)
+    guess = model.network.evaluate(x, model.weights)
+    held = persistence(y, used_samples(len(y), every, gaps))
+    chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
+    checks = [check(model, k, x[k], y[k]) for k in chosen]  # type: ignore[arg-type]
+    silent = silent_outputs(y)
+    scores: dict[str, Any] = {
+        "samples": len(time),
+        "samples_predicted": len(time),
+        "every": every,
+        "updates": 0,
+        "median_step": float(np.median(np.diff(time))),
+        "gaps": len(np.asarray(gaps)),
+        "outcome": Outcome.COMPLETED.name,
+        "message": "",
+        "silent": [name for name, mute in zip(names, silent, strict=True) if mute],
+        **error_scores(y, guess, names),
+        **error_scores(y, held, names, "persistence"),
+        **interval_scores(checks, names, ~silent, len(y)),
+        **parameter_scores(told(model)),
+    }
+    record = record_of(time, y, guess, held, names, checks, no_updates(len(names)))
+    record.coords["unit"] = ("output", list(units or ["1"] * len(names)))
+    return Identification(scores, record, model, Outcome.COMPLETED, "")
+
+
+def samples(
+    flight: xr.Dataset | ForceSamples,
+    network: Network,
+    inputs: Sequence[str] | None = None,
+    robot: Robot | None = None,
+) -> tuple[Array, Array, Array, list[str]]:
+    """What a network sees of a flight, and what it should say.
+
+    Args:
+        flight: Record with q, v, a, u1; or measured forces.
+        network: Its outputs are coordinates of the robot (generalized forces), or linear
+            functions of the strip forces (`measured`, taken from the flight's strips).
+        inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
+        robot: The machine; None for the one the flight carries.
+
+    Returns:
+        Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
+    """
+    if isinstance(flight, ForceSamples):
+        machine = flight.robot if robot is None else robot
+        time, state, force = flight.time, flight.state, flight.force
+        if network.explains_added_mass or network.needs_acceleration:
+            raise ParameterError(
+                "network", "one that needs no accelerations", type(network).__name__
+            )
+    else:
+        machine = robot_of(flight) if robot is None else robot
+        all_air = network.explains_added_mass
+        time, state, force = training_data(flight, machine, with_added_mass=all_air)
+    x = state if inputs is None else state[:, state_columns(machine, inputs)]
+    if network.needs_acceleration and not isinstance(flight, ForceSamples):
+        x = np.hstack([x, flight["a"].transpose("time", "dof").values])
+    measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
+    balance = strip_force_matrix(network)
+    if balance is not None:
+        if isinstance(flight, ForceSamples):
+            raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
+        strips = flight["strip_force"].transpose("time", "strip", "axis").values
+        return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
+    names = network.output_names
+    if not set(names) <= set(machine.dof_names):
+        raise ShapeError(
+            "outputs of the network",
+            f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}",
+            ", ".join(names),
+        )
+    columns = [machine.index(name) for name in names]
+    return time, x, force[:, columns], [measures[k] for k in columns]
+
+
+def deviations(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
+    """Of measured forces in the coordinates a network gives, (N, n_y); None of a flight.
+
+    Args:
+        flight: A flight, or measured forces.
+        network: Its outputs are coordinates of the robot.
+    """
+    if not isinstance(flight, ForceSamples):
+        return None
+    return flight.deviation[:, [flight.robot.index(name) for name in network.output_names]]
+
+
+def strip_force_matrix(network: Network) -> Array | None:
+    """What a network measures of the strip forces, (n_y, 3 n_strips); None if it does not.
+
+    Args:
+        network: The network; a `StripNetwork` may have a matrix as `measured`.
+    """
+    measured = network.describe().get("measured")
+    if not measured or isinstance(measured[0], str):
+        return None
+    return np.array(measured, float)
+
+
+def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:
+    """10 ms, and one wingbeat where the flight's gait has a period.
+
+    Args:
+        flight: Record whose attribute `gait` describes the gait, or measured forces.
+    """
+    if isinstance(flight, ForceSamples):
+        return {"10ms": SHORT_HORIZON}
+    period = gait_period(flight)
+    return {"10ms": SHORT_HORIZON} | ({} if period is None else {"beat": period})

@@ -1,0 +1,309 @@
+"""What the filters of weights have in common: one state, predicted and updated alike.
+
+A filter differs from another in how it finds mean, slopes and remainder of y; see
+`array_filter`. Neglected: two threads on one learner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.learning.filters.array import CholeskyFilter, WeightFilter
+from patagium.learning.filters.kernel_memory import Compiled
+from patagium.learning.filters.root import MatrixLost
+from patagium.learning.filters.screening import REFUSALS
+from patagium.learning.filters.state import arrays_like, part, vector
+from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
+from patagium.learning.learners.assumptions import Assumptions
+from patagium.learning.learners.learner import (
+    Saved,
+    Stopwatch,
+    as_input,
+    diverged,
+    shaped_sample,
+)
+from patagium.learning.models.live_memory import LiveMemory
+from patagium.learning.models.network import Network
+
+Array = NDArray[np.float64]
+
+
+class FilterLearner(Saved):
+    """An estimate of weights with a covariance, moved by one sample at a time.
+
+    Args:
+        assumptions: What it takes for granted.
+        weight_filter: Mean and covariance of the weights, and the step over them.
+    """
+
+    def __init__(self, assumptions: Assumptions, weight_filter: WeightFilter) -> None:
+        self._network, self._filter = assumptions.network, weight_filter
+        self._assumptions = assumptions
+        self._stopwatch = Stopwatch()
+        self._changes: list[int] = []
+        self.live_memory = LiveMemory(self._network)
+        outputs = self._network.outputs
+        self._innovation_covariance = np.full((outputs, outputs), np.nan)
+
+    @property
+    def network(self) -> Network:
+        """The network whose weights are learned."""
+        return self._network
+
+    @property
+    def weights(self) -> Array:
+        """The estimate W, (n,)."""
+        return self._filter.mean.copy()
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance P of the weights after the last sample, (n, n); symmetric."""
+        return self._filter.covariance()
+
+    @property
+    def variances(self) -> Array:
+        """Its diagonal, (n,), without the rest."""
+        return self._filter.variances()
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Weights it began with, and their variances, (n,) each."""
+        first = self._network.initial(int(self.describe()["seed"]))
+        return first, self._assumptions.prior_variance
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared e' P_yy^-1 e of the last sample; NaN before the first."""
+        return self._filter.nis
+
+    @property
+    def changes(self) -> tuple[int, ...]:
+        """Samples (counted from 1) at which a change was detected and the covariance opened."""
+        return tuple(self._changes)
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples so far, and how often.
+
+        Channels of samples: missing (no number), outliers (doubted, or too far off to be
+        looked at), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets
+        (a clock that went back was believed), blind (no channel left), refused (the filter could
+        not be moved by it); changes (the covariance was opened anew).
+        """
+        return self._filter.screen.events
+
+    @property
+    def measurement_deviation(self) -> Array:
+        """Of the measurement, (n_y,) in the unit of y: as given, or as estimated by now."""
+        return np.sqrt(self._filter.screen.variances)
+
+    @property
+    def innovation_covariance(self) -> Array:
+        """P_yy of the last sample learned, before it was used or doubted, (n_y, n_y)."""
+        return self._innovation_covariance
+
+    @property
+    def count(self) -> int:
+        """Samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        return self._stopwatch.median
+
+    def predict(self, x: ArrayLike, deviation: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Measurement at x before it is made, as `update` would see it.
+
+        Args:
+            x: Input, (n_x,).
+            deviation: Of this measurement on top of `measurement_deviation`, (n_y,); see `update`.
+
+        Returns:
+            Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
+
+        Raises:
+            ShapeError: If x has another shape.
+            FilterDiverged: If it is not finite, or the covariance was lost.
+        """
+        sample = as_input(self._network, x)
+        nothing = np.zeros(0)
+        if not np.isfinite(sample).all():
+            raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
+        try:
+            with self._noisier(deviation):
+                mean, covariance = self._filter.predict(sample)
+        except MatrixLost as lost:
+            raise diverged(lost.outcome, self.count, sample, nothing) from None
+        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+            raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
+        return mean, covariance
+
+    def update(
+        self,
+        x: ArrayLike,
+        y: ArrayLike,
+        time: float | None = None,
+        deviation: ArrayLike | None = None,
+    ) -> Array:
+        """Learn one sample, or what of it can be used.
+
+        Channels of y that are no numbers are left out. A sample that is late, has been there
+        before, or whose input is no number changes nothing; see `events`.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,).
+            time: Of the sample [s]; None: not known, and it comes after the one before.
+            deviation: Of this measurement on top of `measurement_deviation` (as given or as
+                estimated), whose square it adds to, (n_y,) in the unit of y; None for none, NaN
+                where y is missing.
+
+        Returns:
+            Innovation y - mean, (n_y,); NaN where nothing was learned.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            ParameterError: If a deviation is negative.
+            FilterDiverged: If the new weights would not be finite (with `screening` that is
+                counted, and nothing changes) or the covariance is lost; the learner is then
+                as it was before.
+        """
+        started = perf_counter_ns()
+        sample, measured = shaped_sample(self._network, x, y)
+        screen = self._filter.screen
+        screen.numbers[0] = np.nan if time is None else time
+        try:
+            with self._noisier(deviation):
+                outcome, prediction = self._filter.update(sample, measured)
+        except MatrixLost as lost:  # between two samples
+            raise diverged(lost.outcome, self.count, sample, measured) from None
+        if outcome is not Outcome.COMPLETED:
+            self._refuse(outcome, sample, measured)
+            return np.full(len(measured), np.nan)
+        self._innovation_covariance = prediction.covariance
+        self._heed_alarm(self.count + 1)
+        self._stopwatch.add(perf_counter_ns() - started)
+        return np.where(screen.left_out, np.nan, measured - prediction.mean)
+
+    def _noisier(self, deviation: ArrayLike | None) -> AbstractContextManager[None]:
+        """More noise of the measurement for one sample; where the filter's C code looks for it."""
+        if deviation is None:
+            return nullcontext()
+        added, shape = np.asarray(deviation, float), self._filter.screen.stated.shape
+        if added.shape != shape:
+            raise ShapeError("deviation", shape, added.shape)
+        if (added < 0).any() or np.isinf(added).any():
+            raise ParameterError("deviation", "zero or more", added.tolist())
+        return self._filter.screen.noisier(np.nan_to_num(added) ** 2)
+
+    @property
+    def compiled(self) -> Compiled | None:
+        """Its filter as C code meets it; None where a sample takes Python as well."""
+        found: Compiled | None = getattr(self._filter, "compiled", None)
+        return found
+
+    def account_for(self, outcomes: ArrayLike, nanoseconds: ArrayLike) -> None:
+        """Account for samples that C code learned through `compiled`, as `update` would.
+
+        C code stops where an alarm is raised, for here the covariance is opened.
+
+        Args:
+            outcomes: Outcome of each, (N,).
+            nanoseconds: That it took, (N,).
+
+        Raises:
+            FilterDiverged: If the covariance cannot be opened.
+        """
+        ends, screen, compiled = np.asarray(outcomes), self._filter.screen, self.compiled
+        learned = ends == Outcome.COMPLETED
+        for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
+            self._stopwatch.add(duration)
+        for _ in ends[~learned & (ends < Outcome.BAD_INPUT)]:
+            if not screen.believes:
+                screen.note("refused")
+        if compiled is not None and learned[-1:].any():
+            self._innovation_covariance = compiled.covariance.copy()
+        self._heed_alarm(self.count)
+
+    def _heed_alarm(self, sample: int) -> None:
+        monitor = self._filter.screen.monitor
+        if monitor.detection is not None and monitor.alarm:
+            monitor.settle()
+            self._changes.append(sample)
+            self.reopen(monitor.detection.reopening)
+
+    def _refuse(self, outcome: Outcome, x: Array, y: Array) -> None:
+        screen = self._filter.screen
+        if outcome in REFUSALS:
+            return
+        # a root is definite: what was not is P_yy, at an input beyond all reason
+        lost = outcome is Outcome.COVARIANCE_LOST and isinstance(self._filter, CholeskyFilter)
+        if screen.believes or lost:
+            raise diverged(outcome, self.count, x, y)
+        screen.note("refused")
+
+    def reopen(self, share: float) -> None:
+        """Doubt what was learned: P <- (1 - share) P + share P0, the weights as they are.
+
+        Args:
+            share: Of the covariance before any sample, 0 < share <= 1.
+
+        Raises:
+            ParameterError: If it is out of its range.
+            FilterDiverged: If the covariance was lost.
+        """
+        if not 0 < share <= 1:
+            raise ParameterError("share", "above 0 and at most 1", share)
+        try:
+            self._filter.drift(1.0 - share, share * self._assumptions.prior_variance)
+        except MatrixLost as lost:
+            raise diverged(lost.outcome, self.count, np.zeros(0), np.zeros(0)) from None
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        return self._assumptions.describe()
+
+    def kept_covariance(self) -> WeightCovariance:
+        """What is kept of the covariance after the last sample, in its own size."""
+        structure = self._assumptions.covariance
+        return covariance_of_state(self._network, structure, self._filter.state())
+
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._filter.screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
+        kept["innovation_covariance"] = self._innovation_covariance.copy()
+        kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
+        kept |= self.live_memory.state()
+        return kept | {f"screen_{name}": a.copy() for name, a in self._filter.screen.arrays.items()}
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        outputs = self._network.outputs
+        covariance = vector(state, "innovation_covariance", outputs, outputs)
+        seen = arrays_like(self._filter.screen.arrays, part(state, "screen_"))
+        changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
+        self.live_memory.resume(state)
+        self._filter.resume(part(state, "filter_"))
+        self._filter.screen.restore(seen)
+        self._innovation_covariance, self._changes = covariance, changes
+        self._stopwatch = stopwatch

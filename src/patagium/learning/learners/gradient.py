@@ -1,0 +1,244 @@
+"""Learning a network's weights by backpropagation, one step a sample: the paper's rival.
+
+Adam on the squared error, each output in units of its own scale. It has no covariance
+of the weights; the interval it predicts is the running mean square of its innovations.
+Neglected: mini-batches other than the sample and those replayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, ParameterError, positive
+from patagium.learning.filters.screening import Screen, usable_channels
+from patagium.learning.filters.state import arrays_like, part, vector
+from patagium.learning.learners.learner import (
+    Saved,
+    Stopwatch,
+    as_input,
+    diverged,
+    shaped_sample,
+)
+from patagium.learning.models.live_memory import LiveMemory
+from patagium.learning.models.network import Encoding, Network
+
+Array = NDArray[np.float64]
+
+_MEAN_DECAY, _SQUARE_DECAY, _SMALL = 0.9, 0.999, 1e-8  # Kingma & Ba's constants
+_SCATTER_DECAY = 0.99
+_MEMORY = 4096  # samples kept for replay
+
+
+class GradientLearner(Saved):
+    """Adam over the weights of a network, one step a sample, with or without replay.
+
+    g = sum over the sample and those replayed of (y(W) - y)' A^-2 dy/dW, A the running
+    root mean square of each output, so that large outputs do not drown small ones.
+
+    Args:
+        network: The network whose weights are learned.
+        learning_rate: Step of Adam, in the unit of the weights.
+        replay: How many earlier samples, drawn evenly from the last 4096, join each step.
+        seed: Seed of the weights to start from and of the draws.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+
+    References:
+        Kingma & Ba (2015), Adam: A method for stochastic optimization.
+    """
+
+    def __init__(
+        self, network: Network, *, learning_rate: float, replay: int = 0, seed: int = 0
+    ) -> None:
+        if not (isinstance(replay, int) and replay >= 0):
+            raise ParameterError("replay", "a whole number of at least 0", replay)
+        self._network, self._replay, self._seed = network, replay, seed
+        self._rate = positive("learning_rate", learning_rate)
+        self._weights = network.initial(seed)
+        self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
+        self._scatter = np.zeros((network.outputs, network.outputs))
+        self._power = np.zeros(network.outputs)
+        self._memory: list[tuple[Array, Encoding, Array]] = []
+        self._draw = np.random.default_rng(seed)
+        self._stopwatch = Stopwatch()
+        self._screen = Screen(np.ones(network.outputs))
+        self.live_memory = LiveMemory(network)
+
+    @property
+    def network(self) -> Network:
+        """The network whose weights are learned."""
+        return self._network
+
+    @property
+    def weights(self) -> Array:
+        """The estimate W, (n,)."""
+        return self._weights.copy()
+
+    @property
+    def covariance(self) -> None:
+        """None: backpropagation has no covariance of the weights."""
+        return None
+
+    @property
+    def variances(self) -> None:
+        """None, as there is no covariance."""
+        return None
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        return self._screen.events
+
+    @property
+    def count(self) -> int:
+        """Samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        return self._stopwatch.median
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Measurement at x, and the running mean square of the innovations.
+
+        Args:
+            x: Input, (n_x,).
+
+        Returns:
+            Mean, (n_y,), and covariance, (n_y, n_y); NaN before the first update.
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        mean = self._network(as_input(self._network, x), self._weights)
+        if self.count == 0:
+            return mean, np.full_like(self._scatter, np.nan)
+        return mean, self._scatter / (1 - _SCATTER_DECAY**self.count)
+
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample: one step of Adam.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,); channels that are no numbers are left out.
+            time: Of the sample [s]; None: not known, and it comes after the one before.
+
+        Returns:
+            Innovation y - y(W), (n_y,); NaN where nothing was learned, as of samples that are
+            late, have been there before, or whose input is no number; see `events`.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            FilterDiverged: If the new weights are not finite; the learner is then as it was
+                before.
+        """
+        started = perf_counter_ns()
+        sample, measured = shaped_sample(self._network, x, y)
+        kept = usable_channels(self._screen, sample, measured, time)
+        if kept is None:
+            return np.full(len(measured), np.nan)
+        encoding = self._network.encode_one(sample)
+        measured = np.where(kept, measured, self._network(sample, self._weights))
+        power = _decayed(self._power, measured**2, _SQUARE_DECAY)
+        scale = np.sqrt(power / (1 - _SQUARE_DECAY ** (self.count + 1)))
+        scale = np.maximum(scale, 1e-6 * scale.max(initial=0.0)) + 1e-300
+        innovation, slope = self._slope(encoding, measured, scale)
+        for number in self._drawn():
+            slope = slope + self._slope(*self._memory[number][1:], scale)[1]
+        mean = _decayed(self._mean, slope, _MEAN_DECAY)
+        square = _decayed(self._square, slope**2, _SQUARE_DECAY)
+        step = self.count + 1
+        unbiased = np.sqrt(square / (1 - _SQUARE_DECAY**step)) + _SMALL
+        weights = self._weights - self._rate * (mean / (1 - _MEAN_DECAY**step)) / unbiased
+        if not (np.isfinite(weights).all() and np.isfinite(innovation).all()):
+            raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
+        self._weights, self._mean, self._square, self._power = weights, mean, square, power
+        self._scatter = _decayed(self._scatter, np.outer(innovation, innovation), _SCATTER_DECAY)
+        if self._replay:
+            self._keep(sample.copy(), encoding, measured.copy())
+        self._stopwatch.add(perf_counter_ns() - started)
+        return np.where(kept, innovation, np.nan)
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        return {
+            "kind": "gradient",
+            "network": self._network.describe(),
+            "learning_rate": self._rate,
+            "replay": self._replay,
+            "seed": self._seed,
+        }
+
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        network, count = self._network, len(self._memory)
+        return {
+            "count": self.count,
+            "draw": self._draw.bit_generator.state,
+            "weights": self._weights,
+            "mean": self._mean,
+            "square": self._square,
+            "power": self._power,
+            "scatter": self._scatter,
+            "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
+            "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
+            **self.live_memory.state(),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
+        }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        network, count = self._network, len(state["replay_x"])
+        n, outputs = network.size, network.outputs
+        weights, mean, square = (vector(state, k, n) for k in ("weights", "mean", "square"))
+        power, scatter = vector(state, "power", outputs), vector(state, "scatter", outputs, outputs)
+        seen = vector(state, "replay_x", count, network.inputs)
+        measured = vector(state, "replay_y", count, outputs)
+        events = arrays_like(self._screen.arrays, part(state, "screen_"))
+        stopwatch = Stopwatch(int(state["count"]))
+        self.live_memory.resume(state)
+        self._draw.bit_generator.state = state["draw"]
+        self._screen.restore(events)
+        self._weights, self._mean, self._square = weights, mean, square
+        self._power, self._scatter = power, scatter
+        self._memory = [(x, network.encode_one(x), y) for x, y in zip(seen, measured, strict=True)]
+        self._stopwatch = stopwatch
+
+    def _slope(self, encoding: Encoding, y: Array, scale: Array) -> tuple[Array, Array]:
+        """Innovation, (n_y,), and derivative of half its scaled square for W, (n,)."""
+        guess, jacobian = self._network.linearized(encoding, self._weights)
+        innovation = y - guess
+        return innovation, -(innovation / scale**2) @ jacobian
+
+    def _drawn(self) -> list[int]:
+        count = min(self._replay, len(self._memory))
+        return self._draw.choice(len(self._memory), count, replace=False).tolist() if count else []
+
+    def _keep(self, x: Array, encoding: Encoding, y: Array) -> None:
+        if len(self._memory) < _MEMORY:
+            self._memory.append((x, encoding, y))
+        else:
+            self._memory[self.count % _MEMORY] = (x, encoding, y)
+
+
+def _decayed(average: Array, new: Array, decay: float) -> Array:
+    return decay * average + (1 - decay) * new

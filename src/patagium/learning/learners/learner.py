@@ -1,0 +1,178 @@
+"""What every learner has in common: it predicts, it updates, it says what it is.
+
+A learner holds a network and an estimate of its weights, and takes one sample at a
+time. Neglected: threads.
+"""
+
+from __future__ import annotations
+
+from array import array
+from math import isfinite
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
+from patagium.learning.models.network import Network
+
+Array = NDArray[np.float64]
+
+
+_KEPT = 2**16
+
+
+class Learner(Protocol):
+    """An estimate of a network's weights that follows samples one by one."""
+
+    @property
+    def network(self) -> Network:
+        """The network whose weights are learned."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """The estimate, (n,)."""
+        ...
+
+    @property
+    def covariance(self) -> Array | None:
+        """Covariance of the weights, (n, n); None where the learner has none."""
+        ...
+
+    @property
+    def variances(self) -> Array | None:
+        """Diagonal of that covariance, (n,); None where the learner has none."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Samples learned."""
+        ...
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        ...
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        ...
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
+        ...
+
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample made at a time [s]; gives the innovation y - mean, (n_y,)."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        ...
+
+
+class Saved:
+    """A learner that keeps itself in a file."""
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: The file, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+        """
+        from patagium.learning.learners.file import save_learner
+
+        return save_learner(path, cast("Any", self))
+
+
+class Stopwatch:
+    """Durations of updates, in nanoseconds; the last 2^16 are kept.
+
+    Args:
+        earlier: Updates before, of which no duration is known.
+    """
+
+    def __init__(self, earlier: int = 0) -> None:
+        self._durations, self._count = array("q"), earlier
+
+    @property
+    def count(self) -> int:
+        """How many."""
+        return self._count
+
+    @property
+    def median(self) -> float:
+        """Median duration [s]; NaN when there is none."""
+        return float(np.median(self._durations)) * 1e-9 if self._durations else float("nan")
+
+    def add(self, nanoseconds: int) -> None:
+        """One more duration [ns]."""
+        if len(self._durations) < _KEPT:
+            self._durations.append(nanoseconds)
+        else:
+            self._durations[self._count % _KEPT] = nanoseconds
+        self._count += 1
+
+
+def as_input(network: Network, x: ArrayLike) -> Array:
+    """x as an array, (n_x,).
+
+    Raises:
+        ShapeError: If it has another shape.
+    """
+    sample = np.asarray(x, float)
+    if sample.shape != (network.inputs,):
+        raise ShapeError("x", (network.inputs,), sample.shape)
+    return sample
+
+
+def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """x, (n_x,), and y, (n_y,), as arrays.
+
+    Raises:
+        ShapeError: If one of them has another shape.
+    """
+    sample, measured = as_input(network, x), np.asarray(y, float)
+    if measured.shape != (network.outputs,):
+        raise ShapeError("y", (network.outputs,), measured.shape)
+    return sample, measured
+
+
+def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged:
+    """The exception for an update that failed, naming what was wrong with the sample."""
+    for name, values in (("x", x), ("y", y)):
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            return FilterDiverged(
+                f"update {count + 1}: {name}[{bad[0]}] is {values[bad[0]]}, expected a finite "
+                "number; the learner is as it was before",
+                Outcome.NOT_FINITE,
+            )
+    reason = {
+        Outcome.NOT_FINITE: "the network's output or the new weights are not finite",
+        Outcome.COVARIANCE_LOST: "the covariance is no longer positive definite",
+    }[outcome]
+    remedy = {
+        Outcome.NOT_FINITE: "lower prior_deviation or the spread, or scale inputs and outputs",
+        Outcome.COVARIANCE_LOST: outcome.remedy,
+    }[outcome]
+    return FilterDiverged(
+        f"update {count + 1}: {reason}; the learner is as it was before; {remedy}", outcome
+    )
+
+
+def forgetting(value: float) -> float:
+    """A forgetting factor, 0 < factor <= 1.
+
+    Raises:
+        ParameterError: If it is not.
+    """
+    if not (isfinite(value) and 0 < value <= 1):
+        raise ParameterError("forgetting_factor", "above 0 and at most 1", value)
+    return float(value)

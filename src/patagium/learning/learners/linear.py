@@ -1,0 +1,232 @@
+"""Recursive least squares, linear or on random features: the anchor every network must beat.
+
+y = offset + scale (B f(x)), f the scaled inputs and 1, or random softplus features of
+them and 1; one covariance of the rows of B serves all outputs. Neglected: different
+noise of the outputs; they are weighed alike, each in its own scale. The covariance takes a
+channel that is left out for measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, positive
+from patagium.learning.filters.screening import Screen, usable_channels
+from patagium.learning.filters.state import (
+    arrays_like,
+    packed,
+    part,
+    symmetric,
+    unpacked,
+    vector,
+)
+from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
+from patagium.learning.learners.learner import (
+    Saved,
+    Stopwatch,
+    as_input,
+    diverged,
+    forgetting,
+    shaped_sample,
+)
+from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.models.linear import LinearNetwork
+from patagium.learning.models.scaling import scale_of
+
+Array = NDArray[np.float64]
+
+
+class LinearLearner(Saved):
+    """Recursive least squares with forgetting.
+
+    With f the features, all outputs in their scales and r their deviation:
+    P <- P / forgetting_factor, k = P f / (r^2 + f'P f), B' <- B' + k (y - B f)',
+    P <- P - k f'P. The covariance of the features' weights is the same for every output,
+    so an update costs of order n_f^2 and n_f n_y.
+
+    Args:
+        network: A DenseNetwork without hidden layers: inputs, outputs and their scales.
+        prior_deviation: Standard deviation of each weight before any sample.
+        measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
+            the unit of y; its mean over the outputs, in their scales, weighs all of them.
+        features: Number of random softplus features; 0: linear in the inputs.
+        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        seed: Seed of the features.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+        ShapeError: If a deviation has another shape.
+
+    References:
+        Ljung (1999), System Identification, section 11.2.
+    """
+
+    def __init__(
+        self,
+        network: DenseNetwork,
+        *,
+        prior_deviation: float,
+        measurement_deviation: ArrayLike,
+        features: int = 0,
+        forgetting_factor: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        self._network = LinearNetwork(network, features, seed)
+        self._prior = positive("prior_deviation", prior_deviation)
+        self._deviation = scale_of("measurement_deviation", measurement_deviation, network.outputs)
+        self._forgetting = forgetting(forgetting_factor)
+        self._variance = float(np.mean((self._deviation / network.output_scale) ** 2))
+        count = self._network.perceptron.widths[0] + 1
+        self._slopes = np.zeros((count, network.outputs))
+        self._spread = np.eye(count) * self._prior**2
+        self._stopwatch = Stopwatch()
+        self._screen = Screen(self._deviation**2)
+
+    @property
+    def network(self) -> LinearNetwork:
+        """The features and their readout."""
+        return self._network
+
+    @property
+    def weights(self) -> Array:
+        """The estimate, (n,): B row by row, then the constants."""
+        return np.concatenate([self._slopes[:-1].T.ravel(), self._slopes[-1]])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the weights, (n, n): that of the features' for every output."""
+        count, outputs = self._slopes.shape
+        order = np.array(
+            [o * count + k for o in range(outputs) for k in range(count - 1)]
+            + [o * count + count - 1 for o in range(outputs)]
+        )
+        return np.asarray(np.kron(np.eye(outputs), self._spread)[np.ix_(order, order)])
+
+    @property
+    def variances(self) -> Array:
+        """Diagonal of that covariance, (n,)."""
+        each, outputs = np.diagonal(self._spread), self._slopes.shape[1]
+        return np.concatenate([np.tile(each[:-1], outputs), np.full(outputs, each[-1])])
+
+    @property
+    def events(self) -> dict[str, int]:
+        """What happened to samples, and how often; see `screening.EVENTS`."""
+        return self._screen.events
+
+    @property
+    def count(self) -> int:
+        """Samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        return self._stopwatch.median
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Measurement at x before it is made.
+
+        Args:
+            x: Input, (n_x,).
+
+        Returns:
+            Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        features = self._features(as_input(self._network, x))
+        scale = self._network.output_scale
+        spread = float(features @ self._spread @ features) / self._forgetting
+        mean = self._network.output_center + scale * (features @ self._slopes)
+        return mean, np.diag(spread * scale**2 + self._deviation**2)
+
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,); channels that are no numbers are left out.
+            time: Of the sample [s]; None: not known, and it comes after the one before.
+
+        Returns:
+            Innovation y - mean, (n_y,); NaN where nothing was learned, as of samples that are
+            late, have been there before, or whose input is no number; see `events`.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            FilterDiverged: If the new weights are not finite or the covariance is lost; the
+                learner is then as it was before.
+        """
+        started = perf_counter_ns()
+        sample, measured = shaped_sample(self._network, x, y)
+        kept = usable_channels(self._screen, sample, measured, time)
+        if kept is None:
+            return np.full(len(measured), np.nan)
+        features, scale = self._features(sample), self._network.output_scale
+        spread = self._spread / self._forgetting
+        cross = spread @ features
+        total = self._variance + float(features @ cross)
+        error = (measured - self._network.output_center) / scale - features @ self._slopes
+        slopes = self._slopes + np.outer(cross / total, np.where(kept, error, 0.0))
+        smaller = spread - np.outer(cross, cross / total)
+        if not np.isfinite(slopes).all() or not np.isfinite(total):
+            raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
+        if total <= self._variance / 2 or not (np.diagonal(smaller) > 0).all():
+            raise diverged(Outcome.COVARIANCE_LOST, self.count, sample, measured)
+        self._slopes, self._spread = slopes, (smaller + smaller.T) / 2
+        self._stopwatch.add(perf_counter_ns() - started)
+        return np.where(kept, error * scale, np.nan)
+
+    def describe(self) -> dict[str, Any]:
+        """What the learner is made of, as JSON-able values; not what it has learned."""
+        return {
+            "kind": "linear",
+            "network": self._network.describe(),
+            "prior_deviation": self._prior,
+            "measurement_deviation": self._deviation.tolist(),
+            "forgetting_factor": self._forgetting,
+        }
+
+    def kept_covariance(self) -> BlockCovariance:
+        """The covariance by outputs, each that of the features' weights."""
+        parts = [self._spread] * self._network.outputs
+        return block_covariance(self._network, "node", parts)
+
+    def restart_clock(self) -> None:
+        """Take the next sample by whatever clock it comes: another log begins."""
+        self._screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        return {
+            "count": self.count,
+            "slopes": self._slopes,
+            "spread": packed([self._spread]),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
+        }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        slopes = vector(state, "slopes", *self._slopes.shape)
+        (lower,) = unpacked(np.asarray(state["spread"], float), [len(slopes)])
+        events = arrays_like(self._screen.arrays, part(state, "screen_"))
+        self._stopwatch = Stopwatch(int(state["count"]))
+        self._slopes, self._spread = slopes, symmetric(lower)
+        self._screen.restore(events)
+
+    def _features(self, x: Array) -> Array:
+        return np.append(self._network.encode_one(x).features[0], 1.0)

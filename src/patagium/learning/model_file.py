@@ -1,0 +1,227 @@
+"""A learned model on disk: the network, its weights, how sure they are, what they came from.
+
+One JSON file, written whole or not at all. Numbers come back bit for bit; of the covariance
+the bytes of what its structure keeps: lower triangles of blocks, or diagonal and columns of
+its inverse. Neglected: the learner's own state beyond that; see `learner_file`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium import __version__
+from patagium.errors import LogError, PatagiumError, ShapeError
+from patagium.learning.filters.weight_covariance import (
+    WeightCovariance,
+    block_covariance,
+    covariance_from,
+)
+from patagium.learning.learners.learner import Learner, as_input
+from patagium.learning.models.network import Network, network_from_description
+from patagium.whole_file import write_whole
+
+Array = NDArray[np.float64]
+
+FORMAT = "patagium model 2"
+_FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
+
+
+@runtime_checkable
+class _Structured(Protocol):
+    """A learner that gives its covariance in the size of what it keeps."""
+
+    def kept_covariance(self) -> WeightCovariance: ...
+
+
+@dataclass(frozen=True)
+class Model:
+    """A network with the weights it has learned; it predicts and does not learn.
+
+    Attributes:
+        network: The network.
+        weights: (n,).
+        kept_covariance: Of the weights, as much as the learner kept; None if it had none.
+        measurement_deviation: Of the measurements it learned from, as given or estimated,
+            (n_y,) in the unit of y; None where unknown.
+        inputs: Names of what the network sees; None: the state q, then v.
+        learner: What the learner was made of.
+        source: What it was learned from, in words.
+    """
+
+    network: Network
+    weights: Array
+    kept_covariance: WeightCovariance | None = field(default=None, repr=False)
+    measurement_deviation: Array | None = None
+    inputs: tuple[str, ...] | None = None
+    learner: dict[str, Any] = field(default_factory=dict, repr=False)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse weights or a covariance of another network."""
+        n = self.network.size
+        if self.weights.shape != (n,):
+            raise ShapeError("weights", (n,), self.weights.shape)
+        kept = self.kept_covariance
+        if kept is not None and kept.size != n:
+            raise ShapeError("covariance", (n, n), (kept.size, kept.size))
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of the weights, (n, n); None if the learner had none.
+
+        Raises:
+            ParameterError: If it was kept by parts and would be a very large matrix.
+        """
+        return None if self.kept_covariance is None else self.kept_covariance.dense()
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Measurement at x before it is made, with the network linear around its weights.
+
+        Args:
+            x: Input, (n_x,).
+
+        Returns:
+            Mean, (n_y,), and covariance H P H' + R, (n_y, n_y); nan without a covariance.
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        sample = as_input(self.network, x)
+        mean = self.network(sample, self.weights)
+        if self.kept_covariance is None or self.measurement_deviation is None:
+            return mean, np.full((len(mean), len(mean)), np.nan)
+        _, slope = self.network.linearized(self.network.encode_one(sample), self.weights)
+        noise = np.diag(self.measurement_deviation**2)
+        return mean, self.kept_covariance.seen_by(slope) + noise
+
+
+def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
+    """What a learner has learned, without the learner.
+
+    Args:
+        learner: The learner.
+        inputs: Names of what its network sees; None: the state q, then v.
+        source: What it was learned from, in words.
+    """
+    description = learner.describe()
+    noise = getattr(learner, "measurement_deviation", description.get("measurement_deviation"))
+    outputs = learner.network.outputs
+    return Model(
+        learner.network,
+        np.array(learner.weights, float),
+        _kept(learner),
+        None if noise is None else np.broadcast_to(np.asarray(noise, float), (outputs,)).copy(),
+        None if inputs is None else tuple(inputs),
+        {key: value for key, value in description.items() if key != "network"},
+        source,
+    )
+
+
+def save_model(path: str | Path, model: Model | Learner) -> Path:
+    """Write a model as JSON; an interrupted write leaves what was there.
+
+    Args:
+        path: The file, replaced if it exists; folders are made.
+        model: A model, or a learner whose network sees the whole state.
+
+    Returns:
+        The path.
+    """
+    learned = model if isinstance(model, Model) else model_of(model)
+    return write_whole(path, json.dumps(_words(learned), indent=1).encode())
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model that `save_model` wrote.
+
+    Args:
+        path: The file.
+
+    Raises:
+        LogError: If there is no such file, or it is not a model of this version.
+    """
+    file = Path(path)
+    try:
+        words = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise LogError(f"{file}: cannot be read: {problem.strerror}") from None
+    except ValueError as problem:
+        raise LogError(f"{file}: expected a model (JSON), found: {problem}") from None
+    found = words.get("format") if isinstance(words, dict) else type(words).__name__
+    if found not in (FORMAT, _FIRST_FORMAT):
+        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
+    try:
+        return _model(words)
+    except (PatagiumError, KeyError, TypeError, ValueError) as problem:
+        raise LogError(f"{file}: the model cannot be made again: {problem}") from problem
+
+
+def _words(model: Model) -> dict[str, Any]:
+    noise = model.measurement_deviation
+    return {
+        "format": FORMAT,
+        "patagium_version": __version__,
+        "source": model.source,
+        "network": model.network.describe(),
+        "inputs": None if model.inputs is None else list(model.inputs),
+        "outputs": list(model.network.output_names),
+        "learner": model.learner,
+        "measurement_deviation": None if noise is None else noise.tolist(),
+        "weights": model.weights.tolist(),
+        "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
+    }
+
+
+def _model(words: Mapping[str, Any]) -> Model:
+    inputs, noise, covariance = (
+        words[key] for key in ("inputs", "measurement_deviation", "covariance")
+    )
+    network = network_from_description(words["network"])
+    return Model(
+        network,
+        np.array(words["weights"], float),
+        None if covariance is None else _unpacked(network, covariance),
+        None if noise is None else np.array(noise, float),
+        None if inputs is None else tuple(inputs),
+        dict(words["learner"]),
+        str(words["source"]),
+    )
+
+
+def _kept(learner: Learner) -> WeightCovariance | None:
+    """What a learner keeps of its covariance; of a stranger the whole matrix."""
+    if isinstance(learner, _Structured):
+        return learner.kept_covariance()
+    whole = learner.covariance
+    if whole is None:
+        return None
+    return block_covariance(learner.network, "full", [np.array(whole, float)])
+
+
+def _packed(covariance: WeightCovariance) -> dict[str, str]:
+    kind, arrays = covariance.arrays()
+    words = {name: base64.b64encode(_raw(array)).decode() for name, array in arrays.items()}
+    return {"kind": kind, **words}
+
+
+def _raw(array: Array) -> bytes:
+    return array.astype("<f8").tobytes()
+
+
+def _unpacked(network: Network, words: Mapping[str, str] | str) -> WeightCovariance:
+    """The covariance of a file; one text is the lower triangle of the whole matrix."""
+    texts = {"kind": "full", "lower": words} if isinstance(words, str) else dict(words)
+    kind = texts.pop("kind")
+    arrays = {
+        name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)
+        for name, text in texts.items()
+    }
+    return covariance_from(network, kind, arrays)

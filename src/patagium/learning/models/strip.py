@@ -1,0 +1,241 @@
+"""A network that knows the robot and how air pushes on strips, but not the section's polar.
+
+The perceptron maps the direction of the local flow of a strip to two section
+coefficients, and is the same for every strip of every wing; speed, density, area and
+geometry are known. Neglected: what a strip does not see of its own flow (history,
+neighbors, Reynolds number), forces on anything but strips, section moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.loads import StripLoad, assemble
+from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.errors import ParameterError, ShapeError
+from patagium.learning.models.dense import described
+from patagium.learning.models.mlp import Perceptron
+from patagium.learning.models.wing import WingNetwork
+from patagium.native import load_functions
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+Measured = Sequence[str] | ArrayLike | None
+
+_COEFFICIENTS = 2
+_GAIN = 3.0  # of the direction: neurons then bend within the incidences a wing meets
+_PARTING, _PARTING_WIDTH = 0.4, 0.1  # how far, and how steeply, above and below are parted
+
+
+class StripNetwork(WingNetwork):
+    """Section coefficients learned, the rest known: y = sum_i B_i(q) 1/2 rho A_i |v_i|^2 c_i.
+
+    v_i = (forward, normal) is the velocity of the strip's force point relative to the air,
+    (f, n) = v_i / |v_i| its direction, c_i = scale * mlp(parted(f, n); W) the section's force
+    coefficients forward and normal, B_i the transposed Jacobian of the force point. That is
+    a quarter chord ahead of mid-chord, behind it where the strip moves backward
+    (`smooth_sign`, as `QuasiSteady`); |v| in the direction is smoothed near zero.
+    Mirrored wings share the perceptron through their mirrored axes. x is the state [q, v].
+
+        parted(f, n) = 3 (f (1 + 0.4 n / sqrt(n^2 + 0.1^2)), n)
+
+    is the circle of directions with its two crossings of the chord line drawn apart along
+    f: coefficients change fastest there (a section answers flow from above and from below
+    with different sides), while n stays as it is for sections that do not care.
+
+    Args:
+        robot: The machine; its numbers are taken as they are.
+        hidden: Neurons of each hidden layer.
+        air: Density and steady wind; gusts are not known to the network.
+        activation: "softplus" or "tanh".
+        measured: What y is. None: the generalized force, (n,) [N, N m]. Names of
+            coordinates: those components of it. A matrix (n_y, 3 n_strips): that linear
+            function of the strip forces in world axes, x y z of one strip after the other.
+        chord_fraction: Where on the chord v_i is taken, behind the leading edge, 0 to 1;
+            None: at the force point. The published experiment takes it at 0.5 (E9).
+        rotation: Whether the reduced pitch rate of the strip, chord * rate / |v|, is a third
+            input of the perceptron, as circulation by pitching needs.
+        coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
+
+    Raises:
+        ParameterError: If the robot has no strips, a name is not one of its coordinates,
+            the matrix not finite, the scale not positive, the fraction not on the chord,
+            or a width or the activation not what it may be.
+        ShapeError: If the matrix has another shape.
+    """
+
+    kind = "strip"
+
+    def __init__(
+        self,
+        robot: Robot,
+        hidden: Sequence[int] = (8, 8),
+        air: Air | None = None,
+        activation: str = "softplus",
+        measured: Measured = None,
+        *,
+        chord_fraction: float | None = None,
+        rotation: bool = False,
+        coefficient_scale: float = 4.0,
+    ) -> None:
+        if not robot.strips:
+            raise ParameterError("robot", "a robot with wings", robot.name)
+        if not (np.isfinite(coefficient_scale) and coefficient_scale > 0):
+            raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
+        if chord_fraction is not None and not 0 <= chord_fraction <= 1:
+            raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
+        self.chord_fraction, self.rotation = chord_fraction, rotation
+        self.coefficient_scale = float(coefficient_scale)
+        self.robot, self.air = robot, Air() if air is None else air
+        self._perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
+        self._names, self._matrix = _measurement(robot, measured)
+        self._offset = np.zeros(len(self._names))
+        pressure = self.air.density * self.coefficient_scale
+        self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
+        symbolic, _ = robot.symbolic()
+        options = f"{self._names} {self._matrix_key()} {chord_fraction} {rotation}"
+        key, label = f"strip network {options} {symbolic!r}", f"strip network of {robot.name}"
+        self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        measured = self._names if self._matrix is None else self._matrix
+        hidden, activation = self._perceptron.widths[1:-1], self._perceptron.activation
+        arguments = (self.robot, hidden, self.air, activation, measured)
+        return _again, (arguments, self._options())
+
+    @property
+    def items(self) -> int:
+        """Number of strips."""
+        return len(self.robot.strips)
+
+    def initial(self, seed: int) -> Array:
+        """Weights to start from, (n,): small coefficients, and neurons that look all around.
+
+        Directions of the first layer are spread evenly over the circle from a random one
+        on; other weights are standard normal over sqrt(fan-in), a quarter of that in the
+        last layer; biases zero.
+
+        Args:
+            seed: Seed of the draw.
+        """
+        draw = np.random.default_rng(seed)
+        normal = draw.standard_normal(self.size) / np.sqrt(self.fan_in)
+        weights = np.where(self.fan_in > 1, normal, 0.0)
+        inputs, neurons = self._perceptron.widths[:2]
+        if inputs == 2:
+            angles = 2 * np.pi * (draw.random() + np.arange(neurons) / neurons)
+            directions = np.column_stack([np.cos(angles), np.sin(angles)])
+            weights[: inputs * neurons] = directions.ravel()
+        below, above = self._perceptron.widths[-2:]
+        weights[-(below + 1) * above :] *= 0.25
+        return weights
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make the network again, as JSON-able values."""
+        return {
+            "kind": self.kind,
+            "robot": self.robot.source,
+            "hidden": list(self._perceptron.widths[1:-1]),
+            "air": self.air.describe(),
+            "activation": self._perceptron.activation,
+            "measured": list(self._names) if self._matrix is None else self._matrix.tolist(),
+            **self._options(),
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> StripNetwork:
+        """Inverse of `describe`.
+
+        Raises:
+            ParameterError: If a key is missing or unknown.
+            RobotFileError: If the text of the robot does not describe one.
+        """
+        from patagium.robot import load_robot_text
+
+        names = ("robot", "hidden", "air", "activation", "measured")
+        keys = (*names, "chord_fraction", "rotation", "coefficient_scale")
+        values = described(cls.kind, description, keys)
+        air = air_from_description(values.pop("air"))
+        return cls(load_robot_text(values.pop("robot")), air=air, **values)
+
+    def _options(self) -> dict[str, Any]:
+        return {
+            "chord_fraction": self.chord_fraction,
+            "rotation": self.rotation,
+            "coefficient_scale": self.coefficient_scale,
+        }
+
+    def _matrix_key(self) -> str:
+        return "" if self._matrix is None else repr(self._matrix.tolist())
+
+    def _function(self) -> ca.Function:
+        robot, robot_parameters = self.robot.symbolic()
+        x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
+        q, v = x[: robot.coordinate_count], x[robot.coordinate_count :]
+        coefficients = ca.SX.sym("c", _COEFFICIENTS, len(robot.strips))
+        seen, loads = [], []
+        for number, motion in enumerate(strip_motions(robot, q, v, wind)):
+            strip = motion.strip
+            ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
+            looking = ahead
+            if self.chord_fraction is not None:
+                looking = (0.25 - self.chord_fraction) * strip.chord
+            flow = ca.vertcat(motion.forward, motion.normal_ahead(looking))
+            square = ca.sumsqr(flow)
+            speed = smooth_norm(square)
+            turn = [strip.chord * motion.pitch_rate / speed] if self.rotation else []
+            seen.append(ca.vertcat(parted(flow / speed), *turn))
+            force = pressure * strip.chord * strip.width * square / 2 * coefficients[:, number]
+            loads.append(StripLoad(motion, force[0], force[1], ahead, ca.SX(0)))
+        air = assemble(robot, q, loads, ca.SX(0, 1))
+        if self._matrix is None:
+            y = ca.vertcat(*[air.generalized_force[robot.index(name)] for name in self._names])
+        else:
+            y = ca.sparsify(ca.DM(self._matrix)) @ ca.vec(air.strip_force)
+        outputs = [ca.horzcat(*seen), ca.jacobian(y, ca.vec(coefficients))]
+        parameters = ca.vertcat(wind, pressure, robot_parameters)
+        names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
+        return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
+
+
+def _again(arguments: tuple[Any, ...], options: dict[str, Any]) -> StripNetwork:
+    """A network unpickled."""
+    return StripNetwork(*arguments, **options)
+
+
+def parted(direction: ca.SX) -> ca.SX:
+    """The circle of directions, its crossings of the chord line drawn apart, (2, 1).
+
+    Args:
+        direction: Forward and normal, of length one, (2, 1).
+    """
+    forward, normal = direction[0], direction[1]
+    side = normal / ca.sqrt(normal**2 + _PARTING_WIDTH**2)
+    return _GAIN * ca.vertcat(forward * (1 + _PARTING * side), normal)
+
+
+def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Array | None]:
+    """Names of y, and the matrix on strip forces where y is not the generalized force."""
+    if measured is None:
+        return robot.dof_names, None
+    if isinstance(measured, Sequence) and all(isinstance(name, str) for name in measured):
+        names = (measured,) if isinstance(measured, str) else tuple(map(str, measured))
+        if not names or len(set(names)) != len(names):
+            raise ParameterError("measured", "different names of coordinates", measured)
+        for name in names:
+            robot.index(name)
+        return names, None
+    matrix = np.array(measured, float)
+    columns = 3 * len(robot.strips)
+    if matrix.ndim != 2 or matrix.shape[1] != columns or not len(matrix):
+        raise ShapeError("measured", ("n_y", columns), matrix.shape)
+    if not np.isfinite(matrix).all():
+        raise ParameterError("measured", "finite numbers", measured)
+    return tuple(f"y{k}" for k in range(len(matrix))), matrix

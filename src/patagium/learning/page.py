@@ -1,0 +1,176 @@
+"""The page of an identification: its scores as a table, its predictions as curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from patagium.learning.parameter_paths import parameter_table
+from patagium.report import Link, Note, Section, Table, picture, write_page
+from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
+
+if TYPE_CHECKING:
+    from patagium.learning.result import Identification
+
+DRAWN = 6
+"""Most outputs drawn; the others are in the table."""
+
+
+def write_identification(
+    result: Identification, path: str | Path, title: str, replay: str | None = None
+) -> Path:
+    """A self-contained HTML page of an identification.
+
+    Args:
+        result: What to show.
+        path: File to write.
+        title: Heading of the page.
+        replay: Address of the flight's replay, relative to the page, or None.
+    """
+    moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
+    sections = [
+        Section("Scores", [*moving, _score_table(result.scores), *_remarks(result.scores)]),
+        *_parameters(result),
+        Section("Predicted before it was used", [_prediction_picture(result)]),
+    ]
+    if result.prediction.sizes["update_time"] > 1:
+        sections.append(Section("What each update learned", [_innovation_picture(result)]))
+    if np.isfinite(list(result.scores["reliability"].values())).all():
+        sections.append(Section("Does it know how wrong it is?", _calibration(result.scores)))
+    return write_page(path, title, sections, summary=summary(result.scores))
+
+
+def _parameters(result: Identification) -> list[Section]:
+    """Physical parameters as a table, and their paths; nothing where none was learned."""
+    table, record = parameter_table(result.scores), result.prediction
+    if table is None:
+        return []
+    shown: list[Any] = [table]
+    if "parameter_value" in record and record.sizes["update_time"] > 1:
+        figure = paths(
+            record["update_time"].values,
+            record["parameter_value"].values,
+            record["parameter_deviation"].values,
+            list(result.scores["parameter_prior"].values()),
+            names=[str(name) for name in record["parameter"].values],
+            units=[str(unit) for unit in record["parameter_unit"].values],
+        )
+        shown.append(picture(figure, "After each update, within two deviations; dashed: before."))
+    return [Section("Physical parameters", shown)]
+
+
+def summary(scores: Mapping[str, Any]) -> str:
+    """The scores in two sentences.
+
+    Args:
+        scores: Of an `Identification`.
+    """
+    if "nmse_second_half_mean" not in scores:
+        return str(scores["message"])
+    words = (
+        f"{scores['samples']} samples, one in {scores['every']} used. Normalized mean square "
+        f"error over the second half: mean {scores['nmse_second_half_mean']:.2e}, worst "
+        f"{scores['nmse_second_half_worst']:.2e} (last used sample held: "
+        f"{scores['persistence_second_half_mean']:.2e}, "
+        f"{scores['persistence_second_half_worst']:.2e})."
+    )
+    return f"{words} {scores['message']}".strip()
+
+
+def _score_table(scores: Mapping[str, Any]) -> Table:
+    columns = {
+        "NMSE, whole run": "nmse",
+        "second half": "nmse_second_half",
+        "held sample, second half": "persistence_second_half",
+    }
+    for key in scores:
+        if key.startswith("horizon_") and key.endswith("_nmse_second_half"):
+            label = key.removeprefix("horizon_").removesuffix("_nmse_second_half")
+            columns[f"{label} ahead, second half"] = key
+            columns[f"{label} ahead, held"] = f"horizon_{label}_persistence_second_half"
+    if "coverage_by_output" in scores:
+        columns["in the 95 % interval"] = "coverage_by_output"
+    present = {head: scores[key] for head, key in columns.items() if key in scores}
+    names = list(next(iter(present.values()), {}))
+    rows = [[name, *(column[name] for column in present.values())] for name in names]
+    return Table(
+        ["output", *present],
+        rows,
+        "Mean square error over the variance of the output, of predictions made before the "
+        "sample was used; all samples of a hold interval count.",
+    )
+
+
+def _remarks(scores: Mapping[str, Any]) -> list[Note]:
+    remarks = []
+    if scores["message"]:
+        remarks.append(Note(scores["message"]))
+    if scores["silent"]:
+        names = ", ".join(scores["silent"])
+        remarks.append(Note(f"Silent, and left out of mean and worst: {names}."))
+    if scores.get("events"):
+        events = ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in scores["events"].items())
+        remarks.append(Note(f"What samples went through, and how often: {events}."))
+    if scores["gaps"]:
+        remarks.append(
+            Note(f"{scores['gaps']} gap(s) in time: each ends a hold interval, none is bridged.")
+        )
+    return remarks
+
+
+def _calibration(scores: Mapping[str, Any]) -> list[Any]:
+    nominal = np.array([float(p) for p in scores["reliability"]])
+    observed = np.array(list(scores["reliability"].values()))
+    figure = curves(
+        nominal,
+        nominal,
+        {"found": observed},
+        abscissa="probability of the predicted interval [1]",
+        ordinate="share of samples inside [1]",
+    )
+    shown = [picture(figure, "Reliability: on the diagonal, intervals are what they say.")]
+    if "nis_per_channel" not in scores or not np.isfinite(scores["nis_per_channel"]):
+        return shown
+    color = [value for value in scores["innovation_correlation"].values() if np.isfinite(value)]
+    words = (
+        f"Normalized innovation squared over the channels: {scores['nis_per_channel']:.3g} on "
+        f"average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
+        "lie in its 95 % interval. Normalized innovations one update apart correlate by "
+        f"{np.mean(color):.2f} on average (0 if white: what could be foreseen, was)."
+    )
+    return [Note(words), *shown]
+
+
+def _prediction_picture(result: Identification) -> Any:
+    record = result.prediction
+    loud = [name for name in record["output"].values if name not in result.scores["silent"]]
+    chosen = record.sel(output=loud[:DRAWN])
+    figure = comparison(
+        record["time"].values,
+        chosen["measurement"].values,
+        {"predicted": chosen["prediction"].values},
+        names=[str(name) for name in chosen["output"].values],
+        units=[str(unit) for unit in chosen["unit"].values],
+        truth_name="measured",
+    )
+    return picture(figure, "Measured, and predicted before the sample was used.", "png")
+
+
+def _innovation_picture(result: Identification) -> Any:
+    record = result.prediction
+    looked = np.isfinite(record["largest_variance"].values)
+    if not looked.any():
+        looked = np.ones_like(looked)
+    loud = [name for name in record["output"].values if name not in result.scores["silent"]]
+    chosen = record.sel(output=loud[:DRAWN]).isel(update_time=looked)
+    figure = innovation_and_covariance(
+        chosen["update_time"].values,
+        chosen["innovation"].values,
+        chosen["largest_variance"].values,
+        names=[str(name) for name in chosen["output"].values],
+        units=[str(unit) for unit in chosen["unit"].values],
+    )
+    return picture(figure, "Innovation at the updates, and the largest variance of a weight.")

@@ -1,0 +1,97 @@
+"""Physical parameters of an identification: their table, and their paths from update to update.
+
+Neglected: how they vary together; the learner's covariance says it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.learning.model_file import Model
+from patagium.learning.models.network import Network
+from patagium.learning.models.physical import Estimate
+from patagium.report import Table
+
+Array = NDArray[np.float64]
+_FIELDS = ("value", "deviation", "prior", "prior_deviation")
+
+
+class _Trained(Protocol):
+    @property
+    def network(self) -> Network: ...
+
+    @property
+    def weights(self) -> Array: ...
+
+
+def told(trained: _Trained) -> tuple[Estimate, ...]:
+    """What a learner, or a model from a file, knows of physical parameters; may be nothing.
+
+    Args:
+        trained: The learner or model.
+    """
+    network = trained.network
+    if not network.estimates(trained.weights):
+        return ()
+    variances = getattr(trained, "variances", None)
+    if isinstance(trained, Model) and trained.kept_covariance is not None:
+        variances = trained.kept_covariance.variances()
+    return network.estimates(trained.weights, variances)
+
+
+def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """The same as JSON-able values: parameter_value, ... by name of the parameter.
+
+    Args:
+        estimates: May be none.
+    """
+    if not estimates:
+        return {}
+    fields = ("unit", *_FIELDS)
+    return {
+        f"parameter_{field}": {found.name: getattr(found, field) for found in estimates}
+        for field in fields
+    }
+
+
+def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.DataArray]:
+    """Parameters after each update, (update_time, parameter), in their units.
+
+    Args:
+        estimates: After each update; may be none.
+    """
+    if not estimates or not estimates[0]:
+        return {}
+    units = [found.unit for found in estimates[0]]
+    names = {"parameter": [found.name for found in estimates[0]]}
+    names |= {"parameter_unit": ("parameter", units)}  # type: ignore[dict-item]
+    dimensions = ("update_time", "parameter")
+    return {
+        f"parameter_{field}": xr.DataArray(
+            np.array([[getattr(found, field) for found in step] for step in estimates]),
+            dims=dimensions,
+            coords=names,
+        )
+        for field in ("value", "deviation")
+    }
+
+
+def parameter_table(scores: Mapping[str, Any]) -> Table | None:
+    """The parameters beside what was known of them before; None where there are none.
+
+    Args:
+        scores: Of an `Identification`.
+    """
+    if "parameter_value" not in scores:
+        return None
+    rows = [
+        [name, *(scores[f"parameter_{field}"][name] for field in ("unit", *_FIELDS))]
+        for name in scores["parameter_value"]
+    ]
+    columns = ["parameter", "unit", "value", "standard deviation", "prior", "its deviation"]
+    return Table(columns, rows, "Physical parameters, after the last sample and before any.")

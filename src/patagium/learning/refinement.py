@@ -1,0 +1,132 @@
+"""Weights by least squares over a whole log, begun where a learner stands.
+
+A filter takes slopes where its weights are at the time: what it learned far from the truth
+counts as if it had been learned there, and memory it recalled at early weights is only moved
+along its slopes. For few weights with a meaning that matters; here all samples are taken with
+slopes at the same weights, again and again (Gauss-Newton). Neglected: weights that wander,
+errors that are correlated.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from patagium.errors import FilterDiverged, Outcome, ShapeError
+from patagium.learning.filters.weight_covariance import block_covariance
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.model_file import Model, model_of
+from patagium.learning.models.network import Network
+from patagium.learning.models.structure import Indices
+from patagium.learning.schedule import used_samples
+
+Array = NDArray[np.float64]
+_CLOSE = 0.01  # steps shorter than that, in deviations, are the last
+_HALVINGS = 8
+
+
+class _Log(NamedTuple):
+    """What is fitted: samples, which of them count, and how well they were measured."""
+
+    time: Array
+    x: Array
+    y: Array
+    gaps: Indices
+    used: Indices
+    deviation: Array
+
+
+def refine(
+    learner: FilterLearner,
+    time: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    every: int = 1,
+    gaps: ArrayLike = (),
+    rounds: int = 20,
+) -> Model:
+    """The most probable weights of a log, and their covariance around them.
+
+    Minimal over W: |y - y(W)|^2 / deviation^2 over the used samples + (W - W0)^2 / P0, with
+    W0, P0 and the deviation (as estimated by now) those of the learner.
+
+    Args:
+        learner: What has learned the log; it is not changed.
+        time: Increasing, (N,) [s].
+        x: What is measured of the network's inputs, (N, n_measured).
+        y: What was measured, (N, n_y); NaN where it was not.
+        every: 1 to use each sample, 100 to use one in 100.
+        gaps: First sample after each gap in time.
+        rounds: At most so many steps.
+
+    Returns:
+        A model with the covariance; `estimates` of its network reads it.
+
+    Raises:
+        ShapeError: If the arrays do not fit each other.
+        FilterDiverged: If nothing finite comes of the learner's weights.
+    """
+    stamps, seen, measured = (np.asarray(a, float) for a in (time, x, y))
+    network, starts = learner.network, np.asarray(gaps, np.int64)
+    if measured.shape != (len(stamps), network.outputs):
+        raise ShapeError("y", (len(stamps), network.outputs), measured.shape)
+    used = used_samples(len(stamps), every, starts)
+    log = _Log(stamps, seen, measured, starts, used, learner.measurement_deviation)
+    first, prior = learner.prior
+    weights, cost = learner.weights, _cost(network, log, learner.weights, first, prior)
+    if not np.isfinite(cost):
+        raise FilterDiverged("the weights to begin with give nothing finite", Outcome.NOT_FINITE)
+    for _ in range(rounds):
+        gradient, information = _slopes(network, log, weights)
+        information[np.diag_indices_from(information)] += 1.0 / prior
+        factor = cho_factor(information)
+        step = cho_solve(factor, gradient - (weights - first) / prior)
+        length = float(np.sqrt(step @ information @ step))
+        weights, cost, moved = _moved(network, log, (weights, cost), step, (first, prior))
+        if length < _CLOSE or not moved:
+            break
+    covariance = cho_solve(factor, np.eye(len(weights)))
+    kept = block_covariance(network, "full", [(covariance + covariance.T) / 2])
+    found = model_of(learner)
+    return Model(network, weights, kept, found.measurement_deviation, found.inputs, found.learner)
+
+
+def _moved(
+    network: Network,
+    log: _Log,
+    here: tuple[Array, float],
+    step: Array,
+    believed: tuple[Array, Array],
+) -> tuple[Array, float, bool]:
+    """Weights and cost a step further, or as much of it as lowers the cost."""
+    weights, cost = here
+    for halvings in range(_HALVINGS):
+        tried = weights + step / 2**halvings
+        found = _cost(network, log, tried, *believed)
+        if found <= cost:
+            return tried, found, True
+    return weights, cost, False
+
+
+def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Array) -> float:
+    rows, _ = network.recall(weights, log.time, log.x, None, log.gaps)
+    error = (log.y[log.used] - network.evaluate(rows[log.used], weights)) / log.deviation
+    cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
+    return cost if np.isfinite(rows).all() else float("inf")
+
+
+def _slopes(network: Network, log: _Log, weights: Array) -> tuple[Array, Array]:
+    """Sum of H'e and of H'H over the used samples, in deviations of the measurement."""
+    rows, _ = network.recall(weights, log.time, log.x, None, log.gaps)
+    gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
+    for k in log.used.tolist():
+        value, slope = network.linearized(network.encode_one(rows[k]), weights)
+        seen = np.isfinite(log.y[k])
+        slope = slope[seen] / log.deviation[seen, None]
+        gradient += slope.T @ ((log.y[k] - value) / log.deviation)[seen]
+        information += slope.T @ slope
+    return gradient, information

@@ -1,0 +1,9 @@
+"""The loop beside a robot: packets, streams, and the pipeline from a packet to an update."""
+
+from patagium.live.autosave import AutoSave
+from patagium.live.pipeline import Pipeline
+
+__all__ = [
+    "AutoSave",
+    "Pipeline",
+]

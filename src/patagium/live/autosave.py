@@ -1,0 +1,71 @@
+"""A learner's state kept from time to time while it learns.
+
+Neglected: saving beside learning; a save takes its time between two samples, once.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from patagium.errors import positive
+from patagium.learning.learners.file import Resumable
+
+
+class AutoSave:
+    """Keeps a learner in a file, at most once in so many seconds.
+
+    A disk that is full or gone does not stop a learner: `failures` counts, `problem` says.
+
+    Args:
+        learner: What learns; saved as it stands when asked.
+        path: The file, replaced whole or not at all.
+        seconds: From the end of one save to the beginning of the next, all in [s].
+
+    Raises:
+        ParameterError: If `seconds` is not a positive number.
+    """
+
+    def __init__(self, learner: Resumable, path: str | Path, seconds: float) -> None:
+        self.learner, self.path = learner, Path(path)
+        self.seconds = positive("seconds", seconds)
+        self.saves, self.failures, self.problem = 0, 0, ""
+        self._saved_count = learner.count
+        self._next = time.monotonic() + self.seconds
+
+    @property
+    def is_due(self) -> bool:
+        """Whether time has passed and samples were learned since the last save."""
+        return time.monotonic() >= self._next and self.learner.count != self._saved_count
+
+    def tick(self) -> bool:
+        """Save if it is due; call it between samples, as often as you like.
+
+        Returns:
+            Whether it was saved.
+        """
+        if not self.is_due:
+            return False
+        try:
+            self.save()
+        except OSError as problem:
+            self.failures += 1
+            self.problem = f"{self.path}: cannot be written: {problem.strerror}"
+            self._next = time.monotonic() + self.seconds
+            return False
+        return True
+
+    def save(self) -> Path:
+        """Save now, as at the end.
+
+        Returns:
+            The path.
+
+        Raises:
+            OSError: If it cannot be written; the file is then as it was.
+        """
+        count = self.learner.count
+        self.learner.save(self.path)
+        self.saves, self.problem, self._saved_count = self.saves + 1, "", count
+        self._next = time.monotonic() + self.seconds
+        return self.path

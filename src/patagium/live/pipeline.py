@@ -1,0 +1,333 @@
+"""One compiled call a sample: sensor packet, inverse dynamics, prediction, update.
+
+Packets go in, a record of each comes out; between them there is no Python where there is a
+compiler and the learner's filter is compiled. Otherwise the same goes through `Learner.update`,
+with the same results but for rounding. Where the network remembers, what it remembers follows
+the packets (`LiveMemory`). Neglected: two threads on one learner.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter_ns
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
+from patagium.learning.filters.kernel_memory import Compiled
+from patagium.learning.filters.screening import REFUSALS
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.learners.learner import Learner
+from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.lag_memory import LiveLags
+from patagium.learning.models.live_memory import UNSEEN, LiveMemory
+from patagium.learning.models.network import Network
+from patagium.native import NativeFunction, load_kernel
+from patagium.robot import Robot
+from patagium.sensing.force.air_force import (
+    Column,
+    air_force,
+    packet_columns,
+    packet_parts,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Records:
+    """What became of each packet.
+
+    Attributes:
+        rows: A row a packet, (N, 3 n_y + 4): prediction, its deviation, measurement, then nis,
+            outcome, channels left out and nanoseconds.
+    """
+
+    rows: Array
+
+    @property
+    def prediction(self) -> Array:
+        """y foreseen before it was learned, (N, n_y); NaN where none was made."""
+        return self.rows[:, : self._outputs]
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of the measurement around it, noise included, (N, n_y)."""
+        return self.rows[:, self._outputs : 2 * self._outputs]
+
+    @property
+    def measurement(self) -> Array:
+        """y by inverse dynamics, (N, n_y)."""
+        return self.rows[:, 2 * self._outputs : 3 * self._outputs]
+
+    @property
+    def nis(self) -> Array:
+        """Normalized innovation squared, (N,); NaN where nothing was learned."""
+        return self.rows[:, -4]
+
+    @property
+    def outcome(self) -> NDArray[np.int64]:
+        """`Outcome` of each update, (N,); what is not COMPLETED was not learned."""
+        return self.rows[:, -3].astype(np.int64)
+
+    @property
+    def left_out(self) -> NDArray[np.bool_]:
+        """Channels of samples learned that were left out, (N, n_y); of the first 53 at most."""
+        bits = self.rows[:, -2].astype(np.int64)[:, None] >> np.arange(self._outputs)
+        return (bits & 1).astype(bool)
+
+    @property
+    def duration(self) -> Array:
+        """Wall-clock time of each call, (N,) [s]."""
+        return self.rows[:, -1] * 1e-9
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def _outputs(self) -> int:
+        return int(self.rows.shape[1]) // 3 - 1
+
+
+class _Pipeline(ctypes.Structure):
+    """`pipeline` of the kernel, field by field."""
+
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in ("coordinates", "dof", "outputs")),
+        *((name, ctypes.c_void_p) for name in ("air_force", "parameters", "update", "memory")),
+        *((name, ctypes.c_void_p) for name in ("x", "y", "stamp", "mean", "covariance", "nis")),
+        *((name, ctypes.c_void_p) for name in ("left_out", "alarm", "recall", "settle", "lags")),
+    ]
+
+
+class Pipeline:
+    """A learner fed with the packets of a robot's sensors.
+
+    Nothing that a packet holds raises: what could not be learned is said by its record, and
+    left the learner as it was.
+
+    Args:
+        learner: What learns; it goes on from where it stands, and is changed. Its network's
+            outputs are coordinates of the robot.
+        robot: The machine that sends.
+        inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
+
+    Raises:
+        ParameterError: If an input or output has no such name, or the network remembers and the
+            learner cannot keep what.
+        ShapeError: If the network sees another number of inputs.
+    """
+
+    def __init__(
+        self, learner: Learner, robot: Robot, *, inputs: Sequence[str] | None = None
+    ) -> None:
+        check_network(learner.network, robot, inputs)
+        self.learner, self.robot = learner, robot
+        self.inputs = None if inputs is None else tuple(inputs)
+        self._force = air_force(robot, inputs, learner.network.output_names)
+        self._parameters = np.ascontiguousarray(robot.parameters, float)
+        self._columns = len(packet_columns(robot))
+        self._memory = _memory(learner)
+        self._chain = _chain(learner, self._force, robot)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Names and units of the numbers of a packet: time, q, v, a, u1."""
+        return packet_columns(self.robot)
+
+    @property
+    def native(self) -> tuple[int, int] | None:
+        """Addresses of the C function and of the memory it takes first; None where in Python."""
+        return None if self._chain is None else self._chain.native
+
+    @property
+    def compiled(self) -> bool:
+        """Whether no Python runs between two samples."""
+        return self._chain is not None
+
+    @property
+    def memory_resets(self) -> int:
+        """How often the network's memory began anew; 0 without one."""
+        return 0 if self._memory is None else self._memory.resets
+
+    def run(self, packets: ArrayLike) -> Records:
+        """Learn packets in order, each foreseen before it is learned.
+
+        Args:
+            packets: (N, 1 + n_q + 3 n), as `columns` names them.
+
+        Returns:
+            A record of each.
+
+        Raises:
+            ShapeError: If the packets have another shape.
+        """
+        rows = np.ascontiguousarray(packets, float)
+        if rows.ndim != 2 or rows.shape[1] != self._columns:
+            raise ShapeError("packets", ("N", self._columns), rows.shape)
+        records = np.empty((len(rows), 3 * self.learner.network.outputs + 4))
+        if self._chain is None:
+            self._run_in_python(rows, records)
+        else:
+            self._run_compiled(self._chain, rows, records)
+        return Records(records)
+
+    def step(self, packet: ArrayLike) -> Records:
+        """Learn one packet, (1 + n_q + 3 n,); its record, N = 1.
+
+        Raises:
+            ShapeError: If the packet has another shape.
+        """
+        row = np.asarray(packet, float)
+        if row.shape != (self._columns,):
+            raise ShapeError("packet", (self._columns,), row.shape)
+        return self.run(row[None])
+
+    def _run_compiled(self, chain: _CompiledChain, rows: Array, records: Array) -> None:
+        begin, lags = 0, chain.lags
+        if lags is not None and self._memory is not None:
+            lags.load(self._memory)
+        while begin < len(rows):
+            end = begin + chain.run(rows[begin:], records[begin:])
+            chain.learner.account_for(records[begin:end, -3], records[begin:end, -1])
+            begin = end
+        if lags is not None and self._memory is not None:
+            lags.store(self._memory)
+
+    def _run_in_python(self, rows: Array, records: Array) -> None:
+        m = self.learner.network.outputs
+        for row, record in zip(rows, records, strict=True):
+            started = perf_counter_ns()
+            x, y = map(np.atleast_1d, self._force(*packet_parts(row, self.robot), self._parameters))
+            record[:] = np.nan
+            record[2 * m : 3 * m], record[3 * m + 2] = y, 0.0
+            record[3 * m + 1] = self._sample(float(row[0]), x, y, record)
+            record[3 * m + 3] = perf_counter_ns() - started
+
+    def _sample(self, time: float, x: Array, y: Array, record: Array) -> Outcome:
+        """One sample recalled and learned; what became of it."""
+        if self._memory is None:
+            return _learned(self.learner, time, x, y, record)
+        before = self.learner.weights
+        x = self._memory.recalled(time, x, before)
+        outcome = _learned(self.learner, time, x, y, record)
+        self._memory.settle(outcome, self.learner.weights - before)
+        return outcome
+
+
+def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) -> None:
+    """Refuse a network that packets of a robot cannot feed.
+
+    Args:
+        network: What learns.
+        robot: What sends.
+        inputs: Names of what the network sees; None: q, then v.
+
+    Raises:
+        ParameterError: If an output is no coordinate of the robot.
+        ShapeError: If the network sees another number of inputs; what it recalls is not sent.
+    """
+    for name in network.output_names:
+        if name not in robot.dof_names:
+            known = ", ".join(robot.dof_names)
+            raise ParameterError("outputs of the network", f"coordinates among {known}", name)
+    count = robot.state_size if inputs is None else len(inputs)
+    if network.measured_inputs != count:
+        raise ShapeError("inputs of the network", (count,), (network.measured_inputs,))
+
+
+class _CompiledChain:
+    """The memory of one pipeline in C."""
+
+    def __init__(
+        self,
+        learner: FilterLearner,
+        compiled: Compiled,
+        kernel: ctypes.CDLL,
+        force: NativeFunction,
+        robot: Robot,
+        lags: LiveLags | None,
+    ) -> None:
+        self.learner, self.lags = learner, lags
+        self._function = kernel.pipeline_run
+        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
+        self._function.restype = ctypes.c_int64
+        parameters = np.ascontiguousarray(robot.parameters, float)
+        places = {
+            name: value if isinstance(value, int) else value.ctypes.data
+            for name, value in compiled._asdict().items()
+            if name not in ("predict", "weights")
+        }
+        if lags is not None:
+            places |= dict(zip(("recall", "settle", "lags"), lags.native, strict=True))
+        self._struct = _Pipeline(
+            coordinates=robot.coordinate_count,
+            dof=robot.dof,
+            outputs=len(compiled.y),
+            air_force=force.address,
+            parameters=parameters.ctypes.data,
+            **places,
+        )
+        self._keep = force, compiled, parameters
+        function = ctypes.cast(self._function, ctypes.c_void_p).value or 0
+        self.native = function, ctypes.addressof(self._struct)
+
+    def run(self, rows: Array, records: Array) -> int:
+        """Packets, (N, 1 + n_q + 3 n), into records, (N, 3 n_y + 4); how many, up to an alarm."""
+        return int(self._function(self.native[1], len(rows), rows.ctypes.data, records.ctypes.data))
+
+
+def _chain(learner: Learner, force: NativeFunction, robot: Robot) -> _CompiledChain | None:
+    """The pipeline in C; None where a sample takes Python as well."""
+    if not isinstance(learner, FilterLearner):
+        return None
+    compiled, kernel = learner.compiled, load_kernel("pipeline")
+    if compiled is None or kernel is None or force.address is None:
+        return None
+    network, lags = learner.network, None
+    if network.measured_inputs != network.inputs:
+        if isinstance(network, HiddenStripNetwork):
+            lags = network.live_lags(compiled.x, compiled.weights)
+        if lags is None:
+            return None
+    return _CompiledChain(learner, compiled, kernel, force, robot, lags)
+
+
+def _memory(learner: Learner) -> LiveMemory | None:
+    """What the learner keeps of what its network remembers; None without memory."""
+    network = learner.network
+    if network.measured_inputs == network.inputs:
+        return None
+    memory = getattr(learner, "live_memory", None)
+    if not isinstance(memory, LiveMemory):
+        expected = "a filter or gradient learner, for a network with memory"
+        raise ParameterError("learner", expected, type(learner).__name__)
+    return memory
+
+
+_OUTCOMES = {event: outcome for outcome, event in REFUSALS.items()}
+_OUTCOMES["refused"] = Outcome.NOT_FINITE
+
+
+def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -> Outcome:
+    """What became of a sample; its prediction and nis are written into its record."""
+    m, before = len(y), dict(learner.events)
+    with contextlib.suppress(FilterDiverged):
+        mean, covariance = learner.predict(x)
+        record[:m], record[m : 2 * m] = mean, np.sqrt(np.diagonal(np.atleast_2d(covariance)))
+    try:
+        innovation = learner.update(x, y, time)
+    except FilterDiverged as failure:
+        return failure.outcome
+    after = learner.events
+    for event, outcome in _OUTCOMES.items():
+        if after[event] > before[event]:
+            record[: 2 * m] = np.nan if outcome in UNSEEN else record[: 2 * m]
+            return outcome
+    record[3 * m] = getattr(learner, "nis", np.nan)
+    record[3 * m + 2] = float(np.isnan(innovation) @ 2.0 ** np.arange(m))
+    return Outcome.COMPLETED

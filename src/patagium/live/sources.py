@@ -1,0 +1,328 @@
+"""Where packets come from while a robot flies: a text that grows, a pipe, datagrams.
+
+A thread reads and puts packets into a queue of bounded size; who learns takes them out. A text
+waits where the queue is full, for it can; datagrams do not, and what found no room is counted.
+Neglected: texts that are cut or replaced while they are read.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import LogError, ParameterError
+from patagium.live.packets import (
+    LARGEST_DATAGRAM,
+    DatagramPackets,
+    Intake,
+    TextPackets,
+)
+from patagium.sensing.logs.record import LogRecord, is_log
+
+Array = NDArray[np.float64]
+
+_PIECE = 1 << 20
+_ROWS = 1 << 14
+_LOOK = 0.05  # s between looks at what else goes on
+_BUFFER = 1 << 22  # B asked of the system for datagrams that wait
+LOOPBACK = "127.0.0.1"
+"""Where datagrams are listened for unless an address is given: this machine alone."""
+
+
+class PacketQueue:
+    """Packets that were read and not learned yet, oldest first.
+
+    Args:
+        capacity: Packets it holds at most.
+        columns: Numbers a packet.
+        intake: Where those without room are counted.
+    """
+
+    def __init__(self, capacity: int, columns: int, intake: Intake) -> None:
+        self.intake = intake
+        self._capacity, self._columns = capacity, columns
+        self._blocks: deque[Array] = deque()
+        self._held, self._closed, self._abandoned = 0, False, False
+        self._problem: Exception | None = None
+        self._changed = threading.Condition()
+
+    def put(self, packets: Array, *, waits: bool) -> None:
+        """Add packets.
+
+        Args:
+            packets: (k, 1 + n_q + 3 n).
+            waits: Whether to wait for room; otherwise the newest without room are dropped,
+                and counted.
+        """
+        with self._changed:
+            while len(packets) and not self._closed:
+                room = self._capacity - self._held
+                if room:
+                    self._blocks.append(packets[:room])
+                    self._held += len(self._blocks[-1])
+                    self._changed.notify_all()
+                packets = packets[room:]
+                if len(packets) and not waits:
+                    self.intake.dropped += len(packets)
+                    return
+                if len(packets):
+                    self._changed.wait(_LOOK)
+
+    def take(self, most: int, patience: float) -> Array | None:
+        """The oldest packets, (k, 1 + n_q + 3 n), none if none came in time; None: no more come.
+
+        Args:
+            most: How many at most.
+            patience: How long to wait for the first one [s].
+
+        Raises:
+            LogError: If reading them failed.
+        """
+        with self._changed:
+            if self._abandoned:
+                self._drop_all()
+            if not self._blocks and not self._closed:
+                self._changed.wait(patience)
+            if not self._blocks:
+                if self._problem is not None:
+                    raise self._problem
+                return None if self._closed else np.empty((0, self._columns))
+            taken: list[Array] = []
+            while self._blocks and most:
+                block = self._blocks.popleft()
+                taken.append(block[:most])
+                if len(block) > most:
+                    self._blocks.appendleft(block[most:])
+                most -= len(taken[-1])
+            packets = np.concatenate(taken)
+            self._held -= len(packets)
+            self._changed.notify_all()
+            return packets
+
+    def abandon(self) -> None:
+        """Drop what waits, and count it, as soon as it is asked for; no more will come."""
+        self._abandoned = True  # no lock: signal handlers may call this
+
+    def _drop_all(self) -> None:
+        self.intake.dropped += self._held
+        self._blocks.clear()
+        self._held, self._closed = 0, True
+
+    def close(self, problem: Exception | None = None) -> None:
+        """No more will come."""
+        with self._changed:
+            self._closed, self._problem = True, problem
+            self._changed.notify_all()
+
+
+class Source(Protocol):
+    """Something that packets come from."""
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Put packets into the queue until there are no more, or it is told to stop."""
+        ...
+
+
+class TextSource:
+    """A CSV text: a file that may grow, or a pipe.
+
+    Args:
+        columns: Names of the numbers of a packet.
+        path: The file; None for a pipe.
+        pipe: File descriptor of a pipe, such as 0 for standard input.
+        idle: How long the end of a file is waited at for more [s]; None: until told to stop.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[str],
+        path: Path | None = None,
+        *,
+        pipe: int = 0,
+        idle: float | None = None,
+    ) -> None:
+        self._columns, self._path, self._pipe, self._idle = columns, path, pipe, idle
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Lines as they come; a pipe ends where its writer closes it.
+
+        Raises:
+            LogError: If the text has no header that names the columns.
+        """
+        packets = TextPackets(self._columns, queue.intake)
+        if self._path is None:
+            self._follow(self._pipe, packets, queue, stop)
+            return
+        with self._path.open("rb") as file:
+            self._follow(file.fileno(), packets, queue, stop)
+
+    def _follow(
+        self, descriptor: int, packets: TextPackets, queue: PacketQueue, stop: threading.Event
+    ) -> None:
+        fed = time.monotonic()
+        while not stop.is_set():
+            if self._path is None and not select.select([descriptor], [], [], _LOOK)[0]:
+                continue
+            piece = os.read(descriptor, _PIECE)
+            if piece:
+                queue.put(packets.take(piece), waits=True)
+                fed = time.monotonic()
+            elif self._path is None:
+                break
+            elif self._idle is not None and time.monotonic() - fed > self._idle:
+                break
+            else:
+                stop.wait(_LOOK / 2)
+        packets.end()
+
+
+class DatagramSource:
+    """Datagrams that arrive at a UDP port.
+
+    Args:
+        columns: How many numbers a packet has.
+        host: Address to listen at.
+        port: Port to listen at; 0: any that is free.
+        idle: How long nothing may come after the first packet [s]; None: until told to stop.
+
+    Raises:
+        LogError: If the address cannot be listened at.
+    """
+
+    def __init__(self, columns: int, host: str, port: int, *, idle: float | None = None) -> None:
+        self._columns, self._idle = columns, idle
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        try:
+            self._socket.bind((host, port))
+        except OSError as problem:
+            self._socket.close()
+            raise LogError(f"udp://{host}:{port}: cannot listen: {problem.strerror}") from None
+        self._socket.setblocking(False)
+
+    @property
+    def port(self) -> int:
+        """Port it listens at."""
+        return int(self._socket.getsockname()[1])
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Datagrams as they come."""
+        packets, fed = DatagramPackets(self._columns, queue.intake), None
+        with self._socket:
+            while not stop.is_set():
+                if select.select([self._socket], [], [], _LOOK)[0]:
+                    queue.put(self._waiting(packets), waits=False)
+                    fed = time.monotonic()
+                elif self._idle is not None and fed and time.monotonic() - fed > self._idle:
+                    break
+
+    def _waiting(self, packets: DatagramPackets) -> Array:
+        found: list[Array] = []
+        while len(found) < 64:
+            try:
+                found.append(packets.take(self._socket.recv(LARGEST_DATAGRAM)))
+            except BlockingIOError:
+                break
+        return np.concatenate(found) if found else np.empty((0, self._columns))
+
+
+class RecordSource:
+    """A log that `patagium import` wrote, with q, v, a and u1 of every coordinate.
+
+    Args:
+        columns: Names of the numbers of a packet.
+        path: The log.
+
+    Raises:
+        LogError: If it is no such log, or lacks a number.
+    """
+
+    def __init__(self, columns: Sequence[str], path: Path) -> None:
+        self._columns, self._path = tuple(columns), path
+        with LogRecord(path) as record:
+            record.values(self._columns[1:], 0, 1)
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Its samples, as fast as they are learned from."""
+        with LogRecord(self._path) as record:
+            for begin in range(0, record.count, _ROWS):
+                if stop.is_set():
+                    return
+                end = begin + _ROWS
+                time = record.time(begin, end)
+                packets = np.column_stack([time, record.values(self._columns[1:], begin, end)])
+                queue.intake.received += len(packets)
+                queue.put(packets, waits=True)
+
+
+def source_of(
+    words: str, columns: Sequence[str], *, idle: float | None = None
+) -> TextSource | DatagramSource | RecordSource:
+    """The source that words name.
+
+    Args:
+        words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file or of a
+            log that `patagium import` wrote.
+        columns: Names of the numbers of a packet.
+        idle: How long to wait for more [s]; None: until told to stop.
+
+    Raises:
+        ParameterError: If an address has no port.
+        LogError: If there is no such file, or the address cannot be listened at.
+    """
+    if words == "-":
+        return TextSource(columns)
+    if words.startswith("udp://"):
+        host, port = address_of(words)
+        return DatagramSource(len(columns), host, port, idle=idle)
+    path = Path(words)
+    if not path.is_file():
+        raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
+    if is_log(path):
+        return RecordSource(columns, path)
+    return TextSource(columns, path, idle=idle)
+
+
+def address_of(words: str) -> tuple[str, int]:
+    """Host and port of `udp://HOST:PORT`; without a host, this machine alone.
+
+    Raises:
+        ParameterError: If there is no port.
+    """
+    host, _, port = words.removeprefix("udp://").rpartition(":")
+    if not port.isdecimal() or int(port) > 65535:
+        raise ParameterError("address", "udp://ADDRESS:PORT such as udp://127.0.0.1:9000", words)
+    return host.strip("[]") or LOOPBACK, int(port)
+
+
+def start_reading(source: Source, queue: PacketQueue, stop: threading.Event) -> threading.Thread:
+    """A thread that reads a source until it ends, then closes the queue.
+
+    Args:
+        source: Where packets come from.
+        queue: Where they go.
+        stop: Set it, and reading ends.
+    """
+
+    def read() -> None:
+        try:
+            source.read(queue, stop)
+        except Exception as problem:
+            queue.close(problem)
+        else:
+            queue.close()
+
+    thread = threading.Thread(target=read, name="packets", daemon=True)
+    thread.start()
+    return thread

@@ -1,0 +1,39 @@
+"""What installed packages add to patagium: verbs, models of the air, steppings.
+
+A package adds something by an entry point of one of the groups below. The laboratory in `lab/`
+adds the authors' verbs and the published air this way. Neglected: versions of plugins.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+VERBS = "patagium.verbs"
+"""Modules of the command line: `NAME = module`; see `patagium.cli.main`."""
+AIR_MODELS = "patagium.air_models"
+"""Functions `(robot, air, description) -> Aerodynamics` by the model's name."""
+STEPPINGS = "patagium.steppings"
+"""Functions that fly a robot another way than `simulate`, by name."""
+OLD_NAMES = "patagium.old_names"
+"""Former names of `patagium` that live in another package now."""
+
+
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """Entry points of a group by name.
+
+    Args:
+        group: One of the groups above.
+    """
+    return {point.name: point for point in entry_points(group=group)}
+
+
+def plugin(group: str, name: str) -> Any:
+    """The object behind an entry point, or None where no installed package has it.
+
+    Args:
+        group: One of the groups above.
+        name: Of the entry point.
+    """
+    point = plugins(group).get(name)
+    return None if point is None else point.load()

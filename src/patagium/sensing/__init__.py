@@ -1,0 +1,52 @@
+"""What sensors saw: sensors, logs, clocks, motion, and the force of the air from measurements."""
+
+from patagium.sensing import sensors
+from patagium.sensing.force.momentum_observer import MomentumObserver, momentum_force
+from patagium.sensing.force.samples import ForceSamples
+from patagium.sensing.force.sources import (
+    cell_wrench,
+    inverse_dynamics_force,
+    load_cell_force,
+    motor_forces,
+)
+from patagium.sensing.force.training_data import training_data
+from patagium.sensing.logs.importing.inspection import inspect_log
+from patagium.sensing.logs.importing.run import import_log
+from patagium.sensing.logs.mapping import TableMapping, load_mapping
+from patagium.sensing.logs.record import load_log
+from patagium.sensing.logs.table import Table, read_table
+from patagium.sensing.motion.clocks import Shifts, estimate_shifts
+from patagium.sensing.motion.estimate import estimate_motion
+from patagium.sensing.motion.smoothers import Kalman, SavitzkyGolay, Spline
+from patagium.sensing.motion.tracker import MotionTracker
+from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
+
+__all__ = [
+    "ForceSamples",
+    "Kalman",
+    "MomentumObserver",
+    "MotionTracker",
+    "SavitzkyGolay",
+    "SensorLog",
+    "Shifts",
+    "Spline",
+    "Table",
+    "TableMapping",
+    "cell_wrench",
+    "estimate_motion",
+    "estimate_shifts",
+    "import_log",
+    "inspect_log",
+    "inverse_dynamics_force",
+    "load_cell_force",
+    "load_log",
+    "load_mapping",
+    "load_sensor_log",
+    "momentum_force",
+    "motor_forces",
+    "read_table",
+    "save_sensor_log",
+    "sense",
+    "sensors",
+    "training_data",
+]

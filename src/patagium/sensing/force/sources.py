@@ -1,0 +1,336 @@
+"""The air's generalized force from measurements, with its covariance.
+
+By inverse dynamics of the smoothed motion, or by a load cell under the robot, whose wrench less the
+robot's inertia is the air's; `momentum_observer` is the third way. The covariance is that of
+motion, joint forces and wrench through the Jacobian of the inverse dynamics. Neglected: errors of
+the robot's parameters; that joint forces and wrench err alike over time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass
+from patagium.dynamics import equations
+from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.errors import FlightError, ParameterError, ShapeError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot import Robot
+from patagium.sensing.force.samples import ForceSamples
+from patagium.sensing.motion.smoothers import Kalman, Smoother
+from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
+from patagium.sensing.sensors.joints import joint_names
+from patagium.simulation import robot_of
+
+Array = NDArray[np.float64]
+
+_LEAST = 1e-4  # of what a signal does, below which its noise is not believed
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A signal on the time axis of a motion.
+
+    Args:
+        values: (N, k); NaN where there is none.
+        variance: (N, k).
+    """
+
+    values: Array
+    variance: Array
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """What a load cell showed, on the time axis of a motion.
+
+    Args:
+        measured: Force and moment of the mount on the robot, the cell's axes, (N, 6) [N, N m].
+        cell: Where it sits.
+    """
+
+    measured: Measured
+    cell: LoadCell
+
+
+def motor_forces(
+    log: SensorLog, motion: xr.Dataset, name: str, *, shift: float = 0.0, robot: Robot | None = None
+) -> Measured:
+    """Forces of the joints from the currents of their motors, at the times of a motion.
+
+    Args:
+        log: The log.
+        motion: From `estimate_motion`.
+        name: Of the sensor.
+        shift: What its stamps are late [s].
+        robot: The machine; None for the log's.
+
+    Returns:
+        Forces, (N, n) [N, N m]; NaN in joints without a sensor.
+
+    Raises:
+        ParameterError: If the sensor is no amplifier of motors.
+    """
+    sensor = log.sensors.get(name)
+    if not isinstance(sensor, MotorCurrent):
+        raise ParameterError("name", "a motor current of the log", name)
+    machine = log.robot if robot is None else robot
+    columns = [machine.index(joint) for joint in joint_names(sensor.joints, machine)]
+    force = np.asarray(log[name]["current"].values) * sensor.force_per_current
+    found = _at(log[name], force, sensor.sample_deviation, motion, shift)
+    shape = (len(motion["time"]), machine.dof)
+    values, variance = np.full(shape, np.nan), np.zeros(shape)
+    values[:, columns] = found.values
+    constant = (sensor.offset_deviation * sensor.force_per_current) ** 2
+    scale = sensor.torque_constant_deviation**2
+    variance[:, columns] = found.variance + constant + scale * found.values**2
+    return Measured(values, variance)
+
+
+def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float = 0.0) -> Wrench:
+    """What a load cell showed, at the times of a motion.
+
+    Args:
+        log: The log.
+        motion: From `estimate_motion`.
+        name: Of the sensor.
+        shift: What its stamps are late [s].
+
+    Raises:
+        ParameterError: If the sensor is no load cell.
+    """
+    cell = log.sensors.get(name)
+    if not isinstance(cell, LoadCell):
+        raise ParameterError("name", "a load cell of the log", name)
+    shown = np.asarray(log[name]["wrench"].values, float)
+    found = _at(log[name], shown, cell.sample_deviation, motion, shift)
+    constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
+    talk = np.zeros((6, 6)) if cell.cross_talk is None else np.asarray(cell.cross_talk) ** 2
+    return Wrench(
+        Measured(found.values, found.variance + constant + found.values**2 @ talk.T), cell
+    )
+
+
+def inverse_dynamics_force(
+    motion: xr.Dataset,
+    *,
+    joints: Measured | None = None,
+    mount: Wrench | None = None,
+    added_mass: AddedMass | None = None,
+) -> ForceSamples:
+    """Force of the air by inverse dynamics: y = D a + C v + G - u1 - damping - mount.
+
+    Known in the joints whose force was measured, and in the passive coordinates, those of a
+    floating body only where nothing holds it or a load cell says how.
+
+    Args:
+        motion: From `estimate_motion`.
+        joints: Forces of the joints; None: not measured.
+        mount: Wrench of what holds the floating body; None: not measured.
+        added_mass: Inertia of the air that is known and no part of y; None for none.
+
+    Raises:
+        FlightError: If the motion misses a quantity or carries no robot.
+        ShapeError: If the signals do not fit the motion.
+    """
+    parts = ForceParts(motion, joints, mount, added_mass)
+    return parts.samples(parts.force, "inverse dynamics")
+
+
+def load_cell_force(
+    motion: xr.Dataset, mount: Wrench, *, added_mass: AddedMass | None = None
+) -> ForceSamples:
+    """Force of the air on the whole robot: the wrench of the cell less what inertia explains.
+
+    Known in the floating body's coordinates; no motor is asked.
+
+    Args:
+        motion: From `estimate_motion`.
+        mount: What the cell showed.
+        added_mass: Inertia of the air that is known and no part of y; None for none.
+
+    Raises:
+        FlightError: If the motion misses a quantity or carries no robot.
+        ShapeError: If the signals do not fit the motion.
+        ParameterError: If the robot has no floating body.
+    """
+    parts = ForceParts(motion, None, mount, added_mass)
+    base = [i for body in parts.robot.bodies for i in body.floating_dofs or ()]
+    if not base:
+        raise ParameterError("robot", "one with a floating body", parts.robot.name)
+    others = [i for i in range(parts.robot.dof) if i not in base]
+    force = parts.force.copy()
+    force[:, others] = np.nan
+    return parts.samples(force, "load cell")
+
+
+class ForceParts:
+    """Inverse dynamics of a motion with its covariance.
+
+    Args:
+        motion: From `estimate_motion`.
+        joints: Forces of the joints; None: not measured.
+        mount: Wrench of what holds the floating body; None: not measured.
+        added_mass: Inertia of the air that is known; None for none.
+    """
+
+    def __init__(
+        self,
+        motion: xr.Dataset,
+        joints: Measured | None,
+        mount: Wrench | None,
+        added_mass: AddedMass | None,
+    ) -> None:
+        self.robot = robot_of(motion)
+        n = self.robot.dof
+        for name in ("q", "v", "a", "covariance"):
+            if name not in motion:
+                held = ", ".join(map(str, motion.data_vars))
+                raise FlightError(f"motion: expected {name}, but it holds {held}")
+        self.time = np.asarray(motion["time"].values, float)
+        self.q, self.v, self.a = (np.asarray(motion[name].values, float) for name in "qva")
+        count = len(self.time)
+        for name, signal, width in (
+            ("joints", joints, n),
+            ("mount", None if mount is None else mount.measured, 6),
+        ):
+            if signal is not None and signal.values.shape != (count, width):
+                raise ShapeError(name, (count, width), signal.values.shape)
+        self.joint = np.zeros((count, n)) if joints is None else np.nan_to_num(joints.values)
+        self._joint_variance = np.zeros((count, n)) if joints is None else joints.variance
+        self.wrench = np.zeros((count, 6)) if mount is None else mount.measured.values
+        self._wrench_variance = np.zeros((count, 6)) if mount is None else mount.measured.variance
+        self._known = self._known_rows(motion, joints, mount)
+        self._cell = None if mount is None else mount.cell
+        self._added = added_mass
+        if added_mass is not None:
+            added_mass.air.require_uniform("added_mass.air")
+        function = _force_function(self.robot, self._cell, added_mass)
+        wind = np.zeros((count, 3)) if added_mass is None else added_mass.air.wind_at(self.time)
+        others = np.zeros(0) if added_mass is None else added_mass.parameters
+        constants = self.robot.parameters, others
+        state = np.hstack([self.q, self.v, self.a, self.wrench])
+        force = function["air_force"].batch(state, wind, *constants)
+        self.force = np.array(force).reshape(count, n) - self.joint
+        slope = np.empty((count, n, 3 * n + 6))
+        for k, direction in enumerate(np.eye(3 * n + 6)):
+            column = function["along"].batch(state, wind, direction, *constants)
+            slope[:, :, k] = np.asarray(column).reshape(count, n)
+        covariance = np.asarray(motion["covariance"].values, float)
+        by_motion, by_wrench = slope[:, :, : 3 * n], slope[:, :, 3 * n :]
+        self.covariance = by_motion @ covariance @ np.swapaxes(by_motion, 1, 2)
+        self.covariance += (by_wrench * self._wrench_variance[:, None]) @ np.swapaxes(
+            by_wrench, 1, 2
+        )
+        rows = np.arange(n)
+        self.covariance[:, rows, rows] += self._joint_variance
+
+    def samples(self, force: Array, source: str, left: Array | None = None) -> ForceSamples:
+        """A force in the coordinates where it is known, and more variance that it has, (N, n)."""
+        covariance = self.covariance.copy()
+        rows = np.arange(self.robot.dof)
+        if left is not None:
+            covariance[:, rows, rows] += left
+        known = np.where(self._known, force, np.nan)
+        lost = np.isnan(known)
+        covariance[lost[:, :, None] | lost[:, None, :]] = np.nan
+        return ForceSamples(self.time, self.q, self.v, known, covariance, self.robot, source)
+
+    def held(self) -> Array:
+        """Force of mount and added mass, (N, n) [N, N m]."""
+        if self._cell is None and self._added is None:
+            return np.zeros_like(self.q)
+        plain = _force_function(self.robot, None, None)["air_force"]
+        state = np.hstack([self.q, self.v, self.a, np.zeros((len(self.time), 6))])
+        still = np.zeros((len(self.time), 3))
+        inertia = plain.batch(state, still, self.robot.parameters, np.zeros(0))
+        return np.asarray(inertia).reshape(self.q.shape) - (self.force + self.joint)
+
+    def _known_rows(
+        self, motion: xr.Dataset, joints: Measured | None, mount: Wrench | None
+    ) -> NDArray[np.bool_]:
+        robot = self.robot
+        base = {i for body in robot.bodies for i in body.floating_dofs or ()}
+        free = str(motion.attrs.get("mount", "free")) in ("", "free")
+        known = np.ones((len(self.time), robot.dof), bool)
+        for i in range(robot.dof):
+            if i in base and not free and mount is None:
+                known[:, i] = False
+            if i in robot.actuated:
+                known[:, i] = False if joints is None else np.isfinite(joints.values[:, i])
+        return known
+
+
+def _force_function(
+    robot: Robot, cell: LoadCell | None, added_mass: AddedMass | None
+) -> dict[str, NativeFunction]:
+    """Compiled `air_force`, y + u1 of (q, v, a, wrench), and `along`, its change in a direction."""
+
+    def build() -> list[ca.Function]:
+        machine, p = robot.symbolic()
+        n = robot.dof
+        state, wind = ca.SX.sym("state", 3 * n + 6), ca.SX.sym("wind", 3)
+        q, v, a, shown = ca.vertsplit(state, [0, n, 2 * n, 3 * n, 3 * n + 6])
+        others = ca.SX.sym("c", 0 if added_mass is None else len(added_mass.parameters))
+        force = equations.inverse(machine, q, v, a) - equations.damping_force(machine, v)
+        if cell is not None:
+            force = force - _of_cell(machine, q, shown, cell)
+        if added_mass is not None:
+            inertia = added_mass.inertia(machine, wind, others)
+            force = force - equations.apparent_force(machine, q, v, a, inertia)
+            force = force - added_mass.circulation_force(machine, q, v, wind, others)
+        direction = ca.SX.sym("direction", 3 * n + 6)
+        along = ca.densify(ca.jtimes(force, state, direction))
+        names = ["parameters", "air_parameters"]
+        return [
+            ca.Function(
+                "air_force",
+                [state, wind, p, others],
+                [ca.densify(force)],
+                ["state", "wind", *names],
+                ["force"],
+            ),
+            ca.Function(
+                "along",
+                [state, wind, direction, p, others],
+                [along],
+                ["state", "wind", "direction_parameters", *names],
+                ["change"],
+            ),
+        ]
+
+    place = None if cell is None else (cell.body, cell.position, cell.orientation)
+    carried = None if added_mass is None else added_mass.describe()
+    key = f"measured air force {place} {carried} {robot.structure}"
+    return load_functions(key, build, label=f"measured force on {robot.name}")
+
+
+def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
+    """Generalized force of what a cell shows, (n, 1) [N, N m]."""
+    turn, lever = ca.DM(cell.orientation), ca.DM(cell.position)
+    force, moment = turn @ shown[:3], turn @ shown[3:]
+    if cell.body is not None:
+        moment = moment + ca.cross(lever, force)
+        return generalized_force(machine, q, {machine.body_index(cell.body): (force, moment)})
+    pose = body_poses(machine, q)[0]
+    moment = moment + ca.cross(lever - pose.position, force)
+    to_body = pose.rotation.T
+    return generalized_force(machine, q, {0: (to_body @ force, to_body @ moment)})
+
+
+def _at(
+    reading: xr.Dataset, values: Array, deviation: Array | float, motion: xr.Dataset, shift: float
+) -> Measured:
+    """A signal smoothed at the times of a motion."""
+    stamps = np.asarray(reading["time"].values, float) - shift
+    times = np.asarray(motion["time"].values, float)
+    smoother: Smoother = Kalman(order=3)
+    least = _LEAST * np.maximum(np.std(values, axis=0), 1e-9)
+    spread = np.maximum(np.asarray(deviation, float), least)
+    found = smoother.smooth(stamps, values, spread, times)
+    return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0])

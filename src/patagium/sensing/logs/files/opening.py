@@ -1,0 +1,109 @@
+"""Which reader a file needs: by its first bytes where it has some, else by its ending."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from patagium.errors import LogError
+from patagium.sensing.logs.files.channels import LogFile
+
+_MAGIC = {
+    b"#ROSBAG V": ".bag",
+    b"\x89MCAP0\r\n": ".mcap",
+    b"ULog\x01\x12\x35": ".ulg",
+    b"PAR1": ".parquet",
+    b"MATLAB 5.0 MAT": ".mat",
+    b"MATLAB 7.3 MAT": ".mat",
+    b"SQLite format 3": ".db3",
+    b"\x89HDF\r\n": ".h5",
+}
+_TEXT = (".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz")
+_SUMMED_UP = "a CSV, Parquet, MAT, ULog (.ulg), ROS bag (.bag, .db3, its folder) or MCAP file"
+
+
+def open_log(paths: str | Path | Sequence[str | Path]) -> LogFile:
+    """A log file of whatever format, open.
+
+    Args:
+        paths: A file; a folder of a ROS 2 bag, or of the parts of one recording; or the parts.
+
+    Returns:
+        The log; close it.
+
+    Raises:
+        LogError: If it cannot be read, or is of no known format.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not given:
+        raise LogError(f"expected {_SUMMED_UP}, found none")
+    parts = [part for one in given for part in _parts(Path(one))]
+    kinds = {_kind(part) for part in parts}
+    if len(kinds) > 1:
+        raise LogError(
+            f"{given[0]}: expected parts of one format, found {', '.join(sorted(kinds))}"
+        )
+    return _reader(kinds.pop(), parts)
+
+
+def _parts(path: Path) -> list[Path]:
+    if not path.exists():
+        raise LogError(f"{path}: no such file")
+    if not path.is_dir() or (path / "metadata.yaml").exists():
+        return [path]
+    for pattern in ("*.bag", "*.mcap", "*.db3"):
+        found = sorted(path.glob(pattern))
+        if found:
+            return found
+    raise LogError(f"{path}: expected a bag's folder, or one with .bag, .mcap or .db3 files")
+
+
+def _kind(path: Path) -> str:
+    if path.is_dir():
+        return ".db3"
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError as problem:
+        raise LogError(f"{path}: cannot be read: {problem.strerror}") from problem
+    if not head:
+        raise LogError(f"{path}: expected {_SUMMED_UP}, found an empty file")
+    for magic, ending in _MAGIC.items():
+        if head.startswith(magic):
+            return ending
+    ending = "".join(path.suffixes[-2:]).lower()
+    if path.name.lower().endswith(_TEXT):
+        return ".csv"
+    if path.suffix.lower() in (".bag", ".mcap", ".ulg", ".parquet", ".mat", ".db3"):
+        return path.suffix.lower()  # its reader says what is wrong with it
+    raise LogError(f"{path}: expected {_SUMMED_UP}, found one that ends in {ending or 'nothing'!r}")
+
+
+def _reader(kind: str, parts: list[Path]) -> LogFile:
+    if kind == ".bag" or kind == ".db3":
+        from patagium.sensing.logs.files.bag_file import BagFile
+
+        return BagFile(parts)
+    if kind == ".mcap":
+        from patagium.sensing.logs.files.mcap_file import McapFile
+
+        return McapFile(parts)
+    if len(parts) > 1:
+        raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
+    if kind == ".csv":
+        from patagium.sensing.logs.files.csv_file import CsvFile
+
+        return CsvFile(parts[0])
+    if kind == ".parquet":
+        from patagium.sensing.logs.files.parquet_file import ParquetFile
+
+        return ParquetFile(parts[0])
+    if kind == ".ulg":
+        from patagium.sensing.logs.files.ulog_file import UlogFile
+
+        return UlogFile(parts[0])
+    if kind == ".mat":
+        from patagium.sensing.logs.files.mat_file import MatFile
+
+        return MatFile(parts[0])
+    raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found HDF5; a log import wrote needs none")

@@ -1,0 +1,249 @@
+"""Whether quantities of a log agree with each other: what sizes alone cannot tell.
+
+An attitude turns as fast as its rate says, a position moves as its velocity says, and specific
+force turned into the world, less gravity, is the change of velocity. Slips of units, axes and
+component order show there. Looked at in a few stretches spread over the log, as means over about
+50 ms. Neglected: delays between sensors, lever arms, the Earth's turning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from patagium.sensing.logs.axes import rotate, turning_rate
+from patagium.sensing.logs.files.channels import Array
+from patagium.sensing.logs.importing.findings import GRAVITY, Finding
+from patagium.sensing.logs.importing.plan import Item
+from patagium.sensing.logs.importing.resample import TimeBase, resampled, stamps_in
+from patagium.sensing.logs.importing.spool import Spool
+from patagium.sensing.logs.importing.survey import SECOND
+
+_STRETCHES = 8
+_LENGTH = 4000
+_SPAN = 0.05  # s
+_WORLDS = ("ned", "enu", "nwu")
+_SURE = 0.6
+"""Correlation from which two quantities are held to be the same one."""
+_LEVEL = 0.5  # of g, horizontally, in the mean
+
+
+@dataclass
+class _Sums:
+    """Derived against measured rates: moments about zero."""
+
+    both: float = 0.0
+    derived: float = 0.0
+    measured: float = 0.0
+    count: int = 0
+
+    def add(self, derived: Array, measured: Array) -> None:
+        self.both += float((derived * measured).sum())
+        self.derived += float((derived**2).sum())
+        self.measured += float((measured**2).sum())
+        self.count += derived.size
+
+    @property
+    def correlation(self) -> float:
+        power = float(np.sqrt(self.derived) * np.sqrt(self.measured))
+        return self.both / power if power > 0 else 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Size of the derived over that of the measured."""
+        return float(np.sqrt(self.derived / self.measured)) if self.measured > 0 else np.nan
+
+
+@dataclass
+class _Forces:
+    """Specific force in the world against the change of velocity."""
+
+    total: Array = field(default_factory=lambda: np.zeros(3))
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    residual: Array = field(default_factory=lambda: np.zeros(3))
+    change: Array = field(default_factory=lambda: np.zeros(3))
+    count: int = 0
+    compared: int = 0
+
+
+def consistency(
+    spool: Spool, base: TimeBase, gap: float
+) -> tuple[list[Finding], list[dict[str, Any]]]:
+    """Findings, and how well accelerations explain velocities.
+
+    Args:
+        spool: The streams.
+        base: The time base.
+        gap: A step longer than this many medians is a gap.
+
+    Returns:
+        Findings; and for each specific force with an attitude, its mean in the world and, with
+        a velocity in the world, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
+        of the accelerometer, for one), its deviation about that, and its rms.
+    """
+    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
+        return _looked_at(spool, base, gap)
+
+
+def _looked_at(
+    spool: Spool, base: TimeBase, gap: float
+) -> tuple[list[Finding], list[dict[str, Any]]]:
+    items = spool.plan.items
+    attitudes = [item for item in items if item.is_attitude]
+    vectors = [item for item in items if item.column.frame and not item.is_attitude]
+    rates = [item for item in vectors if item.si == "rad/s"]
+    forces = [item for item in vectors if item.si == "m/s^2"]
+    speeds = [item for item in vectors if item.si == "m/s" and _of_world(item)]
+    places = [item for item in vectors if item.si == "m" and _of_world(item)]
+    looked = _Stretches(spool, base, gap)
+    found: list[Finding] = []
+    facts: list[dict[str, Any]] = []
+    if attitudes:
+        for rate in rates:
+            found += _compare(looked, attitudes[0], rate, turning=True)
+        for force in forces:
+            more, fact = _forces(looked, attitudes[0], force, speeds[0] if speeds else None)
+            found += more
+            facts += fact
+    if places and speeds:
+        found += _compare(looked, places[0], speeds[0], turning=False)
+    return found, facts
+
+
+class _Stretches:
+    """Means over short spans, in stretches without a gap."""
+
+    def __init__(self, spool: Spool, base: TimeBase, gap: float) -> None:
+        self._spool, self._base, self._gap = spool, base, gap
+        self.span = max(1, round(_SPAN / base.step))
+        self.duration = self.span * base.step
+        length = min(max(_LENGTH, 20 * self.span), base.count)
+        last = base.count - length
+        starts = np.linspace(0, last, min(_STRETCHES, 1 + last // length)).astype(int)
+        self._places = [(int(start), int(start) + length) for start in np.unique(starts)]
+
+    def of(self, *items: Item) -> list[tuple[Array, list[Array]]]:
+        """Times [s] and values of items, where all of them have some, no step a gap."""
+        pieces = []
+        for begin, end in self._places:
+            stamps = stamps_in(self._spool, self._base, begin, end)
+            parts = [resampled(self._spool, item, stamps, self._gap) for item in items]
+            valid = np.logical_and.reduce([ok for _, ok in parts])
+            time = (stamps - stamps[0]) / SECOND
+            kept = np.flatnonzero(valid)
+            breaks = np.flatnonzero(np.diff(time[kept]) > self._gap * self._base.step) + 1
+            for run in np.split(kept, breaks):
+                if len(run) > self.span:
+                    pieces.append((time[run], [values[run] for values, _ in parts]))
+        return pieces
+
+    def means(self, values: Array) -> Array:
+        """Means over spans, by the trapezoid rule: what a difference over a span compares with."""
+        count = (len(values) - 1) // self.span
+        whole = values[: count * self.span + 1]
+        middle = (whole[1:] + whole[:-1]) / 2
+        return np.asarray(middle.reshape(count, self.span, -1).mean(axis=1))
+
+    def ends(self, values: Array) -> Array:
+        """Values between spans."""
+        return values[:: self.span][: (len(values) - 1) // self.span + 1]
+
+
+def _compare(looked: _Stretches, place: Item, rate: Item, *, turning: bool) -> list[Finding]:
+    sums = _Sums()
+    for time, (where, measured) in looked.of(place, rate):
+        ends, stamps = looked.ends(where), looked.ends(time)
+        derived = (
+            turning_rate(stamps, ends)
+            if turning
+            else np.diff(ends, axis=0) / np.diff(stamps)[:, None]
+        )
+        si = measured * (rate.si_factor / rate.factor)
+        scale = 1.0 if turning else place.si_factor / place.factor
+        sums.add(derived * scale, looked.means(si))
+    floor = 0.05 * np.sqrt(max(1, sums.count))  # rad/s or m/s: less is noise
+    still = np.sqrt(sums.derived) < floor and np.sqrt(sums.measured) < floor
+    if sums.count < 30 or still or not np.isfinite(sums.ratio):
+        return []
+    names = f"{place.column.label} and {rate.column.label}"
+    ratio, correlation = sums.ratio, sums.correlation
+    facts = f"size ratio {ratio:.4g}, correlation {correlation:.2f}"
+    for factor, words in _SLIPS[turning]:
+        if abs(correlation) > _SURE and 1 / 1.3 < ratio / factor < 1.3:
+            text = f"do not agree ({facts}): {words}"
+            return [Finding("warning", names, "unit", text)]
+    # of the same motion, noise makes the derived one larger: the correlation is 1 / ratio
+    if correlation < -_SURE or (correlation < 0.4 and 0.5 < ratio < 2.0):
+        text = f"do not agree ({facts}): check frame, body, order, inverted and the time base"
+        return [Finding("warning", names, "axes", text)]
+    return []
+
+
+_SLIPS = {
+    True: (
+        (np.pi / 180, "is the rate in deg/s?"),
+        (180 / np.pi, "is the rate in rad/s?"),
+    ),
+    False: (
+        (1e3, "position too large or velocity too small by 1000: mm for m?"),
+        (1e-3, "position too small or velocity too large by 1000: mm for m?"),
+        (1e2, "position too large or velocity too small by 100: cm for m?"),
+    ),
+}
+
+
+def _forces(
+    looked: _Stretches, attitude: Item, force: Item, speed: Item | None
+) -> tuple[list[Finding], list[dict[str, Any]]]:
+    sums = _Forces()
+    items = (attitude, force) if speed is None else (attitude, force, speed)
+    scale = force.si_factor / force.factor
+    for time, parts in looked.of(*items):
+        world = rotate(parts[0], parts[1] * scale)
+        sums.total += world.sum(axis=0)
+        sums.count += len(world)
+        if speed is not None:
+            ends, stamps = looked.ends(parts[2]), looked.ends(time)
+            ends = ends * (speed.si_factor / speed.factor)
+            change = np.diff(ends, axis=0) / np.diff(stamps)[:, None]
+            less = looked.means(world) - np.array([0.0, 0.0, GRAVITY]) - change
+            sums.offset += less.sum(axis=0)
+            sums.residual += (less**2).sum(axis=0)
+            sums.change += (change**2).sum(axis=0)
+            sums.compared += len(less)
+    if not sums.count:
+        return [], []
+    mean = sums.total / sums.count
+    name = force.column.label
+    fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
+    if sums.compared and speed is not None:
+        fact["velocity"] = speed.column.label
+        offset = sums.offset / sums.compared
+        spread = np.maximum(0.0, sums.residual / sums.compared - offset**2)
+        fact["residual_mean"] = offset.tolist()
+        fact["residual_rms"] = np.sqrt(sums.residual / sums.compared).tolist()
+        fact["residual_deviation"] = np.sqrt(spread).tolist()
+        fact["acceleration_rms"] = np.sqrt(sums.change / sums.compared).tolist()
+        fact["span"] = looked.duration
+    return _gravity_findings(name, attitude.column.label, mean), [fact]
+
+
+def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
+    size = float(np.linalg.norm(mean))
+    if size < 0.3 * GRAVITY:  # gravity taken out, or another unit: told elsewhere
+        return []
+    where = f"{name} and {attitude}"
+    told = ", ".join(f"{value:.3g}" for value in mean)
+    if mean[2] < -0.5 * size:
+        text = f"the mean in the world is ({told}) m/s^2, down; a body that is carried feels up"
+        return [Finding("warning", where, "axes", f"{text}: check frame and body")]
+    if np.hypot(mean[0], mean[1]) > _LEVEL * size:
+        text = f"the mean in the world is ({told}) m/s^2, far from upright"
+        return [Finding("warning", where, "axes", f"{text}: check frame, body, order, inverted")]
+    return []
+
+
+def _of_world(item: Item) -> bool:
+    return (item.column.frame or "").strip().lower() in _WORLDS

@@ -1,0 +1,192 @@
+"""Quantities with stamps of their own, brought to one time base.
+
+Numbers and vectors go linearly from sample to sample, attitudes by slerp, angles the short way
+round. Where a quantity has no sample within a gap's length, there is none on the time base
+either. Neglected: what is faster than half the rate of the time base folds; nothing is filtered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import LogError
+from patagium.sensing.logs.axes import continuous, slerp
+from patagium.sensing.logs.files.channels import Array, Stamps
+from patagium.sensing.logs.importing.plan import Item, Plan
+from patagium.sensing.logs.importing.spool import Spool
+from patagium.sensing.logs.importing.survey import SECOND
+from patagium.sensing.logs.mapping import TableMapping
+
+CHUNK = 1 << 16
+_MARGIN = 64
+"""Rows looked at beyond a chunk, for those that are no numbers."""
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """The stamps that all quantities are brought to.
+
+    Attributes:
+        origin: Its first stamp [ns].
+        count: How many.
+        step: Between them, or their median [s].
+        stream: Whose stamps it is; None for an even one.
+        first: Row of the stream that is its first.
+    """
+
+    origin: int
+    count: int
+    step: float
+    stream: int | None
+    first: int
+
+    def describe(self, plan: Plan) -> str:
+        """In words."""
+        if self.stream is None:
+            return f"{self.count} samples {self.step:.6g} s apart"
+        return f"{self.count} stamps of {plan.names[self.stream]}, {self.step:.4g} s apart (median)"
+
+
+def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
+    """The common time base: where all streams have samples, as the mapping asks.
+
+    Args:
+        spool: The streams.
+        mapping: What was asked for.
+        source: Name of the mapping, for messages.
+
+    Raises:
+        LogError: If the streams do not overlap, or the mapping does not say which base.
+    """
+    plan, time = spool.plan, mapping.time
+    used = sorted({item.stream for item in plan.items})
+    begins = [spool.stamps[k].first or 0 for k in used]
+    ends = [spool.stamps[k].last for k in used]
+    begin, end = max(begins), min(ends)
+    if end <= begin:
+        told = "; ".join(
+            f"{plan.names[k]} from {(b - min(begins)) / SECOND:.6g} s to "
+            f"{(e - min(begins)) / SECOND:.6g} s"
+            for k, b, e in zip(used, begins, ends, strict=True)
+        )
+        raise LogError(f"{source}: expected streams that overlap in time, found {told}")
+    origin = begin
+    begin = origin + round((time.start or 0.0) * SECOND)
+    if time.end is not None:
+        end = min(end, origin + round(time.end * SECOND))
+    stream = _stream(plan, mapping, used, source, spool)
+    if stream is None:
+        rate = _rate(time.rate, source)
+        count = int((end - begin) / SECOND * rate * (1 + 1e-12)) + 1
+        _enough(count if end > begin else 0, source, (end - begin) / SECOND)
+        return TimeBase(begin, count, 1.0 / rate, None, 0)
+    stamps = spool.stamps_of(stream)
+    first, last = np.searchsorted(stamps, [begin, end + 1])
+    _enough(int(last - first), source, (end - begin) / SECOND)
+    return TimeBase(
+        int(stamps[first]), int(last - first), spool.stamps[stream].median, stream, int(first)
+    )
+
+
+def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
+    """Some stamps of a time base, (end - begin,) [ns]."""
+    if base.stream is not None:
+        return np.array(spool.stamps_of(base.stream)[base.first + begin : base.first + end])
+    offsets: Stamps = np.rint(np.arange(begin, end) * (base.step * SECOND)).astype(np.int64)
+    return offsets + base.origin
+
+
+def resampled(
+    spool: Spool, item: Item, stamps: Stamps, gap: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """A quantity at some stamps.
+
+    Args:
+        spool: The streams.
+        item: The quantity.
+        stamps: Increasing, (k,) [ns].
+        gap: A step longer than this many medians is a gap.
+
+    Returns:
+        Values, (k, 1), (k, 3) or (k, 4), and whether there is one, (k,).
+    """
+    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
+        values, valid = _resampled(spool, item, stamps, gap)
+    return values, valid & np.isfinite(values).all(axis=1)
+
+
+def _resampled(
+    spool: Spool, item: Item, stamps: Stamps, gap: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    known = spool.stamps_of(item.stream)
+    begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
+    end = min(len(known), int(np.searchsorted(known, stamps[-1], "left")) + 1 + _MARGIN)
+    raw = spool.values_of(item.stream, begin, end)[:, list(item.places)]
+    values = item.converted(raw)
+    finite = np.isfinite(values).all(axis=1)
+    own, values = np.array(known[begin:end])[finite], values[finite]
+    width = len(item.column.labels)
+    if not len(own):
+        return np.full((len(stamps), width), np.nan), np.zeros(len(stamps), bool)
+    left = np.searchsorted(own, stamps, "right") - 1
+    right = np.minimum(left + 1, len(own) - 1)
+    exact = (left >= 0) & (own[left] == stamps)
+    near = own[right] - own[left] <= gap * spool.stamps[item.stream].median * SECOND
+    valid = exact | ((left >= 0) & (right > left) & near)
+    valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
+    origin = own[0]
+    seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
+    return _between(item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
+
+
+def _between(item: Item, seconds: Array, values: Array, wanted: Array) -> Array:
+    if item.is_attitude:
+        return slerp(seconds, continuous(values), wanted)
+    turns = item.si == "rad" and item.column.size == 1
+    if turns:
+        half = np.pi * item.factor / item.si_factor
+        if np.abs(np.diff(values[:, 0])).max(initial=0.0) > half:
+            unrolled = np.unwrap(values[:, 0], period=2 * half)
+            low = -half if values.min() < 0 else 0.0
+            mixed = np.interp(wanted, seconds, unrolled)
+            return np.asarray((mixed - low) % (2 * half) + low)[:, None]
+    return np.column_stack([np.interp(wanted, seconds, column) for column in values.T])
+
+
+def _stream(
+    plan: Plan, mapping: TableMapping, used: list[int], source: str, spool: Spool
+) -> int | None:
+    if mapping.time.rate is not None:
+        return None
+    if mapping.time.like is not None:
+        return plan.stream_of(mapping.time.like.removesuffix("/0"))
+    if len(used) == 1:
+        return used[0]
+    rates = ", ".join(f"{plan.names[k]} {1 / spool.stamps[k].median:.4g} Hz" for k in used)
+    raise LogError(
+        f"{source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with stamps "
+        f"of their own: {rates}"
+    )
+
+
+def _rate(rate: str | float | None, source: str) -> float:
+    from patagium.robot.units import UnitMismatch, in_si
+
+    try:
+        found = float(rate) if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
+    except UnitMismatch as problem:
+        raise LogError(f"{source}: time.rate: {problem}") from None
+    if not 0 < found < 1e7:
+        raise LogError(f"{source}: time.rate: expected a rate such as 200 Hz, found {rate!r}")
+    return found
+
+
+def _enough(count: int, source: str, duration: float) -> None:
+    if count < 2:
+        raise LogError(
+            f"{source}: expected at least two samples on the time base, found {max(0, count)} "
+            f"in {max(0.0, duration):.6g} s"
+        )

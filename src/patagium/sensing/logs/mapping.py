@@ -1,0 +1,324 @@
+"""The words of a mapping file: which column or field of a log is what, in which unit and axes.
+
+A mapping is a YAML file that a person writes beside a log. Units scale, axes turn; there are
+no other expressions: a quantity that has to be computed belongs to the program that wrote
+the log. `docs/logs.md` has an example for each kind of file.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from patagium.errors import LogError
+from patagium.sensing.logs.axes import AXES_WORDS, axes_of
+
+_UNIT = re.compile(r"[A-Za-z0-9_µ°·*/^(). -]{0,40}")
+_HIGH_POWER = re.compile(r"(?:\^|\*\*)\s*\(?\s*-?\d{2,}")
+_DERIVED = {
+    "kg m/s^2": "N",
+    "kg m^2/s^2": "N m",
+    "kg m^2/s^3": "W",
+    "kg/m/s^2": "Pa",
+}
+"""How a person writes the SI units of mechanics."""
+
+
+class _Words(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TimeColumn(_Words):
+    """What stamps the samples, and the time base they are brought to.
+
+    Attributes:
+        column: Name of the column or field with stamps; empty for the stamps of messages.
+        unit: Its unit, a time.
+        base: Stamps of messages: those in their `header` or when they were `received`; None:
+            the header's where there is one.
+        rate: Samples of the common time base a second, such as "200 Hz".
+        like: Topic whose stamps are the common time base.
+        start: What comes before is left out, from the first sample [s].
+        end: What comes after is left out, from the first sample [s].
+    """
+
+    column: str = ""
+    unit: str = "s"
+    base: Literal["header", "received"] | None = None
+    rate: str | float | None = None
+    like: str | None = None
+    start: float | None = None
+    end: float | None = None
+
+    @model_validator(mode="after")
+    def _one_base(self) -> TimeColumn:
+        if self.rate is not None and self.like is not None:
+            raise ValueError("rate, like: expected one of the two")
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise ValueError("start, end: expected start < end")
+        return self
+
+
+class ValueColumn(_Words):
+    """A quantity of the log: a number, a vector (with `frame`) or an attitude (with `order`).
+
+    Attributes:
+        column: Its name in a table, or the three or four of its components.
+        topic: Topic of a message that holds it.
+        field: Dotted path in the message, such as `position[2]`, or those of its components.
+        stamp: Field with its stamps, where it is not that of `time`.
+        name: Its name in results; the column's or field's name when left out.
+        unit: Unit of the numbers in the log; "1" for plain numbers.
+        as_unit: Unit the model shall see (key `as`); SI when left out.
+        offset: Subtracted first, in the unit of the log (a sensor's zero).
+        range: Lowest and highest value to expect, in the unit of the log. The network
+            scales by it, so that it need not look ahead in the log.
+        frame: Axes of a vector, or the world's of an attitude: flu, nwu (ours), frd, ned, enu,
+            rfu, or ours in terms of them such as "x, -y, -z".
+        body: The body's axes of an attitude.
+        order: Components of an attitude: wxyz, xyzw, or rpy (roll, pitch, yaw).
+        inverted: Whether an attitude is of the world in the body instead.
+    """
+
+    column: str | tuple[str, ...] = ""
+    topic: str = ""
+    field: str | tuple[str, ...] = ""
+    stamp: str = ""
+    name: str = ""
+    unit: str
+    as_unit: str | None = Field(default=None, alias="as")
+    offset: float = 0.0
+    range: tuple[float, float] | None = None
+    frame: str | None = None
+    body: str | None = None
+    order: Literal["wxyz", "xyzw", "rpy"] | None = None
+    inverted: bool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_quaternion(cls, words: Any) -> Any:
+        if isinstance(words, dict) and words.get("order") in ("wxyz", "xyzw"):
+            return {"unit": "1", **words}
+        return words
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ValueColumn:
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise ValueError("range: expected [low, high] with low < high")
+        if bool(self.column) == bool(self.field):
+            raise ValueError("column, field: expected one of the two")
+        if self.topic and self.column:
+            raise ValueError("column: expected field to go with topic")
+        for word, axes in (("frame", self.frame), ("body", self.body)):
+            if axes is not None and axes_of(axes) is None:
+                raise ValueError(f"{word}: expected {AXES_WORDS}")
+        if self.order and not (self.frame and self.body):
+            raise ValueError("order: expected frame (the world's axes) and body to go with it")
+        if self.order and (self.as_unit or self.offset or self.range):
+            raise ValueError("order: an attitude has no as, offset or range")
+        if not self.order and (self.body or self.inverted):
+            raise ValueError("body, inverted: expected order to go with it: they are of attitudes")
+        if not isinstance(self.source, str) and len(self.source) != self.size:
+            raise ValueError(
+                f"expected {self.size} name(s), for a number has one, a vector (with frame) "
+                f"three, an attitude (with order) four or three, found {len(self.source)}"
+            )
+        return self
+
+    @property
+    def source(self) -> str | tuple[str, ...]:
+        """Name of the column or path of the field; those of its components where listed."""
+        return self.column or self.field
+
+    @property
+    def size(self) -> int:
+        """Numbers it has in the log: 1, 3 or 4."""
+        if self.order is not None:
+            return 3 if self.order == "rpy" else 4
+        return 1 if self.frame is None else 3
+
+    @property
+    def label(self) -> str:
+        """Name in results."""
+        if self.name or isinstance(self.source, str):
+            return self.name or str(self.source)
+        return ",".join(self.source)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of its components in results."""
+        if self.order is not None:
+            return tuple(f"{self.label}.{part}" for part in "wxyz")
+        if self.frame is not None:
+            return tuple(f"{self.label}.{part}" for part in "xyz")
+        return (self.label,)
+
+
+class AirWords(_Words):
+    """The air of a flight, for networks that compute the flow at the wings.
+
+    Attributes:
+        density: [kg/m^3].
+        wind: World axes (ours), (3,) [m/s].
+    """
+
+    density: Annotated[float, Field(gt=0.0)] = 1.225
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class TableMapping(_Words):
+    """What the columns of a table, or the fields of a log, mean.
+
+    Attributes:
+        about: What the log is, where it comes from, its licence; in words.
+        time: What stamps the samples, and the time base they are brought to.
+        inputs: What the network sees, in order.
+        outputs: What it predicts, in order.
+        channels: What else to keep; `q.roll`, `v.roll`, `a.roll`, `u1.roll` ... of every
+            coordinate make it a flight of the robot.
+        robot: Robot, a preset or a file, of a flight.
+        air: Its air.
+        gap: A time step longer than this many medians is a gap.
+    """
+
+    about: str = ""
+    time: TimeColumn = TimeColumn()
+    inputs: tuple[ValueColumn, ...] = ()
+    outputs: tuple[ValueColumn, ...] = ()
+    channels: tuple[ValueColumn, ...] = ()
+    robot: str | None = None
+    air: AirWords = AirWords()
+    gap: Annotated[float, Field(gt=1.0)] = 3.0
+
+    @model_validator(mode="after")
+    def _distinct(self) -> TableMapping:
+        if bool(self.inputs) != bool(self.outputs) or not self.columns:
+            missing = "outputs" if self.inputs else "inputs"
+            raise ValueError(f"{missing}: expected at least one, or channels alone")
+        labels = [label for column in self.columns for label in column.labels]
+        twice = sorted({label for label in labels if labels.count(label) > 1})
+        if twice:
+            raise ValueError(f"name: expected different names, found {', '.join(twice)} twice")
+        return self
+
+    @property
+    def columns(self) -> tuple[ValueColumn, ...]:
+        """All quantities: inputs, outputs, channels."""
+        return (*self.inputs, *self.outputs, *self.channels)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it names columns of one table, number by number, stamps as they are."""
+        time = self.time
+        asked = (time.base, time.rate, time.like, time.start, time.end, self.robot)
+        plain = all(c.column and c.size == 1 and not c.stamp for c in self.columns)
+        return plain and bool(time.column) and asked == (None,) * 6 and not self.channels
+
+
+def load_mapping(path: str | Path) -> TableMapping:
+    """A mapping file, validated.
+
+    Args:
+        path: A YAML file.
+
+    Raises:
+        LogError: If it cannot be read, or does not say what is needed.
+    """
+    file = Path(path)
+    try:
+        words = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise LogError(f"{file}: cannot be read: {problem.strerror}") from problem
+    except yaml.YAMLError as problem:
+        raise LogError(f"{file}: expected YAML, found: {problem}") from problem
+    return parse_mapping(words, str(file))
+
+
+def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
+    """A mapping from the plain dict of a YAML file.
+
+    Args:
+        words: What the YAML holds.
+        source: Named in messages.
+
+    Raises:
+        LogError: One line a problem: where in the file, what is wrong, what was found.
+    """
+    try:
+        mapping = TableMapping.model_validate(words)
+    except ValidationError as problem:
+        raise LogError("\n".join(_line(source, error) for error in problem.errors())) from None
+    conversion(mapping.time.unit, "s", f"{source}: time ({mapping.time.column})")
+    for column in mapping.columns:
+        conversion(column.unit, column.as_unit, f"{source}: {column.label}")
+    return mapping
+
+
+def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
+    """The factor from one unit to another, and the name of the other.
+
+    Args:
+        unit: Unit of the numbers.
+        target: Unit wanted; None for SI.
+        where: Named in messages.
+
+    Raises:
+        LogError: If a unit is unknown, or the two do not measure the same quantity.
+    """
+    from pint import DimensionalityError
+
+    known = _unit(unit, where)
+    wanted = None if target is None else _unit(target, where)
+    numbers = [_registry().Quantity(number, known) for number in (0.0, 1.0)]
+    try:
+        zero, one = (n.to_base_units() if wanted is None else n.to(wanted) for n in numbers)
+    except DimensionalityError as problem:
+        raise LogError(
+            f"{where}: expected a unit of {_dimension(problem.dim2)} such as {target!r}, "
+            f"found {unit!r}, which is of {_dimension(problem.dim1)}"
+        ) from problem
+    if zero.magnitude != 0.0:
+        raise LogError(f"{where}: expected a unit that only scales, found {unit!r}")
+    return float(one.magnitude), _written(f"{one.units:~}")
+
+
+@cache
+def _registry() -> Any:
+    import pint  # a fifth of a second: only where a table is read
+
+    return pint.UnitRegistry()
+
+
+def _unit(text: str, where: str) -> Any:
+    try:
+        if not _UNIT.fullmatch(text) or _HIGH_POWER.search(text):
+            raise ValueError("no unit is written like this")
+        return _registry().Unit("" if text.strip() == "1" else text)
+    except Exception as problem:  # pint raises its own, tokenize's and Python's for bad text
+        raise LogError(
+            f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {text!r}"
+        ) from problem
+
+
+def _written(unit: str) -> str:
+    plain = unit.replace(" ** ", "^").replace(" * ", " ").replace(" / ", "/")
+    return _DERIVED.get(plain, plain) or "1"
+
+
+def _dimension(dimension: Any) -> str:
+    return str(dimension).replace("dimensionless", "plain numbers")
+
+
+def _line(source: str, error: Any) -> str:
+    where = ".".join(str(part) for part in error["loc"]) or "file"
+    kind, words = error["type"], error["msg"].removeprefix("Value error, ")
+    if kind == "extra_forbidden":
+        return f"{source}: {where}: unknown key"
+    if kind == "missing":
+        return f"{source}: {where}: expected, but not there"
+    return f"{source}: {where}: {words}, found {error['input']!r}"

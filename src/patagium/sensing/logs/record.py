@@ -1,0 +1,239 @@
+"""Logs that `patagium import` wrote: read whole as a table or a flight, or block by block.
+
+Neglected: compression; 10^7 samples of ten numbers are 0.9 GB on the disk.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.errors import FlightError, LogError
+from patagium.robot import Robot, load_robot_text
+from patagium.sensing.force.air_force import PARTS, packet_columns
+from patagium.sensing.logs.table import Table, find_gaps
+from patagium.simulation.flight import quantities
+
+Array = NDArray[np.float64]
+
+FORMAT = "patagium log 1"
+_CACHE = 1 << 19  # B; the default is many times that for each number
+
+
+def is_log(path: str | Path) -> bool:
+    """Whether a file is a log that an import wrote.
+
+    Args:
+        path: Any file.
+    """
+    file = Path(path)
+    if file.suffix.lower() != ".nc" or not file.is_file():
+        return False
+    from netCDF4 import Dataset
+
+    try:
+        with Dataset(file) as opened:
+            return bool(getattr(opened, "format", "") == FORMAT)
+    except OSError:
+        return False
+
+
+class LogRecord:
+    """A log on one time base, in SI and our axes, open.
+
+    Args:
+        path: The netCDF file.
+
+    Attributes:
+        path: The file.
+        count: Samples.
+        labels: Names of its numbers.
+        units: Their units, by name.
+        gap: A step longer than this many medians is a gap.
+        findings: What was suspicious when it was imported; see `Finding`.
+
+    Raises:
+        LogError: If it is no such log.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        from netCDF4 import Dataset
+
+        self.path = Path(path)
+        try:
+            self._file = Dataset(self.path)
+        except OSError as problem:
+            reason = "no such file" if not self.path.exists() else f"no netCDF4 file: {problem}"
+            raise LogError(f"{self.path}: {reason}") from None
+        try:
+            if self._file.getncattr("format") != FORMAT:
+                raise LogError(f"{self.path}: expected a log that `patagium import` wrote")
+            self._file.set_auto_mask(False)
+            self._columns = {
+                str(variable.long_name): variable
+                for name, variable in self._file.variables.items()
+                if name != "time"
+            }
+            self.count = len(self._file.dimensions["time"])
+            self.gap = float(self._file.gap)
+            self.findings: list[dict[str, Any]] = json.loads(self._file.findings)
+        except (AttributeError, KeyError, ValueError) as problem:
+            self._file.close()
+            raise LogError(f"{self.path}: no whole log: {problem}") from None
+        for variable in self._file.variables.values():
+            variable.set_var_chunk_cache(_CACHE, 3, 0.75)
+        self.labels = tuple(self._columns)
+        self.units = {name: str(column.units) for name, column in self._columns.items()}
+
+    def __enter__(self) -> LogRecord:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let the file go."""
+        self._file.close()
+
+    def of_role(self, role: str) -> tuple[str, ...]:
+        """Names of the numbers of a role: "input", "output" or "channel"."""
+        return tuple(name for name, column in self._columns.items() if column.role == role)
+
+    def ranges(self, names: tuple[str, ...]) -> Array:
+        """Lowest and highest value to expect, (n, 2); NaN where not stated."""
+        nothing = (np.nan, np.nan)
+        rows = [getattr(self._columns[name], "expected_range", nothing) for name in names]
+        return np.array(rows, float).reshape(-1, 2)
+
+    def time(self, begin: int = 0, end: int | None = None) -> Array:
+        """Times of some samples, (k,) [s]."""
+        return np.asarray(self._file["time"][begin:end], float)
+
+    def values(self, names: tuple[str, ...], begin: int = 0, end: int | None = None) -> Array:
+        """Numbers of some samples, (k, n).
+
+        Raises:
+            LogError: If there is no such number.
+        """
+        missing = [name for name in names if name not in self._columns]
+        if missing:
+            raise LogError(
+                f"{self.path}: expected {', '.join(missing[:6])}, but it holds "
+                f"{', '.join(self.labels[:12])}"
+            )
+        rows = len(self._file["time"][begin:end])
+        columns = [np.asarray(self._columns[name][begin:end], float) for name in names]
+        return np.column_stack(columns) if columns else np.empty((rows, 0))
+
+    def table(self, begin: int = 0, end: int | None = None) -> Table:
+        """Inputs and outputs of some samples.
+
+        Raises:
+            LogError: If its mapping named none.
+        """
+        inputs, outputs = self.of_role("input"), self.of_role("output")
+        if not inputs or not outputs:
+            raise LogError(
+                f"{self.path}: expected inputs and outputs, but its mapping named channels only: "
+                f"{', '.join(self.labels[:12])}"
+            )
+        time = self.time(begin, end)
+        return Table(
+            time=time - time[0] if begin == 0 else time,
+            x=self.values(inputs, begin, end),
+            y=self.values(outputs, begin, end),
+            input_names=inputs,
+            output_names=outputs,
+            input_units=tuple(self.units[name] for name in inputs),
+            output_units=tuple(self.units[name] for name in outputs),
+            input_range=self.ranges(inputs),
+            output_range=self.ranges(outputs),
+            gaps=find_gaps(time, self.gap),
+            gap=self.gap,
+            source=str(self.path),
+        )
+
+    @property
+    def robot(self) -> Robot | None:
+        """The robot its mapping named."""
+        if "robot" not in self._file.ncattrs():
+            return None
+        return load_robot_text(str(self._file.robot), str(self._file.robot_name))
+
+    @property
+    def is_flight(self) -> bool:
+        """Whether it holds q, v, a and u1 of every coordinate of its robot."""
+        robot = self.robot
+        return robot is not None and not self._missing(robot)
+
+    def flight(self) -> xr.Dataset:
+        """Its q, v, a and u1 as a flight that a learner can be taught from.
+
+        Raises:
+            FlightError: If it lacks some, or its robot.
+        """
+        robot = self.robot
+        if robot is None:
+            raise FlightError(f"{self.path}: expected a mapping with `robot`, found none")
+        missing = self._missing(robot)
+        if missing:
+            raise FlightError(
+                f"{self.path}: expected q, v, a and u1 of each coordinate of {robot.name}, "
+                f"found no {', '.join(missing[:6])}"
+            )
+        names = {"q": robot.coordinate_names}
+        record = {}
+        for part in PARTS:
+            labels = tuple(f"{part}.{name}" for name in names.get(part, robot.dof_names))
+            record[part] = (("time", *quantities(robot)[part].dims), self.values(labels))
+        attributes = {
+            "robot": robot.source,
+            "robot_name": robot.name,
+            "air": str(self._file.air),
+            "gait": "{}",
+        }
+        coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
+        return xr.Dataset(record, coordinates, attributes)
+
+    def _missing(self, robot: Robot) -> list[str]:
+        wanted = [column.name for column in packet_columns(robot)[1:]]
+        return [name for name in wanted if name not in self._columns]
+
+
+def load_log(path: str | Path) -> xr.Dataset:
+    """A log that an import wrote, in memory: one variable a quantity, with its unit.
+
+    Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world.
+
+    Args:
+        path: The netCDF file.
+
+    Raises:
+        LogError: If it is no such log.
+    """
+    with LogRecord(path) as record:
+        parts: dict[str, list[str]] = {}
+        for name in record.labels:
+            head, dot, tail = name.rpartition(".")
+            whole = head if dot and tail in ("w", "x", "y", "z") else name
+            parts.setdefault(whole, []).append(name)
+        variables: dict[str, Any] = {}
+        for whole, names in parts.items():
+            dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
+            facts = {"units": record.units[names[0]]}
+            if dims is None:
+                for name in names:
+                    variables[name] = ("time", record.values((name,))[:, 0], facts)
+            else:
+                variables[whole] = (dims, record.values(tuple(names)), facts)
+        coordinates = {
+            "time": ("time", record.time(), {"units": "s"}),
+            "axis": list("xyz"),
+            "quaternion": list("wxyz"),
+        }
+        return xr.Dataset(variables, coordinates, {"findings": json.dumps(record.findings)})

@@ -1,0 +1,232 @@
+"""What the stamps of sensors are late against each other: clocks and delays, from motion alone.
+
+Inertial units are foreseen from encoders and cameras that see the same bodies; each of those is
+moved in time until they are foreseen best, a maximum of the likelihood with noise and biases of
+every axis unknown. Only the sum of delay and clock offset can be seen. Neglected: drift. Load cells
+and motors are not asked: where the motion is one sine, a delay and a drag look alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation, Slerp
+
+from patagium.errors import LogError, ParameterError, positive
+from patagium.robot import Robot
+from patagium.sensing.motion.model import Motion, by_angles
+from patagium.sensing.motion.runs import Part, smoothed_stream
+from patagium.sensing.motion.sensors import ImuChannel
+from patagium.sensing.motion.smoothers import Kalman, Smoother
+from patagium.sensing.motion.streams import Stream, streams_of
+from patagium.sensing.sensors import SensorLog
+
+Array = NDArray[np.float64]
+
+_MOST_SAMPLES = 2000
+_COARSE = 2e-3  # s between the shifts looked at first
+_SWEEPS = 3
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """What stamps are late against those of one sensor.
+
+    Args:
+        seconds: By name of the sensor; zero of the reference [s].
+        deviation: Of each, if errors were white; zero of the reference [s].
+        unlinked: Sensors that nothing ties to the reference.
+    """
+
+    seconds: dict[str, float]
+    deviation: dict[str, float]
+    unlinked: tuple[str, ...]
+
+
+def estimate_shifts(
+    log: SensorLog,
+    *,
+    reference: str | None = None,
+    largest: float = 0.05,
+    robot: Robot | None = None,
+    smoother: Smoother | None = None,
+) -> Shifts:
+    """What the stamps of encoders, cameras and inertial units are late against each other.
+
+    Args:
+        log: With an inertial unit on a body that encoders or cameras see.
+        reference: The sensor whose stamps are taken as they are; None for the first inertial unit.
+        largest: Shift that is looked for [s].
+        robot: The machine; None for the log's.
+        smoother: Of encoders and cameras; None for a Kalman smoother.
+
+    Returns:
+        Seconds that each sensor's stamps are late, for `estimate_motion`.
+
+    Raises:
+        LogError: If there is no inertial unit, or too little time in common.
+        ParameterError: If the reference is not among the sensors that are tied together.
+    """
+    positive("largest", largest)
+    machine = by_angles(log.robot if robot is None else robot)
+    streams = streams_of(log, machine, {})
+    units = [s for s in streams if isinstance(s.channel, ImuChannel)]
+    if not units:
+        raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
+    search = _Search(machine, streams, units, largest, smoother or Kalman())
+    seconds, deviation = search.run()
+    unlinked = tuple(s.name for s in streams if s.name not in seconds)
+    chosen = units[0].name if reference is None else reference
+    if chosen not in seconds:
+        raise ParameterError("reference", f"one of {', '.join(seconds)}", chosen)
+    zero = seconds[chosen]
+    moved = {name: value - zero for name, value in seconds.items()}
+    # the error of the reference's own shift is in all others
+    of_zero = deviation[chosen]
+    spread = {name: float(np.hypot(value, of_zero)) for name, value in deviation.items()}
+    return Shifts(moved, spread | {chosen: 0.0}, unlinked)
+
+
+@dataclass(frozen=True)
+class _Track:
+    """One sensor's motion at any time."""
+
+    stream: Stream
+    part: Part
+    levels: CubicSpline
+    attitude: Slerp | None
+
+    def at(self, times: Array) -> tuple[Array, Rotation | None]:
+        inside = np.clip(times, self.levels.x[0], self.levels.x[-1])
+        attitude = None if self.attitude is None else self.attitude(inside)
+        return np.asarray(self.levels(inside)), attitude
+
+
+class _Search:
+    """Shifts that make inertial units foreseen best, one sensor at a time."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        streams: Sequence[Stream],
+        units: Sequence[Stream],
+        largest: float,
+        smoother: Smoother,
+    ) -> None:
+        self.robot, self.largest, self.units = robot, largest, list(units)
+        self.tracks: dict[str, _Track] = {}
+        for s in streams:
+            step = min(float(np.median(np.diff(s.time))), 1e-3)
+            grid = np.linspace(s.time[0], s.time[-1], 1 + round((s.time[-1] - s.time[0]) / step))
+            part = smoothed_stream(robot, s, grid, smoother)
+            if part is not None:
+                turns = None if part.attitude is None else Slerp(grid, part.attitude)
+                self.tracks[s.name] = _Track(s, part, CubicSpline(grid, part.state), turns)
+        self.links = {unit.name: self._seen_by(unit) for unit in self.units}
+
+    def run(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Seconds late and deviation of all that is tied to the first unit."""
+        first = self.units[0].name
+        late, spread = {first: 0.0}, {first: 0.0}
+        for unit in self._in_order():
+            seen = self.links[unit.name]
+            tied = [name for name in (unit.name, *seen) if name in late]
+            free = [name for name in (unit.name, *seen) if name not in late]
+            if not tied or not free:
+                continue
+            found, deviation = self._fit(unit, late, free)
+            late |= found
+            spread |= deviation
+        return late, spread
+
+    def _in_order(self) -> list[Stream]:
+        """Units, each after one that shares a sensor with it where there is such a one."""
+        left, order = list(self.units), []
+        known: set[str] = set()
+        while left:
+            near = [u for u in left if known & set(self.links[u.name])] or left
+            order.append(near[0])
+            known |= set(self.links[near[0].name])
+            left.remove(near[0])
+        return order
+
+    def _seen_by(self, unit: Stream) -> list[str]:
+        """Sensors that see coordinates which move a unit."""
+        rng = np.random.default_rng(0)
+        motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), np.eye(3))
+        slope = np.abs(unit.channel.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
+        moving = set(np.flatnonzero(slope > 0).tolist())
+        return [name for name, track in self.tracks.items() if moving & set(track.part.columns)]
+
+    def _fit(
+        self, unit: Stream, known: dict[str, float], free: list[str]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Shifts of the free sensors, the others as they are, and their deviations."""
+        times, shown = self._samples(unit)
+
+        def misfit(values: Array) -> float:
+            late = known | dict(zip(free, values.tolist(), strict=True))
+            return self._misfit(unit, times, shown, late)
+
+        best = np.zeros(len(free))
+        ways = [*np.eye(len(free))] + ([np.ones(len(free))] if len(free) > 1 else [])
+        for sweep in range(_SWEEPS if len(free) > 1 else 1):
+            reach = self.largest / 2**sweep
+            steps = np.arange(-reach, reach + _COARSE / 2, _COARSE)
+            for way in ways:  # each by itself, then all together
+                tried = [misfit(best + step * way) for step in steps]
+                best = best + steps[int(np.argmin(tried))] * way
+        corners = best + _COARSE / 2 * np.vstack([np.zeros(len(free)), np.eye(len(free))])
+        options = {"initial_simplex": corners, "xatol": 1e-6, "fatol": 1e-9}
+        best = minimize(misfit, best, method="Nelder-Mead", options=options).x
+        bend = _curvature(misfit, best) * len(times) / 2
+        variance = np.diagonal(np.linalg.pinv(bend, hermitian=True))
+        deviation = np.sqrt(np.maximum(variance, 0.0))
+        return dict(zip(free, best.tolist(), strict=True)), dict(
+            zip(free, deviation.tolist(), strict=True)
+        )
+
+    def _samples(self, unit: Stream) -> tuple[Array, Array]:
+        tracks = [self.tracks[name] for name in self.links[unit.name]]
+        begin = max([unit.time[0], *(t.stream.time[0] for t in tracks)]) + self.largest
+        end = min([unit.time[-1], *(t.stream.time[-1] for t in tracks)]) - self.largest
+        chosen = np.flatnonzero((unit.time > begin) & (unit.time < end))
+        if len(chosen) < 20:
+            raise LogError(
+                f"{unit.name}: expected more than {2 * self.largest:g} s in common with "
+                f"{', '.join(self.links[unit.name]) or 'encoders or cameras'}"
+            )
+        chosen = chosen[:: max(1, len(chosen) // _MOST_SAMPLES)]
+        return unit.time[chosen], unit.rows[chosen]
+
+    def _misfit(self, unit: Stream, times: Array, shown: Array, late: dict[str, float]) -> float:
+        """Logarithm of what is left of each axis, summed."""
+        now = times - late[unit.name]
+        levels = np.zeros((len(times), 3, self.robot.dof))
+        attitude = Rotation.identity(len(times))
+        for name in self.links[unit.name]:
+            track = self.tracks[name]
+            state, turn = track.at(now + late[name])
+            levels[:, :, list(track.part.columns)] = np.swapaxes(state, 1, 2)
+            attitude = attitude if turn is None else turn
+        expected = unit.channel.frame.expected(levels, attitude)  # type: ignore[attr-defined]
+        variance = np.var(shown - expected, axis=0) + unit.channel.variance  # type: ignore[attr-defined]
+        return float(np.log(variance).sum())
+
+
+def _curvature(function: Callable[[Array], float], at: Array) -> Array:
+    """Second derivatives by differences over 0.2 ms, (k, k)."""
+    step, count = 2e-4, len(at)
+    ways = step * np.eye(count)
+    bend = np.empty((count, count))
+    for i in range(count):
+        for j in range(count):
+            signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+            values = [u * v * function(at + u * ways[i] + v * ways[j]) for u, v in signs]
+            bend[i, j] = sum(values) / (4 * step**2)
+    return bend

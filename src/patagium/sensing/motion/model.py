@@ -1,0 +1,264 @@
+"""What sensors should show of a robot's motion, and how that changes with each part of it.
+
+A floating body's attitude is a reference rotation and a small rotation vector about it, in body
+axes: no angle of Euler is ever differenced. Everything is seen from the reference's axes, where
+the Euler angles of the equations are zero and cannot be singular. Neglected: several floating
+bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
+from patagium.dynamics.rnea import body_accelerations
+from patagium.errors import ParameterError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Base:
+    """Where a floating body's coordinates stand in q.
+
+    Attributes:
+        place: x, y, z, (3,).
+        turn: roll, pitch, yaw, (3,).
+    """
+
+    place: tuple[int, ...]
+    turn: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion at one instant, without singularities.
+
+    Attributes:
+        levels: Position, velocity, acceleration (, jerk) of each coordinate, (m, n); those of
+            attitude are, level by level, zero, angular velocity in body axes [rad/s], and its
+            derivatives.
+        attitude: Body axes to world axes, (3, 3); the identity without a floating body.
+    """
+
+    levels: Array
+    attitude: Array
+
+
+def by_angles(robot: Robot) -> Robot:
+    """The same robot with roll, pitch and yaw for a floating body's attitude."""
+    return robot if robot.coordinate_count == robot.dof else robot.with_attitude("euler")
+
+
+def base_of(robot: Robot) -> Base | None:
+    """The floating body's coordinates; None where there is none.
+
+    Raises:
+        ParameterError: If there are several.
+    """
+    found = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
+    if len(found) > 1:
+        raise ParameterError("robot", "one floating body at most", f"{len(found)} of them")
+    return Base(tuple(found[0][:3]), tuple(found[0][3:])) if found else None
+
+
+class FrameModel:
+    """A sensor's frame on a body as a function of the motion.
+
+    Args:
+        robot: The machine.
+        body: Name of the body that carries it.
+        position: Of the frame from the body's origin, body axes, (3,) [m].
+        orientation: The frame's axes to body axes, (3, 3).
+    """
+
+    def __init__(
+        self, robot: Robot, body: str, position: Sequence[float], orientation: Sequence[object]
+    ) -> None:
+        self.robot, self.base = robot, base_of(robot)
+        self.offset = np.asarray(position, float)
+        self.mount = np.asarray(orientation, float)
+        self._both = np.kron(np.eye(2), self.mount.T)
+        index = robot.body_index(body)
+        functions = load_functions(
+            f"motion of body {index} {robot.structure}",
+            lambda: _functions(robot, index),
+            label=f"{robot.name} motion of {body}",
+        )
+        self._inertial, self._pose = functions["inertial"], functions["pose"]
+        self._parameters = robot.parameters
+        self.on_base = robot.bodies[index].floating_dofs is not None
+
+    def inertial(self, motion: Motion) -> tuple[Array, Array]:
+        """Specific force and angular rate in the frame's axes, (6,), and their Jacobian.
+
+        Args:
+            motion: Of the robot.
+
+        Returns:
+            (6,) [m/s^2, rad/s], and its derivative with respect to the first three levels,
+            (6, 3, n).
+        """
+        seen, turn = self._from_reference(motion)
+        up = turn[2]
+        value, slope = self._inertial(*seen, up, self.offset, self._parameters)
+        n = self.robot.dof
+        jacobian = self._to_world(slope.reshape(6, 3, n), turn)
+        return self._both @ value, np.tensordot(self._both, jacobian, axes=1)
+
+    def expected(self, levels: Array, attitude: Rotation) -> Array:
+        """Specific force and angular rate in the frame's axes at many instants, (N, 6).
+
+        Args:
+            levels: Position, velocity, acceleration of each coordinate, (N, 3, n).
+            attitude: N rotations of body axes to world axes.
+        """
+        seen, turn = levels.copy(), attitude.as_matrix()
+        if self.base is not None:
+            place = list(self.base.place)
+            seen[:, :, place] = levels[:, :, place] @ turn
+        parts = [seen[:, k] for k in range(3)]
+        value, _ = self._inertial.batch(*parts, turn[:, 2], self.offset, self._parameters)
+        shown = np.array(value).reshape(-1, 2, 3) @ self.mount
+        return np.asarray(shown.reshape(-1, 6))
+
+    def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Where the frame is in the world, and how that changes with the positions.
+
+        Args:
+            motion: Of the robot.
+
+        Returns:
+            Position (3,) [m]; the frame's axes to world axes, (3, 3); derivatives of position in
+            world axes and of attitude in the frame's axes, (6, n).
+        """
+        seen, turn = self._from_reference(motion)
+        position, rotation, moved, turned = self._pose(seen[0], self.offset, self._parameters)
+        slope = np.vstack([turn @ moved, self.mount.T @ turned])
+        jacobian = self._to_world(slope.reshape(6, 1, -1), turn)[:, 0]
+        return turn @ position, turn @ rotation @ self.mount, jacobian
+
+    def _from_reference(self, motion: Motion) -> tuple[list[Array], Array]:
+        levels = [level.copy() for level in motion.levels[:3]]
+        if self.base is None:
+            return levels, np.eye(3)
+        turn = motion.attitude
+        place = list(self.base.place)
+        for level in levels:
+            level[place] = turn.T @ level[place]
+        return levels, turn
+
+    def _to_world(self, slope: Array, turn: Array) -> Array:
+        if self.base is not None:
+            place = list(self.base.place)
+            slope[..., place] = slope[..., place] @ turn.T
+        return slope
+
+
+def _functions(robot: Robot, body: int) -> list[ca.Function]:
+    """`inertial` and `pose` of a body, seen from the axes of the reference attitude."""
+    machine, p = robot.symbolic()
+    levels = [ca.SX.sym(name, robot.dof) for name in ("position", "velocity", "acceleration")]
+    up, offset = ca.SX.sym("up", 3), ca.SX.sym("offset", 3)
+    q, v, a = coordinates(robot, *levels)
+    w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(0))[body]
+    ground = in_body_axes(machine, q, up * machine.gravity)[body]
+    felt = origin + ground + ca.cross(dw, offset) + ca.cross(w, ca.cross(w, offset))
+    shown = ca.vertcat(felt, w)
+    slope = ca.densify(ca.jacobian(shown, ca.vertcat(*levels)))
+    pose = body_poses(machine, q)[body]
+    rate = body_velocities(machine, q, v)[body].angular
+    position = pose.position + pose.rotation @ offset
+    moved = ca.densify(ca.jacobian(position, levels[0]))
+    turned = ca.densify(ca.jacobian(rate, levels[1]))
+    seen = ["up", "offset_parameters", "parameters"]
+    return [
+        ca.Function(
+            "inertial",
+            [*levels, up, offset, p],
+            [shown, slope],
+            ["position", "velocity", "acceleration", *seen],
+            ["shown", "slope"],
+        ),
+        ca.Function(
+            "pose",
+            [levels[0], offset, p],
+            [position, pose.rotation, moved, turned],
+            ["position", *seen[1:]],
+            ["place", "rotation", "moved", "turned"],
+        ),
+    ]
+
+
+def coordinates(
+    robot: Robot, position: ca.SX, velocity: ca.SX, acceleration: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """q, v, a of a motion whose attitude is a rotation vector about the reference.
+
+    To first order in the vector its components are roll, pitch and yaw.
+    """
+    base = base_of(robot)
+    q, v, a = (ca.SX(part) for part in (position, velocity, acceleration))
+    if base is None:
+        return q, v, a
+    turn = list(base.turn)
+    rate, bend = euler_rates(q[turn], v[turn], a[turn])
+    v[turn], a[turn] = rate, bend
+    return q, v, a
+
+
+def euler_rates(angles: ca.SX, spin: ca.SX, spin_rate: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """First and second derivatives of roll, pitch, yaw, (3, 1) each [rad/s, rad/s^2].
+
+    Args:
+        angles: Roll, pitch, yaw, (3,) [rad].
+        spin: Angular velocity in body axes, (3,) [rad/s].
+        spin_rate: Its derivative, (3,) [rad/s^2].
+    """
+    turned = ca.SX.sym("angles", 3)
+    roll, pitch = turned[0], turned[1]
+    to_rates = ca.vertcat(
+        ca.horzcat(1, ca.sin(roll) * ca.tan(pitch), ca.cos(roll) * ca.tan(pitch)),
+        ca.horzcat(0, ca.cos(roll), -ca.sin(roll)),
+        ca.horzcat(0, ca.sin(roll) / ca.cos(pitch), ca.cos(roll) / ca.cos(pitch)),
+    )
+    rates = to_rates @ spin
+    second = ca.jtimes(rates, turned, rates) + to_rates @ spin_rate
+    return ca.substitute(rates, turned, angles), ca.substitute(second, turned, angles)
+
+
+def euler_function() -> NativeFunction:
+    """Compiled (angles, spin, spin rate) -> rates, second rates, and their Jacobian.
+
+    The Jacobian, (9, 9), is of (roll, pitch, yaw and both derivatives) with respect to (small
+    rotation in body axes, angular velocity, its derivative).
+    """
+
+    def build() -> list[ca.Function]:
+        angles, spin, bend = (ca.SX.sym(name, 3) for name in ("angles", "spin", "spin_rate"))
+        small = ca.SX.sym("small", 3)
+        moved = angles + euler_rates(angles, small, ca.SX.zeros(3, 1))[0]
+        first, second = euler_rates(moved, spin, bend)
+        whole = ca.vertcat(moved, first, second)
+        slope = ca.jacobian(whole, ca.vertcat(small, spin, bend))
+        results = [ca.substitute(part, small, ca.DM.zeros(3, 1)) for part in (first, second, slope)]
+        dense = [ca.densify(part) for part in results]
+        return [
+            ca.Function(
+                "euler",
+                [angles, spin, bend],
+                dense,
+                ["angles", "spin", "spin_rate"],
+                ["rates", "second_rates", "slope"],
+            )
+        ]
+
+    return load_functions("euler rates of a body", build, label="Euler angles")["euler"]

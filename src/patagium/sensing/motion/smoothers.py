@@ -1,0 +1,218 @@
+"""A measured coordinate, its rate and acceleration by three methods behind one interface.
+
+All are linear in the measurements, so that their covariance is exact for white noise: a Kalman
+smoother, a least-squares spline, a sliding polynomial (Savitzky-Golay). Neglected: what a spline
+or polynomial cannot follow; only the Kalman smoother's covariance allows for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from patagium.errors import LogError, ParameterError
+from patagium.sensing.motion.chains import MOTION_ORDERS, likely_density, smooth_chain
+
+Array = NDArray[np.float64]
+
+
+class Smoothed(NamedTuple):
+    """Coordinates with two derivatives.
+
+    Attributes:
+        state: Coordinate, rate, acceleration, (M, B, 3).
+        covariance: Of those, (M, B, 3, 3).
+    """
+
+    state: Array
+    covariance: Array
+
+
+class Smoother(Protocol):
+    """A way from measured coordinates to rates and accelerations."""
+
+    def smooth(
+        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+    ) -> Smoothed:
+        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Kalman:
+    """A chain of integrators driven by white noise, smoothed forwards and backwards.
+
+    Args:
+        order: 3 for white jerk, 4 for white snap.
+        density: Of that noise, one for all coordinates [unit^2/s^(2 order - 1)]; None: the one
+            that makes the measurements most likely, for each coordinate.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+    """
+
+    order: int = 4
+    density: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.order not in MOTION_ORDERS:
+            raise ParameterError("order", f"one of {MOTION_ORDERS}", self.order)
+        if self.density is not None and not self.density > 0:
+            raise ParameterError("density", "a positive number", self.density)
+
+    def smooth(
+        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+    ) -> Smoothed:
+        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        density = self.density
+        drive = (
+            likely_density(time, values, deviation, order=self.order)
+            if density is None
+            else np.full(values.shape[1], density)
+        )
+        grid, rows = merged(time, time if at is None else at)
+        known = np.full((len(grid), values.shape[1]), np.nan)
+        known[np.searchsorted(grid, time)] = values
+        found = smooth_chain(grid, known, deviation, drive, order=self.order)
+        return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Least squares on a spline of degree five.
+
+    Args:
+        knot_step: Between knots, several samples [s].
+
+    Raises:
+        ParameterError: If it is not positive.
+    """
+
+    knot_step: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.knot_step) and self.knot_step > 0):
+            raise ParameterError("knot_step", "a positive number of seconds", self.knot_step)
+
+    def smooth(
+        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+    ) -> Smoothed:
+        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        degree = 5
+        times = time if at is None else at
+        begin, end = min(time[0], times[0]), max(time[-1], times[-1])
+        spans = max(1, round((end - begin) / self.knot_step))
+        inner = np.linspace(begin, end, spans + 1)
+        knots = np.concatenate([[begin] * degree, inner, [end] * degree])
+        spread = np.broadcast_to(np.asarray(deviation, float), values.shape[1:])
+        rows = [_basis(knots, times, degree, k) for k in range(3)]
+        state = np.empty((len(times), values.shape[1], 3))
+        covariance = np.empty((*state.shape, 3))
+        shapes: dict[bytes, tuple[Array, Array]] = {}
+        for b, column in enumerate(values.T):
+            seen = np.isfinite(column)
+            key = seen.tobytes()
+            if key not in shapes:
+                shapes[key] = _projection(knots, time[seen], degree, rows, self.knot_step)
+            weights, unit = shapes[key]
+            state[:, b] = np.einsum("kmn,n->mk", weights, column[seen])
+            covariance[:, b] = unit * spread[b] ** 2
+        return Smoothed(state, covariance)
+
+
+@dataclass(frozen=True)
+class SavitzkyGolay:
+    """A polynomial through the samples around each time, by least squares.
+
+    Args:
+        window: Width of what is taken [s].
+        degree: Of the polynomial, at least 2.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+    """
+
+    window: float
+    degree: int = 4
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.window) and self.window > 0):
+            raise ParameterError("window", "a positive number of seconds", self.window)
+        if not isinstance(self.degree, int) or self.degree < 2:
+            raise ParameterError("degree", "an integer of at least 2", self.degree)
+
+    def smooth(
+        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+    ) -> Smoothed:
+        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        times = time if at is None else at
+        spread = np.broadcast_to(np.asarray(deviation, float), values.shape[1:])
+        state = np.empty((len(times), values.shape[1], 3))
+        covariance = np.empty((*state.shape, 3))
+        half = self.window / 2
+        for b, column in enumerate(values.T):
+            seen = np.isfinite(column)
+            stamps, known = time[seen], column[seen]
+            for m, now in enumerate(times):
+                middle = min(max(now, stamps[0] + half), stamps[-1] - half)
+                lo, hi = np.searchsorted(stamps, [middle - half - 1e-12, middle + half + 1e-12])
+                if hi - lo <= self.degree:
+                    raise LogError(
+                        f"window: expected more than {self.degree} samples within "
+                        f"{self.window:g} s of t = {now:.6g} s, found {hi - lo}"
+                    )
+                weights = _local(stamps[lo:hi], now, half, self.degree)
+                state[m, b] = weights @ known[lo:hi]
+                covariance[m, b] = weights @ weights.T * spread[b] ** 2
+        return Smoothed(state, covariance)
+
+
+def merged(time: Array, at: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Times of both, increasing, and where those of the second stand; 1 ns apart is one time."""
+    both = np.concatenate([time, at])
+    order = np.argsort(both, kind="stable")
+    ordered = both[order]
+    new = np.concatenate([[True], np.diff(ordered) > 1e-9])
+    place = np.empty(len(both), np.int64)
+    place[order] = np.cumsum(new) - 1
+    grid = ordered[new]
+    grid[place[: len(time)]] = time
+    return grid, place[len(time) :]
+
+
+def _local(stamps: Array, now: float, half: float, degree: int) -> Array:
+    """Weights of samples in value, rate and acceleration of their polynomial, (3, K)."""
+    powers = ((stamps - now) / half)[:, None] ** np.arange(degree + 1)
+    inverse = np.linalg.pinv(powers)[:3]
+    return np.asarray(inverse * np.array([1.0, 1 / half, 2 / half**2])[:, None])
+
+
+def _basis(knots: Array, times: Array, degree: int, derivative: int) -> Array:
+    count = len(knots) - degree - 1
+    found = BSpline(knots, np.eye(count), degree)
+    return np.asarray(found.derivative(derivative)(times) if derivative else found(times))
+
+
+def _projection(
+    knots: Array, time: Array, degree: int, rows: list[Array], step: float
+) -> tuple[Array, Array]:
+    """Weights of the samples, (3, M, N), and covariance for noise of deviation one, (M, 3, 3)."""
+    design = _basis(knots, time, degree, 0)
+    normal = design.T @ design
+    try:
+        banded = np.array([np.pad(np.diagonal(normal, k), (0, k)) for k in range(degree + 1)])
+        factor = cholesky_banded(banded, lower=True)
+    except np.linalg.LinAlgError:
+        raise LogError(
+            f"knot_step: expected several samples between knots {step:g} s apart, "
+            "found spans without"
+        ) from None
+    solved = np.stack([cho_solve_banded((factor, True), row.T).T for row in rows])
+    weights = solved @ design.T
+    covariance = np.einsum("imc,jmc->mij", solved, np.stack(rows))
+    return weights, covariance

@@ -1,0 +1,30 @@
+"""Sensors of a flight, presets of real parts, and the log they leave."""
+
+from patagium.sensing.sensors import presets
+from patagium.sensing.sensors.imu import Imu
+from patagium.sensing.sensors.joints import Encoder, MotorCurrent
+from patagium.sensing.sensors.load_cell import LoadCell
+from patagium.sensing.sensors.log_file import load_sensor_log, save_sensor_log
+from patagium.sensing.sensors.motion_capture import (
+    MotionCapture,
+    as_quaternion,
+    from_quaternion,
+)
+from patagium.sensing.sensors.sense import SensorLog, sense
+from patagium.sensing.sensors.sensor import Sensor
+
+__all__ = [
+    "Encoder",
+    "Imu",
+    "LoadCell",
+    "MotionCapture",
+    "MotorCurrent",
+    "Sensor",
+    "SensorLog",
+    "as_quaternion",
+    "from_quaternion",
+    "load_sensor_log",
+    "presets",
+    "save_sensor_log",
+    "sense",
+]

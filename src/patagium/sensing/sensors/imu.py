@@ -1,0 +1,123 @@
+"""An inertial measurement unit anywhere on the robot: specific force and angular rate.
+
+Noise densities are one-sided, as data sheets give them: a sample at a rate f has the deviation
+density sqrt(f / 2), that of a unit whose low-pass ends at half its rate. Neglected: that low-pass
+itself, errors of scale, misalignment, and what vibration does to a bias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from patagium.errors import ParameterError, positive
+from patagium.sensing.sensors.scene import Scene
+from patagium.sensing.sensors.sensor import (
+    UPRIGHT,
+    Array,
+    Axes,
+    Reading,
+    Sensor,
+    Signal,
+    axes,
+    limited,
+    noise,
+    stepped,
+    vector,
+)
+from patagium.simulation.flight import AXES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imu(Sensor):
+    """Specific force R^T (a - g) and angular rate of a point of a body, in the unit's axes.
+
+    Args:
+        name: Its key in a log; "imu" by default.
+        rate: Samples a second of its own clock [Hz].
+        delay: Between what happens and the stamp it gets [s].
+        clock_offset: What its clock shows at the world's zero [s].
+        clock_drift: What it gains in a second [s/s].
+        body: Name of the body that carries it.
+        position: From the body's origin, body axes, (3,) [m].
+        orientation: The unit's axes to body axes, (3, 3).
+        accelerometer_density: Of the specific force, (3,) or one for all [m/s^2/sqrt(Hz)].
+        gyroscope_density: Of the angular rate, (3,) or one for all [rad/s/sqrt(Hz)].
+        accelerometer_bias: Deviation of the bias at the start [m/s^2].
+        gyroscope_bias: Deviation of the bias at the start [rad/s].
+        accelerometer_walk: Of the bias: its deviation after a second [m/s^2/sqrt(s)].
+        gyroscope_walk: Of the bias: its deviation after a second [rad/s/sqrt(s)].
+        accelerometer_step: One count of the converter [m/s^2]; 0 for none.
+        gyroscope_step: One count of the converter [rad/s]; 0 for none.
+        accelerometer_range: Where it saturates [m/s^2]; None where it does not.
+        gyroscope_range: Where it saturates [rad/s]; None where it does not.
+
+    Raises:
+        ParameterError: If a number is out of its range, or `orientation` is no rotation.
+        ShapeError: If a vector or matrix has another shape.
+    """
+
+    body: str
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    orientation: Axes = UPRIGHT
+    accelerometer_density: float | tuple[float, ...] = noise()
+    gyroscope_density: float | tuple[float, ...] = noise()
+    accelerometer_bias: float = noise()
+    gyroscope_bias: float = noise()
+    accelerometer_walk: float = noise()
+    gyroscope_walk: float = noise()
+    accelerometer_step: float = noise()
+    gyroscope_step: float = noise()
+    accelerometer_range: float | None = None
+    gyroscope_range: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("position", self.position))
+        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
+        for name in ("accelerometer_density", "gyroscope_density"):
+            object.__setattr__(self, name, vector(name, getattr(self, name)))
+        for name in ("accelerometer_range", "gyroscope_range"):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name))
+        super().__post_init__()
+        if not isinstance(self.body, str) or not self.body:
+            raise ParameterError("body", "the name of a body", self.body)
+
+    @property
+    def accelerometer_deviation(self) -> Array:
+        """Deviation of the noise of a sample of the specific force, (3,) [m/s^2]."""
+        return np.asarray(np.sqrt(self.rate / 2) * np.array(self.accelerometer_density, float))
+
+    @property
+    def gyroscope_deviation(self) -> Array:
+        """Deviation of the noise of a sample of the angular rate, (3,) [rad/s]."""
+        return np.asarray(np.sqrt(self.rate / 2) * np.array(self.gyroscope_density, float))
+
+    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
+        """What it shows of a scene at given times, (N,) [s]."""
+        motion = scene.frame(
+            self.body, np.asarray(self.position), np.asarray(self.orientation), times
+        )
+        measured, true = {}, {}
+        for part, quantity, units in (
+            ("accelerometer", "specific_force", "m/s^2"),
+            ("gyroscope", "angular_rate", "rad/s"),
+        ):
+            truth = motion.specific_force if part == "accelerometer" else motion.angular_velocity
+            bias = self._bias(part, len(times), rng)
+            white = getattr(self, f"{part}_deviation") * rng.standard_normal((len(times), 3))
+            shown = limited(truth + bias + white, getattr(self, f"{part}_range"))
+            measured[quantity] = Signal(
+                ("axis",), units, stepped(shown, getattr(self, f"{part}_step"))
+            )
+            true[quantity] = Signal(("axis",), units, truth)
+            true[f"{part}_bias"] = Signal(("axis",), units, bias)
+        return Reading(measured, true, {"axis": AXES})
+
+    def _bias(self, part: str, count: int, rng: np.random.Generator) -> Array:
+        start = getattr(self, f"{part}_bias") * rng.standard_normal(3)
+        steps = rng.standard_normal((count, 3)) * getattr(self, f"{part}_walk")
+        steps = steps / np.sqrt(self.rate)
+        steps[:1] = 0.0
+        return np.asarray(start + np.cumsum(steps, axis=0))

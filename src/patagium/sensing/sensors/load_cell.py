@@ -1,0 +1,184 @@
+"""A six-axis load cell between the robot and what holds it.
+
+It shows the force of the mount on the robot and the moment about its own origin, in its own
+axes, through a matrix of cross-talk and a low-pass. Neglected: its own elasticity and mass,
+temperature, hysteresis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from patagium.errors import FlightError, ParameterError, ShapeError, positive
+from patagium.sensing.sensors.scene import Scene, low_pass
+from patagium.sensing.sensors.sensor import (
+    UPRIGHT,
+    Array,
+    Axes,
+    Reading,
+    Sensor,
+    Signal,
+    axes,
+    limited,
+    noise,
+    stepped,
+    vector,
+)
+from patagium.simulation.flight import WRENCH
+
+_PER_AXIS = ("force_deviation", "moment_deviation", "force_bias", "moment_bias")
+_STEPS = ("force_step", "moment_step")
+_RANGES = ("force_range", "moment_range")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadCell(Sensor):
+    """Force and moment of the mount on the robot.
+
+    shown = (1 + cross_talk) wrench + bias + noise.
+
+    Args:
+        name: Its key in a log; "loadcell" by default.
+        rate: Samples a second of its own clock [Hz].
+        delay: Between what happens and the stamp it gets [s].
+        clock_offset: What its clock shows at the world's zero [s].
+        clock_drift: What it gains in a second [s/s].
+        wrench: Variable of the flight, (time, 6): force, then moment about the world's origin,
+            world axes [N, N m]; or (time, load_cell, 6), in the axes of each cell.
+        at: Which of the flight's load cells; None: the wrench is not one of several.
+        body: Body that carries it; None: it stands at the world's origin, in world axes.
+        position: Of its origin from that of the body, body axes, (3,) [m].
+        orientation: Its axes to body axes, (3, 3).
+        force_deviation: Of the noise of a sample, (3,) or one for all [N].
+        moment_deviation: Of the noise of a sample, (3,) or one for all [N m].
+        force_bias: Deviation of the constant error, (3,) or one for all [N].
+        moment_bias: Deviation of the constant error, (3,) or one for all [N m].
+        cross_talk: What each component adds to each, (6, 6) [1, m, 1/m]; None for nothing.
+        force_step: One count, (3,) or one for all [N]; 0 for none.
+        moment_step: One count, (3,) or one for all [N m]; 0 for none.
+        force_range: Where it saturates, (3,) or one for all [N]; None where it does not.
+        moment_range: Where it saturates, (3,) or one for all [N m]; None where it does not.
+        bandwidth: Of a low-pass of first order [Hz]; None where there is none.
+
+    Raises:
+        ParameterError: If a number is out of its range, or `orientation` is no rotation.
+        ShapeError: If a vector or matrix has another shape.
+    """
+
+    wrench: str = "mount_wrench"
+    at: str | None = None
+    body: str | None = None
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    orientation: Axes = UPRIGHT
+    force_deviation: float | tuple[float, ...] = noise()
+    moment_deviation: float | tuple[float, ...] = noise()
+    force_bias: float | tuple[float, ...] = noise()
+    moment_bias: float | tuple[float, ...] = noise()
+    cross_talk: Axes | None = None
+    force_step: float | tuple[float, ...] = noise()
+    moment_step: float | tuple[float, ...] = noise()
+    force_range: float | tuple[float, ...] | None = None
+    moment_range: float | tuple[float, ...] | None = None
+    bandwidth: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("position", self.position))
+        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
+        for name in (*_PER_AXIS, *_STEPS, *_RANGES):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, vector(name, getattr(self, name)))
+        for name in _RANGES:
+            if getattr(self, name) is not None:
+                positive(name, min(getattr(self, name)))
+        if self.cross_talk is not None:
+            matrix = np.asarray(self.cross_talk, float)
+            if matrix.shape != (6, 6):
+                raise ShapeError("cross_talk", (6, 6), matrix.shape)
+            if not np.isfinite(matrix).all():
+                raise ParameterError("cross_talk", "finite numbers", self.cross_talk)
+            rows = tuple(tuple(float(x) for x in row) for row in matrix)
+            object.__setattr__(self, "cross_talk", rows)
+        if self.bandwidth is not None:
+            positive("bandwidth", self.bandwidth)
+        super().__post_init__()
+
+    def scaled(self, factor: float) -> LoadCell:
+        """The same cell with every error `factor` times as large, cross-talk included.
+
+        Args:
+            factor: Zero or more.
+        """
+        cell = super().scaled(factor)
+        if self.cross_talk is None:
+            return cell
+        object.__setattr__(
+            cell, "cross_talk", tuple(tuple(factor * x for x in row) for row in self.cross_talk)
+        )
+        return cell
+
+    @property
+    def sample_deviation(self) -> Array:
+        """Of a sample: noise and the rounding to counts, (6,) [N, N m]."""
+        white = np.concatenate([self.force_deviation, self.moment_deviation])
+        step = np.concatenate([self.force_step, self.moment_step])
+        return np.asarray(np.hypot(white, step / np.sqrt(12.0)))
+
+    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
+        """What it shows of a scene at given times, (N,) [s]."""
+        felt = self._felt(scene)
+        true = seen = scene.through(felt, times)
+        if self.bandwidth is not None:
+            seen = scene.through(low_pass(scene.time, felt, self.bandwidth), times)
+        if self.cross_talk is not None:
+            seen = seen + seen @ np.asarray(self.cross_talk).T
+        bias = self._pair("bias") * rng.standard_normal(6)
+        white = self._pair("deviation") * rng.standard_normal(seen.shape)
+        shown = stepped(limited(seen + bias + white, self._limit()), self._pair("step"))
+        return Reading(
+            {"wrench": Signal(("component",), "N or N m", shown)},
+            {
+                "wrench": Signal(("component",), "N or N m", true),
+                "bias": Signal(("component",), "N or N m", np.broadcast_to(bias, true.shape)),
+            },
+            {"component": WRENCH},
+        )
+
+    def _pair(self, part: str) -> Array:
+        return np.concatenate([getattr(self, f"force_{part}"), getattr(self, f"moment_{part}")])
+
+    def _limit(self) -> Any:
+        nothing = (np.inf,) * 3
+        force = self.force_range if self.force_range is not None else nothing
+        moment = self.moment_range if self.moment_range is not None else nothing
+        return np.concatenate([force, moment])
+
+    def _felt(self, scene: Scene) -> Array:
+        """The wrench in the cell's own axes at the flight's samples, (N, 6) [N, N m]."""
+        world = scene.values(self.wrench, "a load cell")
+        if self.at is not None:
+            cells = scene.flight[self.wrench].coords.get("load_cell")
+            known = [] if cells is None else [str(name) for name in cells.values]
+            if self.at not in known:
+                raise ParameterError("at", f"a load cell of the flight, {known}", self.at)
+            world = world[:, known.index(self.at)]
+        if world.shape[1:] != (6,):
+            raise FlightError(
+                f"{self.wrench}: expected (time, 6) for a load cell, found {world.shape}"
+            )
+        return world if self.at is not None else self._in_own_axes(scene, world, scene.time)
+
+    def _in_own_axes(self, scene: Scene, world: Array, times: Array) -> Array:
+        if self.body is None:
+            rotation, origin = np.asarray(self.orientation), np.asarray(self.position)
+        else:
+            motion = scene.frame(
+                self.body, np.asarray(self.position), np.asarray(self.orientation), times
+            )
+            rotation, origin = motion.rotation, motion.position
+        force, moment = world[:, :3], world[:, 3:]
+        moment = moment - np.cross(origin, force)
+        turned = [np.einsum("...ji,...j->...i", rotation, part) for part in (force, moment)]
+        return np.concatenate(turned, axis=1)

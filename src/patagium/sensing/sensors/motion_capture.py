@@ -1,0 +1,127 @@
+"""Motion capture: position and attitude of a set of markers on a body.
+
+Frames are lost in runs, as where markers hide behind a wing; a lost frame is NaN. Neglected:
+errors that depend on the place in the room, swapped markers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from patagium.errors import ParameterError, finite
+from patagium.sensing.sensors.scene import Scene
+from patagium.sensing.sensors.sensor import (
+    UPRIGHT,
+    Array,
+    Axes,
+    Reading,
+    Sensor,
+    Signal,
+    axes,
+    noise,
+    vector,
+)
+from patagium.simulation.flight import AXES
+
+QUATERNION = ("w", "x", "y", "z")
+"""Order of a quaternion's components."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionCapture(Sensor):
+    """Position in the world and attitude of a frame on a body.
+
+    The quaternion maps the frame's components to the world's; w is never negative, so that its
+    sign jumps where a turn passes 180 degrees.
+
+    Args:
+        name: Its key in a log; "motioncapture" by default.
+        rate: Frames a second of its own clock [Hz].
+        delay: Between what happens and the stamp it gets: the latency [s].
+        clock_offset: What its clock shows at the world's zero [s].
+        clock_drift: What it gains in a second [s/s].
+        body: Name of the body that carries the markers.
+        position: Of the frame from the body's origin, body axes, (3,) [m].
+        orientation: The frame's axes to body axes, (3, 3).
+        position_deviation: Of the noise, (3,) or one for all world axes [m].
+        attitude_deviation: Of the noise, (3,) or one for all of the frame's axes [rad].
+        dropout: Share of frames that are lost, below 1.
+        dropout_length: Mean length of a run of lost frames [s]; 0: each is lost by itself.
+
+    Raises:
+        ParameterError: If a number is out of its range, or `orientation` is no rotation.
+        ShapeError: If a vector or matrix has another shape.
+    """
+
+    body: str
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    orientation: Axes = UPRIGHT
+    position_deviation: float | tuple[float, ...] = noise()
+    attitude_deviation: float | tuple[float, ...] = noise()
+    dropout: float = 0.0
+    dropout_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("position", self.position))
+        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
+        for name in ("position_deviation", "attitude_deviation"):
+            object.__setattr__(self, name, vector(name, getattr(self, name)))
+        if not 0 <= finite("dropout", self.dropout) < 1:
+            raise ParameterError("dropout", "at least 0 and below 1", self.dropout)
+        if finite("dropout_length", self.dropout_length) < 0:
+            raise ParameterError("dropout_length", "zero or more seconds", self.dropout_length)
+        super().__post_init__()
+        if not isinstance(self.body, str) or not self.body:
+            raise ParameterError("body", "the name of a body", self.body)
+
+    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
+        """What it shows of a scene at given times, (N,) [s]."""
+        motion = scene.frame(
+            self.body, np.asarray(self.position), np.asarray(self.orientation), times
+        )
+        count = len(times)
+        moved = np.asarray(self.position_deviation) * rng.standard_normal((count, 3))
+        turned = np.asarray(self.attitude_deviation) * rng.standard_normal((count, 3))
+        attitude = Rotation.from_matrix(motion.rotation)
+        shown = attitude * Rotation.from_rotvec(turned)
+        lost = self._lost(count, rng)[:, None]
+        return Reading(
+            {
+                "position": Signal(("axis",), "m", np.where(lost, np.nan, motion.position + moved)),
+                "quaternion": Signal(("part",), "1", np.where(lost, np.nan, as_quaternion(shown))),
+            },
+            {
+                "position": Signal(("axis",), "m", motion.position),
+                "quaternion": Signal(("part",), "1", as_quaternion(attitude)),
+            },
+            {"axis": AXES, "part": QUATERNION},
+        )
+
+    def _lost(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+        """Frames that are lost, (N,): a chain that enters and leaves the lost state."""
+        chance = rng.random(count)
+        run = max(1.0, self.dropout_length * self.rate)
+        leave = min(1.0 / run, 1.0 - self.dropout)
+        enter = leave * self.dropout / (1.0 - self.dropout)
+        lost = np.zeros(count, bool)
+        state = False
+        for k in range(count):
+            limit = self.dropout if k == 0 else (1.0 - leave if state else enter)
+            state = bool(chance[k] < limit)
+            lost[k] = state
+        return lost
+
+
+def as_quaternion(rotation: Rotation) -> Array:
+    """Rotations as (N, 4): w, x, y, z with w not negative."""
+    parts = np.roll(rotation.as_quat(), 1, axis=1)
+    return np.asarray(np.where(parts[:, :1] < 0, -parts, parts))
+
+
+def from_quaternion(parts: Array) -> Rotation:
+    """Rotations of (N, 4): w, x, y, z, of either sign and any length but zero."""
+    return Rotation.from_quat(np.roll(parts, -1, axis=-1))

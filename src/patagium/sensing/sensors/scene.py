@@ -1,0 +1,177 @@
+"""The truth of a flight at any time and at any point of the robot.
+
+Between the samples of a flight the coordinates are cubics that meet positions and rates, all
+else is a cubic through the samples. Neglected: what happened between the samples of a flight
+whose time step is too long for its motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
+from patagium.dynamics.kinematics import body_poses
+from patagium.dynamics.rnea import body_accelerations
+from patagium.errors import FlightError
+from patagium.native import NativeFunction, load_functions
+from patagium.robot import Robot
+from patagium.simulation.flight import robot_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """How a frame fixed to a body moves.
+
+    Attributes:
+        position: Of its origin, world axes, (N, 3) [m].
+        rotation: Its axes to world axes, (N, 3, 3).
+        angular_velocity: Its own axes, (N, 3) [rad/s].
+        specific_force: Acceleration of its origin less that of free fall, its own axes,
+            (N, 3) [m/s^2].
+    """
+
+    position: Array
+    rotation: Array
+    angular_velocity: Array
+    specific_force: Array
+
+
+class Scene:
+    """A flight as instruments meet it.
+
+    Args:
+        flight: Record with q, v, a.
+
+    Raises:
+        FlightError: If it carries no robot or misses a quantity.
+    """
+
+    def __init__(self, flight: xr.Dataset) -> None:
+        self.flight, self.robot = flight, robot_of(flight)
+        self.time = np.asarray(flight["time"].values, float)
+        if len(self.time) < 4:
+            raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")
+        q, v, a = (self.values(name) for name in ("q", "v", "a"))
+        alike = q.shape == v.shape  # but for a quaternion, whose rates are no velocities
+        self._q = CubicHermiteSpline(self.time, q, v) if alike else make_interp_spline(self.time, q)
+        self._v = CubicHermiteSpline(self.time, v, a)
+        self._a = make_interp_spline(self.time, a, k=3)
+
+    def values(self, name: str, needed_by: str = "sensors") -> Array:
+        """A variable of the flight, time first, (N, ...).
+
+        Raises:
+            FlightError: If the flight has none of that name, or it is not finite.
+        """
+        if name not in self.flight:
+            held = ", ".join(map(str, self.flight.data_vars))
+            raise FlightError(
+                f"flight: expected {name} (time, ...) for {needed_by}, but it holds {held}"
+            )
+        variable = self.flight[name]
+        values = np.asarray(variable.transpose("time", ...).values, float)
+        if not np.isfinite(values).all():
+            raise FlightError(f"{name}: expected finite numbers for {needed_by}")
+        return values
+
+    def coordinates(self, times: Array) -> tuple[Array, Array, Array]:
+        """q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
+        return tuple(np.asarray(part(times)) for part in (self._q, self._v, self._a))  # type: ignore[return-value]
+
+    def signal(
+        self, name: str, times: Array, bandwidth: float | None = None, needed_by: str = "sensors"
+    ) -> Array:
+        """A variable of the flight at given times, after a low-pass of first order.
+
+        Args:
+            name: The variable.
+            times: (N,) [s].
+            bandwidth: Where the low-pass halves the power [Hz]; None: there is none.
+            needed_by: Who asks, for messages.
+        """
+        values = self.values(name, needed_by)
+        if bandwidth is not None:
+            values = low_pass(self.time, values, bandwidth)
+        return self.through(values, times)
+
+    def through(self, values: Array, times: Array) -> Array:
+        """A cubic through values at the flight's samples, at given times, (N, ...)."""
+        return np.asarray(make_interp_spline(self.time, values, k=3)(times))
+
+    def frame(self, body: str, position: Array, rotation: Array, times: Array) -> FrameMotion:
+        """Motion of a frame fixed to a body.
+
+        Args:
+            body: Name of the body.
+            position: Of the frame's origin, body axes, (3,) [m].
+            rotation: The frame's axes to body axes, (3, 3).
+            times: (N,) [s].
+
+        Raises:
+            ParameterError: If there is no such body.
+        """
+        function = frame_function(self.robot, self.robot.body_index(body))
+        q, v, a = self.coordinates(times)
+        origin, turn, spin, felt = (
+            np.array(part) for part in function.batch(q, v, a, position, self.robot.parameters)
+        )
+        return FrameMotion(origin, turn @ rotation, spin @ rotation, felt @ rotation)
+
+
+def frame_function(robot: Robot, body: int) -> NativeFunction:
+    """Compiled (q, v, a, offset, parameters) -> position, rotation, spin, specific force.
+
+    Args:
+        robot: The machine.
+        body: Index of the body.
+
+    Returns:
+        Position of the offset point in world axes (3,) [m], body axes to world axes (3, 3),
+        angular velocity (3,) [rad/s] and specific force (3,) [m/s^2] in body axes.
+    """
+
+    def build() -> list[ca.Function]:
+        machine, p = robot.symbolic()
+        q = ca.SX.sym("q", robot.coordinate_count)
+        v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)
+        offset = ca.SX.sym("offset", 3)
+        pose = body_poses(machine, q)[body]
+        w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(machine.gravity))[body]
+        felt = origin + ca.cross(dw, offset) + ca.cross(w, ca.cross(w, offset))
+        results = [pose.position + pose.rotation @ offset, pose.rotation, w, felt]
+        names = ["position", "rotation", "angular_velocity", "specific_force"]
+        inputs = ["q", "v", "a", "offset_parameters", "parameters"]
+        dense = [ca.densify(result) for result in results]
+        return [ca.Function("frame", [q, v, a, offset, p], dense, inputs, names)]
+
+    name = robot.bodies[body].name
+    key = f"frame of body {body} {robot.structure}"
+    return load_functions(key, build, label=f"{robot.name} frame on {name}")["frame"]
+
+
+def low_pass(time: Array, values: Array, bandwidth: float) -> Array:
+    """Values after a low-pass of first order that starts settled, (N, ...).
+
+    y' = w (u - y), w = 2 pi times the bandwidth; exact for what is linear between samples.
+
+    Args:
+        time: Equal steps, (N,) [s].
+        values: (N, ...).
+        bandwidth: Where the power is halved [Hz].
+    """
+    from scipy.signal import lfilter  # slow to load, and rarely asked for
+
+    step = float(np.median(np.diff(time)))
+    reach = 2 * np.pi * bandwidth * step
+    kept = np.exp(-reach)
+    share = (1 - kept) / reach
+    start = values[:1]
+    moved = values - start
+    return np.asarray(lfilter([1 - share, share - kept], [1.0, -kept], moved, axis=0) + start)

@@ -1,0 +1,318 @@
+"""A flight on its way: what `simulate` is made of, for those who look at it or steer it.
+
+The state goes from piece to piece, and the record of all of them is the flight. Neglected:
+what `simulate` neglects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.errors import Outcome, ParameterError
+from patagium.native import load_functions
+from patagium.robot import Robot
+from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
+from patagium.simulation.bounds import (
+    SPEED_LIMIT,
+    check_start,
+    limits,
+    message_of,
+    singular_places,
+)
+from patagium.simulation.field import Field
+from patagium.simulation.flight import Origin, flight_record
+from patagium.simulation.flight_equations import (
+    LOAD_CELLS,
+    RECORDED,
+    RECORDED_WITH_ADDED_MASS,
+    STRIP_WIND,
+    Layout,
+    flight_functions,
+    layout_of,
+)
+from patagium.simulation.gaits import Gait, Motion, check_gait
+from patagium.simulation.load_cells import LoadCell, check_cells
+from patagium.simulation.mounts import Mount, mount_of
+from patagium.simulation.paths import Path
+from patagium.simulation.runge_kutta import Array, Equations, March, Progress, Run, times_of
+from patagium.simulation.starts import (
+    check_added_mass,
+    check_robots,
+    initial_coordinates,
+    initial_velocities,
+    whole_steps,
+)
+from patagium.simulation.stiffness import TooLong, too_long
+
+
+class Flying:
+    """A flight that goes on as far as it is asked to, and whose gait may change on the way.
+
+    The same as `simulate` in pieces: pieces of any size give the same flight.
+
+    Args:
+        robot: See `simulate`, all of them.
+        aero: What the air does to it.
+        gait: What its actuated joints do.
+        duration: Longest it can fly, a whole number of time steps [s].
+        time_step: Step [s].
+        added_mass: Inertia of the air that moves with the wings.
+        mount: What holds it.
+        load_cells: Whose wrenches to record.
+        q: Initial coordinates, (n_q,) [m, rad, 1].
+        v: Initial velocities, (n,) [m/s, rad/s].
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+        ShapeError: If q is not (n_q,) or v not (n,).
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        aero: Aerodynamics,
+        gait: Gait,
+        *,
+        duration: float,
+        time_step: float,
+        added_mass: AddedMass | None = None,
+        mount: Mount | None = None,
+        load_cells: Sequence[LoadCell] = (),
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+    ) -> None:
+        self.steps, self._time_step = whole_steps(duration, time_step), time_step
+        check_robots(robot, aero)
+        check_added_mass(robot, aero, added_mass)
+        check_gait(robot, gait)
+        held = mount_of(robot, mount)
+        cells = tuple(load_cells)
+        check_cells(robot, cells, held.kind != "free")
+        layout = layout_of(robot, aero, held, added_mass, cells)
+        start_q, start_v = initial_coordinates(robot, q), initial_velocities(robot, v)
+        base = _base_motion(robot, layout, held, start_q, start_v)
+        self._robot, self._aero, self._gait = robot, aero, gait
+        self._layout = layout
+
+        def rows(time: Array) -> Array:
+            joints, body = self._gait.motion(time), base.motion(time)
+            parts = [
+                *(joints.position, body.position),
+                *(joints.velocity, body.velocity),
+                *(joints.acceleration, body.acceleration),
+            ]
+            return np.column_stack([*parts, aero.air.uniform_wind_at(time)])
+
+        places = [k - layout.hidden for k in layout.passive_coordinates]
+        passive = [i - layout.hidden for i in layout.passive]
+        state = np.zeros(layout.size)
+        state[: layout.moving] = np.concatenate([start_q[places], start_v[passive]])
+        self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
+        self._singular = singular_places(layout.machine, layout.passive_coordinates)
+        check_start(self._equations, layout.state_names, state, self._singular)
+        self._rows, self._places, self._passive = rows, places, passive
+        self._march = March(self._equations, state, rows, self.steps, time_step)
+        self._cause: TooLong | None = None
+        self._origin = Origin(
+            robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4", added_mass,
+            mount_path=held.describe(), load_cells=cells,
+        )  # fmt: skip
+
+    @property
+    def time(self) -> float:
+        """Flown so far [s]."""
+        return self._march.done * self._time_step
+
+    @property
+    def run(self) -> Run:
+        """What was recorded so far."""
+        return self._march.run
+
+    def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
+        """Fly further, or up to where the run breaks.
+
+        Args:
+            steps: Steps to take, fewer where fewer are left.
+            progress: Told the steps done and to do, from time to time.
+
+        Returns:
+            COMPLETED while all is well.
+        """
+        flown = self.outcome is Outcome.COMPLETED
+        if self._march.advance(steps, progress) is not Outcome.COMPLETED and flown:
+            self._cause = self._why()
+        return self.outcome
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it goes: COMPLETED while all is well."""
+        return self._march.outcome if self._cause is None else Outcome.STEP_TOO_LONG
+
+    def steer(self, gait: Gait) -> None:
+        """Follow another gait from now on.
+
+        Args:
+            gait: One of the same joints that is now where the last one is, as fast.
+
+        Raises:
+            ParameterError: If it moves other joints, or would have them jump.
+        """
+        check_gait(self._robot, gait)
+        now = np.array([self.time])
+        old, new = self._gait.motion(now), gait.motion(now)
+        jump = max(
+            float(np.abs(new.position - old.position).max(initial=0.0)),
+            float(np.abs(new.velocity - old.velocity).max(initial=0.0)),
+        )
+        if jump > _JUMP:
+            expected = f"joints that go on where they are at {self.time:g} s"
+            raise ParameterError("gait", expected, f"a jump of {jump:.3g}")
+        self._gait = gait
+
+    def message(self) -> str:
+        """How it went so far, in words."""
+        run, names, singular = self.run, self._layout.state_names, self._singular
+        steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
+        time_step, cause = self._time_step, self._cause
+        return message_of(run, names, self._equations, steps, time_step, singular, cause)
+
+    def flight(self) -> xr.Dataset:
+        """The flight so far."""
+        run = self.run
+        time = times_of(0, run.steps + 1, self._time_step)
+        run.samples["wind"] = _wind(self._aero, run.samples, time)
+        origin = replace(self._origin, gait=self._gait.describe())
+        return flight_record(origin, time, run.samples, self.outcome, self.message())
+
+    def _why(self) -> TooLong | None:
+        """Why it broke, if the step was too long."""
+        run = self.run
+
+        def state_of(samples: dict[str, Array], k: int) -> Array:
+            parts = [samples["q"][k, self._places], samples["v"][k, self._passive]]
+            return np.concatenate([*parts, *(samples[name][k] for name in _CARRIED)])
+
+        return too_long(
+            self._equations, state_of, run.samples, self._rows, run.steps, self.steps,
+            self._time_step,
+        )  # fmt: skip
+
+
+def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
+    """Velocity of the air, (N, 3); in a gust that travels the mean over the wings."""
+    if STRIP_WIND not in samples:
+        return aero.air.wind_at(time)
+    areas = np.array([float(s.chord * s.width) for s in aero.robot.strips])
+    return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
+
+
+_CARRIED = ("aero_state", "works", "impulse")
+"""What follows coordinates and velocities in the state, as recorded."""
+
+_JUMP = 1e-6
+"""Of a joint that is steered [rad, rad/s, m, m/s]: rounding of phases."""
+
+
+def _equations(
+    robot: Robot,
+    aero: Aerodynamics,
+    added_mass: AddedMass | None,
+    mount: Mount,
+    cells: tuple[LoadCell, ...],
+    layout: Layout,
+    state: Array,
+) -> Equations:
+    symbolic, _ = robot.symbolic()
+    kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
+    kind += "" if added_mass is None else " with added mass"
+    kind += f" on {cells!r}" if cells else ""
+    gust = aero.air.traveling if robot.strips else None
+    kind += "" if gust is None else " in a gust that travels"
+    recorded: tuple[str, ...] = RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS
+    recorded += ((LOAD_CELLS,) if cells else ()) + ((STRIP_WIND,) if gust is not None else ())
+    models = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
+    models += [] if gust is None else [gust.parameters]
+    parameters = robot.parameters, np.concatenate(models)
+    functions = load_functions(
+        f"flight {kind} {aero.structure} {symbolic!r}",
+        lambda: flight_functions(robot, aero, mount, added_mass, cells),
+        label=f"flight of {robot.name}",
+        many_only=["record"],
+    )
+    lower, upper = limits(layout.machine, layout.passive_coordinates, layout.passive, state)
+    field = None
+    if gust is not None:
+        slowness = 1.0 / gust.speed
+        field = Field(functions["meet"], parameters, gust.pieces, slowness, SPEED_LIMIT)
+    return Equations(
+        rate=functions["rate"],
+        record=functions["record"],
+        prepare=functions.get("prepare"),
+        recorded=recorded,
+        robot_parameters=parameters[0],
+        aero_parameters=parameters[1],
+        lower=lower,
+        upper=upper,
+        field=field,
+    )
+
+
+class _BaseMotion(Protocol):
+    """What a mount makes the floating body's coordinates do."""
+
+    def motion(self, time: Array) -> Motion: ...
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Coordinates that stay where they are, (n_q,), as many velocities as `count`."""
+
+    position: Array
+    count: int
+
+    def motion(self, time: Array) -> Motion:
+        still = np.zeros((len(time), self.count))
+        return Motion(np.tile(self.position, (len(time), 1)), still, still)
+
+
+@dataclass(frozen=True)
+class _InQuaternion:
+    """A path of positions and angles as the coordinates of a body with a quaternion."""
+
+    path: Path
+
+    def motion(self, time: Array) -> Motion:
+        given = self.path.motion(time)
+        parts = [np.split(part, [3], axis=1) for part in (given.position, given.velocity)]
+        (position, angles), (velocity, rates) = parts
+        acceleration, faster = np.split(given.acceleration, [3], axis=1)
+        return Motion(
+            np.hstack([position, quaternion_from_angles(angles)]),
+            np.hstack([velocity, body_rates(angles, rates)]),
+            np.hstack([acceleration, body_accelerations(angles, rates, faster)]),
+        )
+
+
+def _base_motion(robot: Robot, layout: Layout, mount: Mount, q: Array, v: Array) -> _BaseMotion:
+    """Motion of what is prescribed beside the joints."""
+    if mount.path is not None:
+        return _InQuaternion(mount.path) if robot.attitude == "quaternion" else mount.path
+    count = len(layout.prescribed) - len(layout.machine.actuated)
+    return _Held(_held_positions(robot, layout, q, v), count)
+
+
+def _held_positions(robot: Robot, layout: Layout, q: Array, v: Array) -> Array:
+    """Coordinates of what a fixed mount holds, in the row's order."""
+    count = len(layout.machine.actuated)
+    for i in (k - layout.hidden for k in layout.prescribed[count:]):
+        if v[i] != 0:
+            name = f"initial velocity of {robot.dof_names[i]}"
+            raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
+    return q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]

@@ -1,0 +1,87 @@
+"""The figures of a flight: the machine, the flight at a glance, its strips, its wingbeat, its air.
+
+Each is made where it will be seen: on a page, in print, on slides (`report.style.LOOKS`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from patagium.errors import FlightError
+from patagium.learning import evaluate
+from patagium.learning.identify import Trained
+from patagium.report.figures import comparison, histories
+from patagium.report.style import drawn_for
+from patagium.report.views import flight_overview, wingbeat
+from patagium.robot.drawing import draw_robot
+from patagium.simulation import cycle_statistics, gait_period, robot_of
+
+
+def flight_figures(
+    flight: xr.Dataset, look: str = "page", model: Trained | None = None
+) -> dict[str, Figure]:
+    """Figures of a flight by name.
+
+    Args:
+        flight: Record of a flight.
+        look: Where they go: "page", "paper" or "slides".
+        model: What was learned of the air, its weights frozen; None: nothing.
+
+    Returns:
+        robot, flight, strips; wingbeat where the gait has one and it fits; forces with a model.
+
+    Raises:
+        ParameterError: If there is no such look.
+        FlightError: If the flight misses a quantity.
+    """
+    with drawn_for(look):
+        figures = {
+            "robot": draw_robot(robot_of(flight), flight["q"].values[0]),
+            "flight": flight_overview(flight),
+            "strips": _strips(flight),
+        }
+        if gait_period(flight) is not None:
+            with suppress(FlightError):  # shorter than two wingbeats
+                figures["wingbeat"] = wingbeat(cycle_statistics(flight))
+        if model is not None:
+            figures["forces"] = _forces(flight, model)
+    return figures
+
+
+def _strips(flight: xr.Dataset) -> Figure:
+    """Incidence, speed and force of the first wing's root, middle and tip."""
+    names = [str(name) for name in flight["strip"].values]
+    wing = names[0].partition("[")[0]
+    of_wing = [k for k, name in enumerate(names) if name.partition("[")[0] == wing]
+    chosen = sorted({of_wing[0], of_wing[len(of_wing) // 2], of_wing[-1]})
+    force = np.linalg.norm(flight["strip_force"].values, axis=-1)
+    groups: dict[str, tuple[str, Callable[[int], np.ndarray]]] = {
+        "Angle of attack": ("deg", lambda k: np.degrees(flight["angle_of_attack"].values[:, k])),
+        "Airspeed": ("m/s", lambda k: flight["strip_airspeed"].values[:, k]),
+        "Force": ("N", lambda k: force[:, k]),
+    }
+    values = {
+        title: (unit, {names[k]: signal(k) for k in chosen})
+        for title, (unit, signal) in groups.items()
+    }
+    return histories(flight["time"].values, values)
+
+
+def _forces(flight: xr.Dataset, model: Trained) -> Figure:
+    """Every generalized force of the air that moves, and what the model makes of it."""
+    record = evaluate(flight, model).prediction
+    truth, learned = record["measurement"].values, record["prediction"].values
+    moving = [k for k in range(truth.shape[1]) if np.ptp(truth[:, k]) > 0.0]
+    return comparison(
+        record["time"].values,
+        truth[:, moving],
+        {"learned": learned[:, moving]},
+        names=[str(record["output"].values[k]) for k in moving],
+        units=[str(record["unit"].values[k]) for k in moving],
+        columns=2,
+    )

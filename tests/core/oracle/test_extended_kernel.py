@@ -1,0 +1,153 @@
+"""The compiled extended filter against the same in NumPy, sample by sample."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import Outcome
+from patagium.learning.filters.extended import ExtendedBlockFilter, ExtendedFilter
+from patagium.learning.filters.extended_kernel import ExtendedKernel, restore_extended
+from patagium.learning.filters.screening import NoiseEstimation, Screening
+from patagium.learning.filters.spread import spread_rule
+from patagium.learning.learners.assumptions import assume
+from patagium.native import compiler_name
+from patagium.robot import load_robot_text
+
+pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
+COUNT = 24
+# sums in another order; P of a strip network that knows only its section is nearly singular
+ROUNDING = {"hidden": 1e-11, "strip": 1e-8, "flow": 1e-11}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot_text(pt.load_robot("aerobat").source.replace("strips: 5", "strips: 2"))
+
+
+@pytest.fixture(scope="module")
+def states(robot):
+    random, time = np.random.default_rng(2), np.linspace(0.0, 0.1, COUNT)
+    phases, size = random.uniform(0, 6, 2 * robot.dof), random.uniform(0.1, 0.5, 2 * robot.dof)
+    state = size * np.sin(50 * time[:, None] + phases)
+    state[:, robot.dof :] *= 10
+    state[:, robot.dof] += 5.0
+    return time, state
+
+
+NETWORKS = {
+    "hidden": lambda robot: pt.HiddenStripNetwork(robot, (4,)),
+    "strip": lambda robot: pt.StripNetwork(robot, (4, 3)),
+    "flow": lambda robot: pt.FlowNetwork(robot, (5,)),
+}
+HOW = {
+    "full": {},
+    "layer": {"covariance": "layer"},
+    "forgets": {"forgetting_factor": 0.95},
+    "wanders": {"process_deviation": 1e-3},
+    "screened": {"screening": Screening(3.0, 5), "noise_estimation": NoiseEstimation(20)},
+}
+
+
+def setting_of(network, size, **options):
+    words = {
+        "process_deviation": 0.0,
+        "forgetting_factor": 1.0,
+        "prior_share": 0.0,
+        "covariance": "full",
+        "screening": None,
+        "noise_estimation": None,
+        "change_detection": None,
+    }
+    words |= options
+    found = assume(network, 0.1, 1e-2 * size, **words)
+    return found.setting(spread_rule(network.size, None), "float64"), found.prior_variance**0.5
+
+
+def log_of(network, states):
+    random = np.random.default_rng(5)
+    weights = network.initial(3) + 0.05 * random.standard_normal(network.size)
+    x, _ = network.recall(weights, *states)
+    y = network.evaluate(x, weights)
+    y += 1e-2 * np.abs(y).max() * random.standard_normal(y.shape)
+    y[10, 3], y[20] = np.nan, np.nan
+    y[15] *= 20.0
+    return x, y
+
+
+@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("name", NETWORKS)
+def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
+    network, rounding = NETWORKS[name](robot), ROUNDING[name]
+    x, y = log_of(network, states)
+    setting, deviation = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
+    first = network.initial(0)
+    ours = restore_extended(setting, first, np.diag(deviation))
+    readable = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
+    theirs = readable(setting, first, np.diag(deviation))
+    assert isinstance(ours, ExtendedKernel)
+    for k in range(COUNT):
+        theirs.resume(ours.state())  # so that rounding does not grow from sample to sample
+        for one, other in zip(ours.predict(x[k]), theirs.predict(x[k]), strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=rounding * np.abs(other).max())
+        outcome, _ = ours.update(x[k], y[k])
+        assert outcome == theirs.update(x[k], y[k])[0]
+        assert outcome == (Outcome.BLIND if k == 20 else Outcome.COMPLETED)
+        apart = np.abs(ours.mean - theirs.mean).max()
+        assert apart < rounding * np.abs(theirs.mean).max()
+        covariance = theirs.covariance()
+        apart = np.abs(ours.covariance() - covariance).max()
+        assert apart < rounding * np.abs(covariance).max()
+    np.testing.assert_allclose(ours.nis, theirs.nis, rtol=1e-8)
+    for name_of, array in theirs.screen.arrays.items():
+        np.testing.assert_allclose(ours.screen.arrays[name_of], array, rtol=1e-8, atol=1e-300)
+    assert np.abs(ours.mean - first).max() > 1e-3
+
+
+def test_a_state_of_either_goes_on_in_the_other(robot, states):
+    network = NETWORKS["hidden"](robot)
+    x, y = log_of(network, states)
+    setting, deviation = setting_of(network, np.nanmax(np.abs(y)))
+    kinds = (restore_extended, ExtendedFilter)
+    ours, theirs = (kind(setting, network.initial(0), np.diag(deviation)) for kind in kinds)
+    for k in range(9):
+        ours.update(x[k], y[k])
+        theirs.update(x[k], y[k])
+    moved = [kind(setting, network.initial(0), np.diag(deviation)) for kind in kinds]
+    moved[0].resume(theirs.state())
+    moved[1].resume(ours.state())
+    again = pickle.loads(pickle.dumps(ours))
+    for one in (ours, theirs, *moved, again):
+        one.update(x[9], y[9])
+        np.testing.assert_allclose(one.mean, ours.mean, rtol=0, atol=1e-9)  # grown over the updates
+    np.testing.assert_array_equal(again.mean, ours.mean)
+
+
+def test_lags_in_one_call_are_those_step_by_step(robot, states):
+    network = NETWORKS["hidden"](robot)
+    weights = network.initial(3) + 0.05 * np.random.default_rng(4).standard_normal(network.size)
+    found, carried = network.recall(weights, *states, gaps=[12])
+    memory = network._memory
+    calls, memory._calls = memory._calls, None
+    try:
+        expected, theirs = network.recall(weights, *states, gaps=[12])
+    finally:
+        memory._calls = calls
+    np.testing.assert_array_equal(found, expected)
+    for one, other in zip(carried, theirs, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_an_input_that_is_no_number_changes_nothing(robot, states):
+    network = NETWORKS["hidden"](robot)
+    x, y = log_of(network, states)
+    setting, deviation = setting_of(network, np.nanmax(np.abs(y)))
+    ours = restore_extended(setting, network.initial(0), np.diag(deviation))
+    ours.update(x[0], y[0])
+    mean, covariance = ours.mean, ours.covariance()
+    broken = x[1].copy()
+    broken[robot.dof] = np.nan
+    assert ours.update(broken, y[1])[0] is Outcome.BAD_INPUT
+    np.testing.assert_array_equal(ours.mean, mean)
+    np.testing.assert_array_equal(ours.covariance(), covariance)

@@ -1,0 +1,80 @@
+"""Force and moment of the air on the whole robot, from generalized forces, against the strips."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.dynamics.poses import poses_at
+from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.hidden_strips import strip_forces
+from patagium.learning.models.recollection import Recollection
+from patagium.simulation import robot_of
+from patagium.viewer.whole import on_the_whole
+
+
+def _flown(attitude: Literal["euler", "quaternion"] = "euler") -> xr.Dataset:
+    robot = pt.load_robot("aerobat").with_attitude(attitude)
+    speed = np.zeros(robot.dof)
+    speed[:6] = (3.0, 0.5, 0.0, -1.5, 0.3, 2.0)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6, left_feather=0.2)
+    aero = pt.QuasiSteady(robot, pt.Air())
+    return pt.simulate(robot, aero, gait, duration=0.15, time_step=5e-4, v=speed)
+
+
+@pytest.mark.parametrize("attitude", ["euler", "quaternion"])
+def test_force_and_moment_are_those_of_the_strips(
+    attitude: Literal["euler", "quaternion"],
+) -> None:
+    flight = _flown(attitude)
+    robot = robot_of(flight)
+    q = flight["q"].values
+    position, rotation = poses_at(robot, q)
+    center = pt.Dynamics(robot).batch.center_of_mass(q)
+    whole = on_the_whole(
+        robot,
+        tuple(robot.dof_names),
+        flight["aero_force"].values,
+        q,
+        rotation[:, 0],
+        center - position[:, 0],
+    )
+    assert whole is not None and whole.moment is not None
+    force, point = flight["strip_force"].values, flight["strip_point"].values
+    np.testing.assert_allclose(whole.force, force.sum(axis=1), atol=1e-12)
+    expected = np.cross(point - center[:, None], force).sum(axis=1)
+    scale = np.abs(expected).max(axis=0)
+    assert (scale > 1e-4).all()  # about every axis
+    np.testing.assert_allclose(whole.moment, expected, atol=1e-11)  # rounding
+
+
+def test_parts_of_the_force_tell_what_they_can() -> None:
+    robot = pt.load_robot("aerobat")
+    q, turn, arm = np.zeros((2, robot.dof)), np.stack([np.eye(3)] * 2), np.zeros((2, 3))
+    some = on_the_whole(robot, ("x", "y", "z"), np.ones((2, 3)), q, turn, arm)
+    assert some is not None and some.moment is None
+    assert on_the_whole(robot, ("x", "pitch"), np.ones((2, 2)), q, turn, arm) is None
+    fixed = pt.load_robot("yeo-wing")
+    assert (
+        on_the_whole(fixed, tuple(fixed.dof_names), np.ones((2, fixed.dof)), q, turn, arm) is None
+    )
+
+
+def test_strips_with_memory_add_up_to_their_force() -> None:
+    robot = pt.load_robot("aerobat")
+    network = HiddenStripNetwork(robot, hidden=(4,))
+    flight = _flown().isel(time=slice(0, 60))
+    x = np.hstack([flight["q"].values, flight["v"].values])
+    weights = network.initial(3)
+    seen = Recollection(network, flight["time"].values, x).upto(60, weights)
+    strips = strip_forces(network, seen, weights)
+    assert strips is not None and strips.shape == (60, len(robot.strips), 3)
+    force = network.evaluate(seen, weights)[:, :3]
+    np.testing.assert_allclose(strips.sum(axis=1), force, atol=1e-12 * np.abs(force).max())
+    # a network that starts from theory pushes strips about as the air did
+    truth = flight["strip_force"].values
+    assert np.corrcoef(strips.ravel(), truth.ravel())[0, 1] > 0.8

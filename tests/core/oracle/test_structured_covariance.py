@@ -1,0 +1,274 @@
+"""Blocks and low rank against the full filter where they must agree, and kernels against twins."""
+
+from __future__ import annotations
+
+import copy
+import time
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import FilterDiverged, ParameterError
+from patagium.learning.filters.array import FilterSetting
+from patagium.learning.filters.block import BlockFilter, scattered, setting_blocks
+from patagium.learning.filters.kernel import KernelFilter, load_cubature
+from patagium.learning.filters.node import NodeFilter, load_node
+from patagium.learning.filters.spread import spread_rule
+from patagium.learning.models.structure import (
+    blocks_of,
+    described_structure,
+    structure_from,
+)
+
+AGREEMENT = 1e-12  # design.md, decision 4
+ROUNDING = 1e-9  # some thirty samples, two ways of doing the same
+TOLD = {"prior_deviation": 0.5, "measurement_deviation": 0.05}
+
+
+def learned(network, rng, learner=pt.CubatureLearner, count=30, **options):
+    one = learner(network, **{**TOLD, **options})
+    mixing = rng.normal(size=(network.inputs, network.outputs))
+    for x in rng.normal(size=(count, network.inputs)):
+        one.update(x, np.sin(x @ mixing))
+    return one
+
+
+def same(one, other, tolerance=ROUNDING):
+    np.testing.assert_allclose(one.weights, other.weights, atol=tolerance)
+    np.testing.assert_allclose(one.covariance, other.covariance, atol=tolerance)
+    np.testing.assert_allclose(one.variances, np.diag(one.covariance), atol=tolerance)
+    assert one.nis == pytest.approx(other.nis, rel=1e-6)
+
+
+DRIFTS = [{}, {"forgetting_factor": 0.97}, {"process_deviation": 0.02, "prior_share": 0.05}]
+
+
+@pytest.mark.parametrize("drift", DRIFTS, ids=["still", "forgets", "wanders"])
+@pytest.mark.parametrize("spread", [None, 3**0.5])
+@pytest.mark.parametrize("structure", ["layer", "node"])
+def test_one_neuron_is_one_block(structure, spread, drift, rng):
+    network = pt.DenseNetwork(6, (), 1)
+    seed = rng.integers(1 << 30)
+    one, full = (
+        learned(network, np.random.default_rng(seed), covariance=kept, spread=spread, **drift)
+        for kept in (structure, "full")
+    )
+    same(one, full)
+
+
+@pytest.mark.parametrize("learner", [pt.CubatureLearner, pt.ExtendedLearner])
+@pytest.mark.parametrize("drift", DRIFTS, ids=["still", "forgets", "wanders"])
+def test_outputs_that_share_no_weight_are_blocks_by_themselves(learner, drift, rng):
+    network = pt.DenseNetwork(4, (), 5, output_scale=[1, 2, 3, 4, 5])
+    one, full = (
+        learned(network, np.random.default_rng(7), learner, covariance=kept, **drift)
+        for kept in ("node", "full")
+    )
+    same(one, full)
+
+
+def test_layers_of_one_neuron_are_neurons(rng):
+    network = pt.DenseNetwork(3, (1, 1), 1, "tanh")
+    one, other = (
+        learned(network, np.random.default_rng(3), covariance=kept, spread=3**0.5)
+        for kept in ("node", "layer")
+    )
+    same(one, other)
+
+
+def test_blocks_forget_what_lies_between_them_and_nothing_else(rng):
+    network = pt.DenseNetwork(3, (4,), 2)
+    one, full = (
+        learned(network, np.random.default_rng(5), count=1, covariance=kept, spread=3**0.5)
+        for kept in ("node", "full")
+    )
+    whole, kept = full.covariance, np.zeros((network.size,) * 2)
+    for block in blocks_of(network.perceptron, "node"):
+        kept[np.ix_(block, block)] = whole[np.ix_(block, block)]
+    np.testing.assert_allclose(one.weights, full.weights, atol=ROUNDING)
+    np.testing.assert_allclose(one.covariance, kept, atol=ROUNDING)
+    assert abs(whole - kept).max() > 1e-4
+
+
+@pytest.mark.parametrize("drift", DRIFTS, ids=["still", "forgets", "wanders"])
+def test_low_rank_of_full_rank_is_the_extended_filter(drift, rng):
+    network = pt.DenseNetwork(3, (5,), 2, "tanh")
+    one, full = (
+        learned(network, np.random.default_rng(9), pt.ExtendedLearner, covariance=kept, **drift)
+        for kept in (pt.LowRank(network.size), "full")
+    )
+    same(one, full)
+
+
+@pytest.mark.parametrize("spread", [None, 3**0.5])
+def test_low_rank_of_full_rank_is_the_cubature_filter_of_a_linear_network(spread, rng):
+    network = pt.DenseNetwork(4, (), 2)
+    one, full = (
+        learned(network, np.random.default_rng(9), covariance=kept, spread=spread)
+        for kept in (pt.LowRank(network.size), "full")
+    )
+    same(one, full)
+
+
+def test_points_close_by_make_low_rank_cubature_the_extended_filter(rng):
+    network = pt.DenseNetwork(3, (5,), 2, "tanh")
+    told = {"covariance": pt.LowRank(6), "prior_deviation": 1e-3, "measurement_deviation": 1e-3}
+    close = learned(network, np.random.default_rng(9), spread=0.1, **told)
+    linear = learned(network, np.random.default_rng(9), pt.ExtendedLearner, **told)
+    moved = np.linalg.norm(linear.weights - network.initial(0))
+    assert np.linalg.norm(close.weights - linear.weights) < 0.01 * moved  # bends, of 1e-3 squared
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(7)])
+def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
+    network = pt.DenseNetwork(3, (6,), 2)
+    one = learned(
+        network,
+        rng,
+        count=300,
+        covariance=structure,
+        dtype=dtype,
+        spread=3**0.5,
+        measurement_deviation=1e-3,
+    )
+    covariance = one.covariance
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
+    smallest, largest = np.linalg.eigvalsh(covariance)[[0, -1]]
+    assert smallest > -1e-15 * largest if dtype == "float64" else smallest > 0
+    assert (one.variances > 0).all()
+    assert largest <= 0.25 * (1 + 1e-6)  # the prior's
+
+
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(7)])
+def test_a_copy_goes_on_as_the_learner_and_a_refused_sample_changes_nothing(structure, rng):
+    network = pt.DenseNetwork(3, (6,), 2)
+    one = learned(network, rng, covariance=structure, spread=3**0.5, prior_share=0.01)
+    before = one.weights, one.covariance
+    with pytest.raises(FilterDiverged, match="as it was before"):
+        one.update(np.ones(3), [1e200, -1e200])
+    np.testing.assert_array_equal(one.weights, before[0])
+    np.testing.assert_array_equal(one.covariance, before[1])
+    other = copy.deepcopy(one)
+    for each in (one, other):
+        each.predict(np.zeros(3))
+        each.update(np.ones(3), np.zeros(2))
+    np.testing.assert_array_equal(one.weights, other.weights)
+    assert one.describe() == other.describe()
+
+
+@pytest.mark.parametrize("activation", ["softplus", "tanh"])
+@pytest.mark.parametrize(
+    ("inputs", "hidden", "outputs"),
+    [
+        (1, (), 1),
+        (3, (5,), 2),
+        (5, (4, 3, 2), 9),
+        (6, (11,), 17),
+        (8, (20,), 14),
+        (3, (9, 17), 3),
+        (2, (3, 2), 1),
+    ],
+)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"spread": 3**0.5, "noise": 0.001, "forgetting": 0.97},
+        {"spread": 25.0, "forgetting": 0.97},
+    ],
+    ids=["cubature", "sqrt3-noise", "wide"],
+)
+@pytest.mark.parametrize("structure", ["node", "layer"])
+def test_kernel_of_blocks_is_its_twin(structure, activation, inputs, hidden, outputs, options, rng):
+    network = pt.DenseNetwork(inputs, hidden, outputs, activation, output_center=0.3)
+    fast, plain = filter_pair(network, rng, structure=structure, **options)
+    for _ in range(4):
+        x, y = rng.normal(size=inputs), rng.normal(size=outputs)
+        for one, other in zip(fast.predict(x), plain.predict(x), strict=True):
+            np.testing.assert_allclose(one, other, rtol=AGREEMENT, atol=AGREEMENT)
+        assert fast.update(x, y)[0] == plain.update(x, y)[0] == 0
+        np.testing.assert_allclose(fast.mean, plain.mean, rtol=AGREEMENT, atol=AGREEMENT)
+        np.testing.assert_allclose(fast.root(), plain.root(), rtol=AGREEMENT, atol=AGREEMENT)
+        assert fast.nis == pytest.approx(plain.nis, rel=1e-9)
+
+
+@pytest.mark.parametrize("structure", ["node", "layer"])
+def test_kernel_of_blocks_calls_the_compiled_encoder_of_a_strip_network(structure, rng):
+    robot = pt.load_robot("aerobat")
+    fast, plain = filter_pair(pt.StripNetwork(robot), rng, structure=structure, spread=3**0.5)
+    for _ in range(3):
+        x, y = rng.normal(size=2 * robot.dof), rng.normal(size=robot.dof)
+        fast.update(x, y)
+        plain.update(x, y)
+    np.testing.assert_allclose(fast.mean, plain.mean, rtol=1e-9, atol=1e-9)  # three samples on
+    np.testing.assert_allclose(fast.root(), plain.root(), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("hidden", [(8,), (8, 5)])
+def test_single_precision_follows_double(hidden, rng):
+    network = pt.DenseNetwork(3, hidden, 2)
+    single, double = (
+        learned(network, np.random.default_rng(2), covariance="node", spread=3**0.5, dtype=dtype)
+        for dtype in ("float32", "float64")
+    )
+    np.testing.assert_allclose(single.weights, double.weights, atol=1e-3)  # 30 samples of 1e-7
+    np.testing.assert_allclose(single.covariance, double.covariance, atol=1e-4)
+
+
+def filter_pair(network, rng, *, structure="node", spread=None, noise=0.0, forgetting=1.0):
+    setting = FilterSetting(
+        network,
+        spread_rule(network.size, spread),
+        np.full(network.outputs, 0.01),
+        np.full(network.size, noise),
+        forgetting,
+        "float64",
+        structure,
+    )
+    node = structure == "node"
+    library = load_node("float64") if node else load_cubature("float64")
+    if library is None:
+        pytest.skip("no C compiler here")
+    deviation, mean = rng.uniform(0.2, 0.6, network.size), network.initial(0)
+    blocks = setting_blocks(setting)
+    roots = [np.diag(deviation[block]) for block in blocks]
+    root = scattered(roots, blocks)
+    plain = BlockFilter(setting, mean, root)
+    if node:
+        return NodeFilter(setting, mean, roots, library), plain
+    return KernelFilter(setting, mean, root, library), plain
+
+
+def test_low_rank_update_is_linear_in_the_number_of_weights(rng):
+    sizes, times = [], []
+    for inputs in (1500, 6000, 24000):
+        network = pt.DenseNetwork(inputs, (6,), 2)
+        learner = pt.ExtendedLearner(network, covariance=pt.LowRank(5), **TOLD)
+        x = rng.normal(size=inputs) / np.sqrt(inputs)
+        taken = []
+        for _ in range(6):
+            started = time.process_time()
+            learner.update(x, np.ones(2))
+            taken.append(time.process_time() - started)
+        sizes.append(network.size)
+        times.append(min(taken))
+    slope = np.log(times[-1] / times[0]) / np.log(sizes[-1] / sizes[0])
+    assert slope < 1.5  # 2 would be a matrix of all weights
+
+
+def test_structures_are_refused_and_described():
+    network = pt.DenseNetwork(2, (3,), 1)
+    for wrong in ("diagonal", 3, None):
+        with pytest.raises(ParameterError, match="covariance"):
+            pt.CubatureLearner(network, covariance=wrong, **TOLD)
+    with pytest.raises(ParameterError, match="cholesky"):
+        pt.CubatureLearner(network, covariance="node", square_root="cholesky", **TOLD)
+    with pytest.raises(ParameterError, match="rank"):
+        pt.LowRank(0)
+    for structure in ("full", "layer", "node", pt.LowRank(4)):
+        assert structure_from(described_structure(structure)) == structure
+    for structure in ("full", "layer", "node"):
+        blocks = blocks_of(network.perceptron, structure)
+        np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(network.size))

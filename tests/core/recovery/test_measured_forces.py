@@ -1,0 +1,238 @@
+"""The air's force from measurements by three ways, each within its stated errors of the truth."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.errors import FlightError, LogError, ParameterError, ShapeError
+from patagium.learning import identify, stream
+from patagium.robot import load_robot_text
+from patagium.sensing.force.sources import Measured
+
+S, P = pt.sensors, pt.sensors.presets
+AMPLIFIER = P.ina226(torque_constant=1.5e-3, gear_ratio=50.0, rate=500.0)
+SENSORS = (
+    P.icm_42688_p("body", rate=500.0),
+    P.as5600(rate=500.0),
+    replace(P.prime_x_13("body"), delay=0.0),
+    replace(P.nano17("body", rate=500.0), position=(0.01, 0.0, -0.02), force_deviation=2e-3),
+    AMPLIFIER,
+)
+LOUD = ("x", "z", "pitch", "left_plunge", "right_plunge", "left_elbow")
+
+
+@pytest.fixture(scope="module")
+def robot() -> pt.Robot:
+    return pt.load_robot("aerobat")
+
+
+@pytest.fixture(scope="module")
+def flight(robot: pt.Robot) -> xr.Dataset:
+    """Held in the wind, so that a load cell has something to say."""
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-3.0, 0.0, 0.0)))
+    gait = pt.gaits.linkage(robot, frequency=5.0)
+    held = {"mount": pt.mounts.fixed(), "q": robot.coordinates(z=0.3, yaw=0.2)}
+    return pt.simulate(robot, aero, gait, duration=0.3, time_step=2e-4, **held)
+
+
+@pytest.fixture(scope="module")
+def log(flight: xr.Dataset) -> pt.SensorLog:
+    return pt.sense(flight, SENSORS).without_truth()
+
+
+@pytest.fixture(scope="module")
+def motion(log: pt.SensorLog) -> xr.Dataset:
+    return pt.estimate_motion(log)
+
+
+@pytest.fixture(scope="module")
+def found(log: pt.SensorLog, motion: xr.Dataset) -> dict[str, pt.ForceSamples]:
+    known = {
+        "joints": pt.motor_forces(log, motion, "ina226"),
+        "mount": pt.cell_wrench(log, motion, "nano17"),
+    }
+    return {
+        "inverse dynamics": pt.inverse_dynamics_force(motion, **known),
+        "momentum observer": pt.momentum_force(motion, gain=500.0, **known),
+        "load cell": pt.load_cell_force(motion, known["mount"]),
+    }
+
+
+def compared(samples: pt.ForceSamples, flight: xr.Dataset) -> tuple[np.ndarray, ...]:
+    """True forces, errors and deviations but for the ends, (N, n) each."""
+    at = np.searchsorted(flight["time"].values, samples.time - 1e-9)
+    inner = slice(len(at) // 8, -len(at) // 8)
+    true = flight["aero_force"].values[at]
+    return true[inner], (samples.force - true)[inner], samples.deviation[inner]
+
+
+@pytest.mark.parametrize("source", ["inverse dynamics", "momentum observer", "load cell"])
+def test_every_source_finds_the_force(
+    source: str, found: dict[str, pt.ForceSamples], flight: xr.Dataset, robot: pt.Robot
+) -> None:
+    samples = found[source]
+    assert samples.source == source
+    true, error, deviation = compared(samples, flight)
+    for name in LOUD:
+        k = robot.index(name)
+        if name not in samples.measured:
+            assert source == "load cell" and k in robot.actuated
+            continue
+        # 0.5 deg of the cameras turn the weight by 2 mN: 2e-2 of x, 3e-4 to 3e-3 of the others
+        assert np.mean(error[:, k] ** 2) < 0.03 * true[:, k].var(), name
+        ratio = np.mean(error[:, k] ** 2 / deviation[:, k] ** 2)
+        assert 0.05 < ratio < 4, (name, ratio)  # few independent errors in 0.2 s
+    measured = np.isfinite(error).all(axis=0)
+    inside = np.abs(error[:, measured]) < 1.96 * deviation[:, measured]
+    assert 0.88 < inside.mean() <= 1.0
+
+
+def test_all_covariances_are_definite(found: dict[str, pt.ForceSamples]) -> None:
+    for samples in found.values():
+        columns = [samples.robot.index(name) for name in samples.measured]
+        block = samples.covariance[:, columns][:, :, columns]
+        assert np.linalg.eigvalsh(block).min() > 0
+        np.testing.assert_allclose(block, np.swapaxes(block, 1, 2), rtol=1e-9, atol=1e-18)
+
+
+def test_exact_measurements_give_the_exact_force(flight: xr.Dataset, robot: pt.Robot) -> None:
+    n = robot.dof
+    motion = flight[["q", "v", "a"]].isel(time=slice(None, None, 5))
+    nothing = np.zeros((len(motion["time"]), 3 * n, 3 * n))
+    motion = motion.assign(covariance=(("time", "part", "other_part"), nothing))
+    exact = pt.sense(flight, [SENSORS[3].scaled(0.0), AMPLIFIER.scaled(0.0)])
+    force = flight["u1"].values[::5]
+    joints = replace(pt.motor_forces(exact, motion, "ina226"), values=force)
+    mount = pt.cell_wrench(exact, motion, "nano17")
+    true = flight["aero_force"].values[::5]
+    samples = pt.inverse_dynamics_force(motion, joints=joints, mount=mount)
+    # the wrench comes through a smoother of samples at 500 Hz
+    np.testing.assert_allclose(samples.force[5:-5, :6], true[5:-5, :6], atol=2e-3)
+    np.testing.assert_allclose(samples.force[:, 6:], true[:, 6:], atol=1e-9)
+    observed = pt.momentum_force(motion, gain=500.0, joints=joints, mount=mount)
+    scale = true[:, 6:].std(axis=0)
+    assert (np.abs(observed.force - true)[20:-20, 6:].max(axis=0) < 0.02 * scale).all()
+
+
+def test_a_force_in_one_sensor_is_a_force_of_the_air(
+    log: pt.SensorLog, motion: xr.Dataset, robot: pt.Robot
+) -> None:
+    mount = pt.cell_wrench(log, motion, "nano17")
+    base = pt.load_cell_force(motion, mount).force
+    pulled = replace(mount.measured, values=mount.measured.values + np.eye(6)[2])  # 1 N up
+    other = pt.load_cell_force(motion, replace(mount, measured=pulled)).force
+    lift = (other - base)[:, robot.index("z")]
+    np.testing.assert_allclose(lift, -1.0, atol=1e-3)  # more mount, less air; attitude to 0.5 deg
+    # the cell sits 1 cm before and 2 cm below the origin: up there turns the nose up
+    np.testing.assert_allclose((other - base)[:, robot.index("pitch")], 0.01, atol=2e-4)
+
+
+def test_in_free_flight_only_what_is_measured_is_known(robot: pt.Robot) -> None:
+    aero = pt.QuasiSteady(robot, pt.Air())
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    flown = pt.simulate(robot, aero, gait, duration=0.2, time_step=2e-4, v=robot.coordinates(x=3.0))
+    log = pt.sense(flown, SENSORS[:3])
+    samples = pt.inverse_dynamics_force(pt.estimate_motion(log))
+    assert samples.measured == ("x", "y", "z", "roll", "pitch", "yaw")
+    true, error, _ = compared(samples, flown)
+    k = robot.index("z")
+    assert np.mean(error[:, k] ** 2) < 0.01 * true[:, k].var()
+
+
+def test_added_mass_that_is_known_is_taken_off() -> None:
+    text = re.sub(r"strips: \d+", "strips: 1", pt.load_robot("yeo-wing").source)
+    wing, air = load_robot_text(text), pt.Air(wind=(-3.0, 0.0, 0.0))
+    aero, added = pt.QuasiSteady(wing, air), pt.AddedMass(wing, air)
+    gait = pt.gaits.sinusoidal(wing, frequency=3.0, plunge=0.4)
+    flown = pt.simulate(wing, aero, gait, duration=0.02, time_step=1e-3, added_mass=added)
+    count, n = len(flown["time"]), wing.dof
+    motion = flown[["q", "v", "a"]].assign(
+        covariance=(("time", "part", "other_part"), np.zeros((count, 3 * n, 3 * n)))
+    )
+    joints = Measured(flown["u1"].values, np.zeros((count, n)))
+    whole = pt.inverse_dynamics_force(motion, joints=joints).force
+    known = pt.inverse_dynamics_force(motion, joints=joints, added_mass=added).force
+    np.testing.assert_allclose(known, flown["aero_force"], atol=1e-10)  # rounding
+    both = flown["aero_force"] + flown["added_mass_force"]
+    np.testing.assert_allclose(whole, both, atol=1e-10)
+    assert np.abs(known - whole).max() > 1e-4  # N m
+
+
+def test_the_observer_runs_online_with_its_lag(flight: xr.Dataset, robot: pt.Robot) -> None:
+    gain = 300.0
+    observer = pt.MomentumObserver(robot, gain)
+    known = flight["u1"].values + flight["mount_force"].values
+    time = flight["time"].values
+    states = zip(time, flight["q"].values, flight["v"].values, known, strict=True)
+    seen = np.array([observer.step(*state) for state in states])
+    true = flight["aero_force"].values
+    k = robot.index("left_plunge")
+    lagged = np.zeros(len(time))
+    for j in range(1, len(time)):
+        keep = np.exp(-gain * (time[j] - time[j - 1]))
+        lagged[j] = keep * lagged[j - 1] + (1 - keep) * (true[j, k] + true[j - 1, k]) / 2
+    settled = slice(200, None)
+    # differences of the momentum over 0.2 ms
+    np.testing.assert_allclose(
+        seen[settled, k], lagged[settled], atol=2e-3 * np.abs(true[:, k]).max()
+    )
+    with pytest.raises(LogError, match="to advance"):
+        observer.step(time[-1], flight["q"].values[-1], flight["v"].values[-1], known[-1])
+
+
+def test_measured_forces_teach_a_network(
+    found: dict[str, pt.ForceSamples], flight: xr.Dataset, robot: pt.Robot
+) -> None:
+    samples = found["load cell"]
+    outputs = ("x", "z", "pitch")
+
+    def learner() -> pt.CubatureLearner:
+        wind = pt.Air(wind=(-3.0, 0.0, 0.0))
+        network = pt.StripNetwork(robot, (4,), wind, measured=outputs)
+        return pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=2e-3)
+
+    taught = learner()
+    result = identify(samples, taught, every=4)
+    columns = [robot.index(name) for name in outputs]
+    again = learner()
+    stream(
+        again, samples.time, samples.state, samples.force[:, columns], every=4,
+        deviation=samples.deviation[:, columns],
+    )  # fmt: skip
+    np.testing.assert_array_equal(taught.weights, again.weights)
+    assert result.scores["updates"] > 30
+    ignorant = learner()
+    stream(ignorant, samples.time, samples.state, samples.force[:, columns], every=4)
+    assert not np.array_equal(taught.weights, ignorant.weights)
+    part = samples.where(slice(10, 20))
+    assert len(part.time) == 10 and part.covariance.shape == (10, robot.dof, robot.dof)
+
+
+def test_what_does_not_fit_is_refused(
+    log: pt.SensorLog, motion: xr.Dataset, robot: pt.Robot
+) -> None:
+    with pytest.raises(ParameterError, match="a motor current of the log"):
+        pt.motor_forces(log, motion, "nano17")
+    with pytest.raises(ParameterError, match="a load cell of the log"):
+        pt.cell_wrench(log, motion, "as5600")
+    with pytest.raises(FlightError, match="expected a, but it holds"):
+        pt.inverse_dynamics_force(motion.drop_vars("a"))
+    joints = pt.motor_forces(log, motion, "ina226")
+    with pytest.raises(ShapeError, match="joints"):
+        pt.inverse_dynamics_force(motion.isel(time=slice(5)), joints=joints)
+    with pytest.raises(ParameterError, match="gain"):
+        pt.momentum_force(motion, gain=0.0)
+    with pytest.raises(LogError, match="equal steps"):
+        pt.momentum_force(motion.isel(time=[0, 1, 3, 4]), gain=100.0)
+    with pytest.raises(ShapeError, match="force"):
+        n = robot.dof
+        empty = np.zeros((1, n))
+        pt.ForceSamples(
+            np.zeros(1), empty, empty, np.zeros((2, n)), np.zeros((1, n, n)), robot, "none"
+        )

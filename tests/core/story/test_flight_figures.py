@@ -1,0 +1,67 @@
+"""Figures of a flight: all of them, in every size, vectors where vectors were asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import ParameterError
+from patagium.learning.model_file import save_model
+from patagium.report.style import LOOKS, drawn_for, width
+from patagium.viewer.flight_figures import flight_figures
+
+
+@pytest.fixture(scope="module")
+def flight() -> Iterator[xr.Dataset]:
+    robot = pt.load_robot("aerobat")
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    aero = pt.QuasiSteady(robot, pt.Air())
+    start = robot.coordinates(x=3.0)
+    yield pt.simulate(robot, aero, gait, duration=0.45, time_step=1e-3, v=start)
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_letters_and_widths_are_those_of_the_place(look: str, flight: xr.Dataset) -> None:
+    figures = flight_figures(flight, look)
+    assert set(figures) == {"robot", "flight", "strips", "wingbeat"}
+    for figure in figures.values():
+        assert figure.get_figwidth() == LOOKS[look].width
+        sizes = [axes.yaxis.label.get_fontsize() for axes in figure.axes]
+        assert sizes == pytest.approx([9.0 * LOOKS[look].letters] * len(sizes))
+    assert width() == LOOKS["page"].width  # as before
+
+
+def test_a_flight_of_one_beat_has_no_wingbeat_figure(flight: xr.Dataset) -> None:
+    short = flight.isel(time=slice(0, 150))
+    assert "wingbeat" not in flight_figures(short)
+
+
+def test_an_unknown_place_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"page, paper, slides.*found 'wall'"):
+        with drawn_for("wall"):
+            pass
+
+
+def test_the_verb_writes_them_with_the_learned_forces(
+    flight: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, model = tmp_path / "flight.nc", tmp_path / "model.json"
+    pt.save_flight(flight, path)
+    network = pt.StripNetwork(pt.load_robot("aerobat"), hidden=(4,))
+    learner = pt.ExtendedLearner(network, prior_deviation=0.3, measurement_deviation=3e-4)
+    pt.identify(flight, learner, every=10)
+    save_model(model, learner)
+    with pytest.raises(SystemExit) as left:
+        run(["figures", str(path), "--for", "paper", "--model", str(model), "--json"])
+    assert left.value.code == 0
+    files = json.loads(capsys.readouterr().out)
+    assert set(files) == {"robot", "flight", "strips", "wingbeat", "forces"}
+    for file in files.values():
+        assert Path(file).parent == tmp_path / "flight"
+        assert Path(file).read_bytes().startswith(b"%PDF")

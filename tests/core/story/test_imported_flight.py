@@ -1,0 +1,89 @@
+"""A flight as another program would have logged it: imported, learned from, and streamed."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.sensing.logs.record import LogRecord
+
+PARTS = ("q", "v", "a", "u1")
+LEARN = ("--network", "strip", "--prior-deviation", "0.3", "--measurement-deviation", "3e-4",
+         "--spread", "1.7", "--json")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    robot = pt.load_robot("aerobat")
+    aero = pt.QuasiSteady(robot, pt.Air(density=1.225, wind=(-3.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    return pt.simulate(robot, aero, gait, duration=0.05, time_step=1e-4)
+
+
+@pytest.fixture
+def log(flight: xr.Dataset, tmp_path: Path) -> Path:
+    """The flight in degrees and milliseconds, and a mapping that says so."""
+    table, channels = {"ms": 1e3 * flight["time"].to_numpy()}, []
+    for part in PARTS:
+        for dof, length in zip(flight["dof"].values, flight["dof_unit"].values, strict=True):
+            turns = length == "rad" and part != "u1"
+            values = flight[part].sel(dof=dof).to_numpy()
+            table[f"{part}_{dof}"] = np.degrees(values) if turns else values
+            unit = {"q": "", "v": "/s", "a": "/s^2"}.get(part, "")
+            written = ("deg" if turns else "m") + unit
+            force = "N" if length == "m" else "N m"
+            channels.append(
+                {"column": f"{part}_{dof}", "name": f"{part}.{dof}",
+                 "unit": force if part == "u1" else written}
+            )  # fmt: skip
+    pd.DataFrame(table).to_parquet(tmp_path / "log.parquet")
+    words = {
+        "time": {"column": "ms", "unit": "ms"},
+        "robot": "aerobat",
+        "channels": channels,
+        "air": {"wind": [-3, 0, 0]},
+    }
+    (tmp_path / "map.yaml").write_text(json.dumps(words), encoding="utf-8")
+    return tmp_path / "log.parquet"
+
+
+def say(*words: object) -> None:
+    with pytest.raises(SystemExit) as left:
+        run([str(word) for word in words])
+    assert left.value.code in (0, None)
+
+
+def test_a_flight_comes_back_and_is_learned_from(
+    flight: xr.Dataset, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, native = log.with_name("out.nc"), log.with_name("native.nc")
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    with LogRecord(out) as record:
+        assert record.is_flight
+        back = record.flight()
+    for part in PARTS:
+        scale = np.abs(flight[part]).max().item()
+        np.testing.assert_allclose(back[part], flight[part], rtol=1e-12, atol=1e-12 * scale)
+    capsys.readouterr()
+    pt.save_flight(flight, native)
+    worst = []
+    for file in (out, native):
+        say("identify", file, *LEARN, "--every", "10")
+        worst.append(json.loads(capsys.readouterr().out)["nmse_worst"])
+    assert worst[0] == pytest.approx(worst[1], rel=1e-3)  # stamps are whole nanoseconds
+
+
+def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mapping, facts = log.with_name("map.yaml"), []
+    for out in ("out.nc", "out.csv"):
+        say("import", log, "--map", mapping, "-o", log.with_name(out))
+        capsys.readouterr()
+        say("stream", log.with_name(out), "--robot", "aerobat", "--idle", "0.2", *LEARN)
+        facts.append(json.loads(capsys.readouterr().out))
+    assert facts[0]["samples"] == facts[1]["samples"] > 490
+    assert facts[0]["nmse"] == facts[1]["nmse"]

@@ -1,0 +1,316 @@
+"""A robot in flight and a learner beside it: over loopback, through a pipe, from a growing file."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.learning import load_learner
+from patagium.live import sources
+from patagium.live.loop import Rhythm, Status, follow, summary
+from patagium.live.packets import Intake, datagrams
+from patagium.live.pipeline import Pipeline
+from patagium.live.record import StreamFile
+from patagium.live.sender import flight_packets, send_packets
+from patagium.live.sources import (
+    DatagramSource,
+    PacketQueue,
+    TextSource,
+    start_reading,
+)
+from patagium.live.tally import Tally
+from patagium.sensing.force.air_force import packet_columns
+
+COUNT = 2000
+LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--spread", "1.7")
+
+
+@pytest.fixture(scope="module")
+def flight():
+    robot = pt.load_robot("aerobat")
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    air, start = pt.QuasiSteady(robot, pt.Air()), robot.coordinates(x=3.0)
+    return pt.simulate(robot, air, gait, duration=COUNT * 1e-4, time_step=1e-4, v=start)
+
+
+@pytest.fixture(scope="module")
+def packets(flight):
+    return flight_packets(flight)[:COUNT]
+
+
+@pytest.fixture
+def pipeline():
+    robot = pt.load_robot("aerobat")
+    network = pt.StripNetwork(robot, (4,))
+    return Pipeline(
+        pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=3e-4, spread=1.7),
+        robot,
+    )
+
+
+def names_of(pipeline):
+    return [column.name for column in packet_columns(pipeline.robot)]
+
+
+def text_of(packets):
+    names = [column.name for column in packet_columns(pt.load_robot("aerobat"))]
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in packets.tolist())]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def learned_from(source, pipeline, sink=None, rhythms=(), most=None, room=COUNT):
+    queue, stop = PacketQueue(room, 57, Intake()), threading.Event()
+    status = Status(Tally(14, 500.0))
+    reader = start_reading(source, queue, stop)
+    follow(queue, pipeline, status, stop, sink=sink, rhythms=rhythms, most=most)
+    stop.set()
+    queue.close()
+    reader.join(5.0)
+    assert not reader.is_alive()
+    return summary(status, queue, pipeline)
+
+
+def weights_after(packets):
+    robot = pt.load_robot("aerobat")
+    network = pt.StripNetwork(robot, (4,))
+    learner = pt.CubatureLearner(
+        network, prior_deviation=0.3, measurement_deviation=3e-4, spread=1.7
+    )
+    Pipeline(learner, robot).run(packets)
+    return learner.weights
+
+
+def test_every_packet_over_loopback_is_learned_or_counted(packets, pipeline, tmp_path):
+    source = DatagramSource(57, "127.0.0.1", 0, idle=1.0)
+    target = ("127.0.0.1", source.port)
+    messages = list(datagrams(packets, 1.0, 4))
+    messages.insert(10, messages[9])  # comes twice
+    messages.insert(20, b"noise")
+    messages.insert(30, messages[29][:-8])  # cut
+    missing = messages.pop(40)
+
+    def send():
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+            for number, message in enumerate(messages):
+                port.sendto(message, target)
+                if number % 16 == 0:
+                    time.sleep(2e-3)
+
+    sender, shown = threading.Thread(target=send), []
+    sender.start()
+    sink = StreamFile(tmp_path / "stream.nc", pipeline)
+    facts = learned_from(source, pipeline, sink, (Rhythm(0.0, lambda: shown.append(1)),))
+    sender.join()
+    sink.close(facts)
+    lost = (len(missing) - 16) // (57 * 8)
+    assert lost == 4
+    assert (facts["lost"], facts["repeated"], facts["bad_rows"], facts["dropped"]) == (4, 4, 2, 0)
+    assert facts["samples"] == facts["learned"] == facts["received"] == COUNT - 4
+    assert facts["gaps"] == 1
+    assert len(shown) > 1
+    kept = np.delete(packets, np.arange(148, 152), axis=0)
+    with xr.open_dataset(tmp_path / "stream.nc") as record:
+        np.testing.assert_array_equal(record["time"], kept[:, 0])
+        np.testing.assert_array_equal(record["q"], kept[:, 1:15])
+        np.testing.assert_array_equal(record["u1"], kept[:, 43:])
+        np.testing.assert_allclose(
+            pt.training_data(record)[2], record["measurement"], atol=1e-12
+        )  # rounding
+        assert np.isfinite(record["prediction"]).all() and not record["outcome"].any()
+        assert json.loads(record.attrs["summary"])["lost"] == 4
+    # the same calls in blocks of other sizes
+    np.testing.assert_array_equal(pipeline.learner.weights, weights_after(kept))
+
+
+def test_what_found_no_room_is_counted(packets, pipeline):
+    source = DatagramSource(57, "127.0.0.1", 0, idle=0.5)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        for message in datagrams(packets[:100], 1.0, 50):
+            port.sendto(message, ("127.0.0.1", source.port))
+    queue = PacketQueue(30, 57, Intake())
+    reader = start_reading(source, queue, threading.Event())
+    reader.join(10.0)  # nobody takes anything meanwhile
+    status = Status(Tally(14, 500.0))
+    follow(queue, pipeline, status, threading.Event())
+    facts = summary(status, queue, pipeline)
+    assert (facts["received"], facts["samples"], facts["dropped"]) == (100, 30, 70)
+
+
+def test_a_flight_is_sent_in_its_own_time(flight, pipeline):
+    source = DatagramSource(57, "127.0.0.1", 0)
+    began = time.monotonic()
+    part = flight.isel(time=slice(0, 400))
+    sender = threading.Thread(
+        target=send_packets, args=(part, ("127.0.0.1", source.port)), kwargs={"rate": 4000.0}
+    )
+    sender.start()
+    facts = learned_from(source, pipeline, most=300)
+    sender.join()
+    assert facts["samples"] == 300
+    assert time.monotonic() - began > 300 / 4000.0
+
+
+def test_a_pipe_is_learned_to_its_end(packets, pipeline):
+    out, into = os.pipe()
+    lines = text_of(packets).split(b"\n")
+    lines[50] = b"what is this"
+
+    def write():
+        with os.fdopen(into, "wb") as pipe:
+            pipe.write(b"\n".join(lines))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    facts = learned_from(TextSource(names_of(pipeline), pipe=out), pipeline, room=64)
+    writer.join()
+    os.close(out)
+    assert (facts["samples"], facts["bad_rows"], facts["dropped"]) == (COUNT - 1, 1, 0)
+    expected = weights_after(np.delete(packets, 49, axis=0))
+    np.testing.assert_array_equal(pipeline.learner.weights, expected)
+
+
+def test_a_file_that_grows_is_followed(packets, pipeline, tmp_path):
+    path, text = tmp_path / "log.csv", text_of(packets)
+    cut = len(text) // 3  # in the middle of a line
+    path.write_bytes(text[:cut])
+
+    def write():
+        time.sleep(0.2)
+        with path.open("ab") as file:
+            file.write(text[cut:])
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    facts = learned_from(TextSource(names_of(pipeline), path, idle=0.6), pipeline)
+    writer.join()
+    assert facts["samples"] == COUNT and facts["bad_rows"] == 0
+    np.testing.assert_array_equal(pipeline.learner.weights, weights_after(packets))
+
+
+def test_interrupted_it_writes_what_it_has(packets, tmp_path):
+    log, record, model = (tmp_path / name for name in ("log.csv", "stream.nc", "model.json"))
+    log.write_bytes(text_of(packets))
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN]
+    words += ["--record", str(record), "--model", str(model), "--json"]
+    words += ["--state", str(tmp_path / "state"), "--autosave", "0.1"]
+    program = "import sys; from patagium.cli.main import run; run(sys.argv[1:])"
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    assert any(" samples, " in line for line in process.stderr)  # it has begun
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=300)
+    assert process.returncode == 0
+    samples = json.loads(out)["samples"]
+    assert 0 < samples <= COUNT
+    with xr.open_dataset(record) as kept:
+        np.testing.assert_array_equal(kept["time"], packets[:samples, 0])
+    assert json.loads(model.read_text())["source"].endswith("log.csv")
+    kept_files = ["log.csv", "model.json", "state", "stream.nc"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == kept_files
+    np.testing.assert_array_equal(
+        load_learner(tmp_path / "state").weights, weights_after(packets[:samples])
+    )
+
+
+def test_a_stream_goes_on_where_the_last_one_stood(packets, tmp_path, capsys):
+    log, state = tmp_path / "log.csv", tmp_path / "learner.state"
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
+    for part in (packets[:150], packets[150:400]):
+        log.write_bytes(text_of(part))
+        with pytest.raises(SystemExit) as left:
+            run([*words, "--state", str(state)])
+        assert left.value.code == 0
+    assert "150 samples learned before" in capsys.readouterr().err
+    learner = load_learner(state)
+    assert learner.count == 400
+    np.testing.assert_array_equal(learner.weights, weights_after(packets[:400]))
+
+
+def test_a_network_with_memory_goes_on_where_it_stood(packets, tmp_path, capsys):
+    log, words = tmp_path / "log.csv", ["stream", "", "--robot", "aerobat", "--idle", "0.1"]
+    words[1] = str(log)
+    words += ["--network", "hidden_flow", "--hidden", "4", "--learner", "extended", "--json"]
+    words += ["--prior-deviation", "0.1", "--measurement-deviation", "3e-3"]
+    for state, part in (("a", packets[:20]), ("a", packets[20:50]), ("b", packets[:50])):
+        log.write_bytes(text_of(part))
+        with pytest.raises(SystemExit) as left:
+            run([*words, "--state", str(tmp_path / state)])
+        assert left.value.code == 0
+        assert json.loads(capsys.readouterr().out)["memory_resets"] == 0
+    pieces, whole = (load_learner(tmp_path / state) for state in "ab")
+    assert whole.count == 50
+    np.testing.assert_array_equal(pieces.weights, whole.weights)
+
+
+def test_options_reach_the_learner(packets, tmp_path, capsys):
+    log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
+    log.write_bytes(text_of(packets[:100]))
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
+    words += ["--covariance", "node", "--dtype", "float32", "--outlier-deviation", "6"]
+    words += ["--noise-memory", "500", "--change-window", "10", "--change-reference", "200"]
+    words += ["--false-alarm-rate", "1e-6", "--samples", "80", "--record", str(record)]
+    with pytest.raises(SystemExit) as left:
+        run(words)
+    assert left.value.code == 0
+    assert "samples" in capsys.readouterr().out
+    with xr.open_dataset(record) as kept:
+        assert kept.sizes["time"] == 80
+        learner = json.loads(kept.attrs["learner"])
+    assert (learner["covariance"], learner["dtype"]) == ("node", "float32")
+    assert learner["screening"]["outlier_deviation"] == 6.0
+    assert learner["noise_estimation"]["memory"] == 500
+    assert learner["change_detection"]["window"] == 10
+
+
+def test_what_was_learned_before_reading_failed_is_kept(packets, tmp_path, capsys, monkeypatch):
+    log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
+    log.write_bytes(text_of(packets[:100]))
+
+    class Unplugged(TextSource):
+        def read(self, queue, stop):
+            super().read(queue, stop)
+            raise OSError(5, "Input/output error", str(log))
+
+    monkeypatch.setattr(sources, "TextSource", Unplugged)
+    words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
+    with pytest.raises(SystemExit) as left:
+        run([*words, "--record", str(record)])
+    said = capsys.readouterr()
+    assert left.value.code == 2 and said.err.endswith("log.csv: Input/output error\n")
+    with xr.open_dataset(record) as kept:
+        assert kept.sizes["time"] == 100
+
+
+def test_refusals_are_one_sentence(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("time,q.x\n1,2\n")
+    for words, found in (
+        ([str(log)], "expected a header with the columns"),
+        ([str(log), "--network", "dense"], "--scale-by: expected a flight"),
+        ([str(log), "--change-window", "9"], "test for changes: expected --change-window"),
+        ([str(log), "--learning-rate", "9"], "--learning-rate: expected nothing"),
+        (["udp://127.0.0.1"], "udp://ADDRESS:PORT"),
+        ([str(tmp_path / "none.csv")], "expected a file, found none"),
+    ):
+        with pytest.raises(SystemExit) as left:
+            run(["stream", *words, "--robot", "aerobat", *LEARN, "--idle", "0.1"])
+        said = capsys.readouterr().err.strip().splitlines()
+        assert left.value.code == 2
+        assert found in said[-1]
+    assert [Path(p).name for p in tmp_path.iterdir()] == ["log.csv"]

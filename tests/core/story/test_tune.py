@@ -1,0 +1,185 @@
+"""Tuning as a person meets it: the page, the command, its file, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import yaml
+
+import patagium as pt
+from patagium.cli.main import run
+
+PAGE = (Path(__file__).parents[3] / "docs" / "tune.md").read_text("utf-8")
+TUNE = ("--every", 10, "--trials", 8, "--jobs", 1, "--covariance", "node")
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Speak = Callable[..., Answer]
+
+
+@pytest.fixture
+def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
+    """Say words to the program; get its exit code, its answer and its complaints."""
+
+    def say(*words: object) -> Answer:
+        with pytest.raises(SystemExit) as left:
+            run([str(word) for word in words])
+        said = capsys.readouterr()
+        return Answer(left.value.code, said.out, said.err)  # type: ignore[arg-type]
+
+    return say
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a flight and its settings are."""
+    folder = tmp_path_factory.mktemp("tune")
+    beat = ["--frequency", "5", "--plunge", "0.6", "--speed", "3", "--duration", "0.1"]
+    flight, settings = folder / "flight.nc", folder / "settings.yaml"
+    words = ["tune", flight, *TUNE, "--hidden", "4", "--hidden", "3", "--out", settings]
+    for said in (["simulate", "aerobat", *beat, "--time-step", "1e-4", "-o", flight], words):
+        with pytest.raises(SystemExit) as left:
+            run([str(word) for word in said])
+        assert left.value.code == 0
+    return folder
+
+
+def blocks(language: str) -> list[str]:
+    found = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    assert found
+    short = {"64": "8", '"2 s"': '"0.1 s"', "every=100": "every=10", "--every 100": "--every 10"}
+    for old, new in short.items():
+        found = [block.replace(old, new) for block in found]
+    return found
+
+
+def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: Speak) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in "".join(blocks("sh")).splitlines():
+        program, *words = shlex.split(line)
+        assert program == "patagium"
+        jobs = ["--jobs", "1"] if words[0] == "tune" else []
+        answer = speak(*words, *jobs)
+        assert answer.code == 0, line + answer.err
+    names: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks("python"):
+        exec(compile(block, "tune.md", "exec"), names)
+    learner, tuned = names["learner"], names["tuned"]
+    assert learner.describe() == tuned.learner().describe()  # type: ignore[attr-defined]
+
+
+def test_the_page_names_every_knob_and_its_range() -> None:
+    from patagium.learning.tuning.knobs import KNOBS, Level
+
+    for knob in KNOBS:
+        row = re.search(rf"^\| `{knob.name}`.*\|(.*)\|$", PAGE, re.MULTILINE)
+        assert row is not None, knob.name
+        if isinstance(knob, Level) and not knob.below_one:
+            said = re.findall(r"\d[\d.]*(?:e-\d+)?", row[1])[:2]
+            assert [float(one) for one in said] == [knob.low, knob.high]
+
+
+def test_the_file_says_what_was_chosen_for_what(folder: Path) -> None:
+    words = yaml.safe_load((folder / "settings.yaml").read_text("utf-8"))
+    assert (words["flight"], words["every"]) == ("flight.nc", 10)
+    assert words["network"]["kind"] == "strip" and words["network"]["hidden"] in ([3], [4])
+    assert words["learner"]["covariance"] == "node"
+    assert len(words["learner"]["measurement_deviation"]) == 14
+    scores = [trial["log_likelihood_second_half"] for trial in words["trials"]]
+    assert scores == sorted(scores, reverse=True)
+    assert words["foresight"]["log_likelihood_second_half"] == scores[0]
+    assert "y" not in words["foresight"]["outputs"]  # a symmetric flight
+
+
+def test_the_same_command_goes_on_and_another_question_is_refused(
+    folder: Path, speak: Speak
+) -> None:
+    journal, settings = folder / "settings.trials.jsonl", folder / "settings.yaml"
+    before, chosen = journal.read_text("utf-8"), settings.read_text("utf-8")
+    words = ("--hidden", "4", "--hidden", "3", "--out", settings)
+    again = speak("tune", folder / "flight.nc", *TUNE, *words)
+    assert again.code == 0 and "Going on from the trials in" in again.err
+    assert (journal.read_text("utf-8"), settings.read_text("utf-8")) == (before, chosen)
+    other = speak("tune", folder / "flight.nc", *TUNE, *words, "--every", 20)
+    assert other.code == 2
+    assert "every was 10, is 20; name another result (--out)" in other.err
+
+
+def test_identify_takes_the_settings_and_options_count_more(folder: Path, speak: Speak) -> None:
+    flight, settings, model = (folder / name for name in ("flight.nc", "settings.yaml", "m.json"))
+    chosen = yaml.safe_load(settings.read_text("utf-8"))
+    plain = speak("identify", flight, "--settings", settings, "--model", model, "--json")
+    assert plain.code == 0, plain.err
+    assert json.loads(plain.out)["every"] == 10
+    learned = json.loads(model.read_text("utf-8"))
+    for name, value in chosen["learner"].items():
+        assert learned["learner"][name] == value
+    assert learned["network"]["hidden"] == chosen["network"]["hidden"]
+    own = ("--every", 20, "--spread", 1.5, "--hidden", "5", "--covariance", "2", "--seed", 2)
+    other = speak("identify", flight, "--settings", settings, *own, "--model", model, "--json")
+    assert other.code == 0, other.err
+    assert json.loads(other.out)["every"] == 20
+    learned = json.loads(model.read_text("utf-8"))
+    assert (learned["learner"]["spread"], learned["learner"]["seed"]) == (1.5, 2)
+    assert learned["learner"]["covariance"] == {"rank": 2}
+    assert learned["learner"]["prior_deviation"] == chosen["learner"]["prior_deviation"]
+    assert learned["network"]["hidden"] == [5]
+
+
+def test_settings_of_one_learner_serve_another_as_far_as_it_has_them(
+    folder: Path, speak: Speak
+) -> None:
+    words = ("identify", folder / "flight.nc", "--settings", folder / "settings.yaml")
+    assert speak(*words, "--learner", "extended").code == 0
+    refused = speak(*words, "--learner", "gradient")
+    assert refused.code == 2 and "--learning-rate: expected a number" in refused.err
+
+
+def test_a_table_is_tuned_as_it_is_identified(folder: Path, tmp_path: Path, speak: Speak) -> None:
+    flight = pt.load_flight(folder / "flight.nc")
+    table, mapping, out = (tmp_path / name for name in ("log.csv", "columns.yaml", "s.yaml"))
+    frame = flight["v"].to_pandas()[["z", "pitch"]].assign(t=flight["time"].values)
+    frame.to_csv(table, index=False)
+    words = {
+        "time": {"column": "t"},
+        "inputs": [{"column": "z", "unit": "m/s", "range": [-1.0, 1.0]}],
+        "outputs": [{"column": "pitch", "unit": "rad/s", "range": [-1.0, 1.0]}],
+    }
+    mapping.write_text(yaml.safe_dump(words), "utf-8")
+    base = (table, "--mapping", mapping)
+    answer = speak("tune", *base, *TUNE, "--hidden", "3", "--out", out, "--json")
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["network"]["kind"] == "dense"
+    assert speak("identify", *base, "--settings", out).code == 0
+    assert speak("tune", table, *TUNE, "--out", out).code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--trials", 3), "trials: expected at least 8, found 3"),
+        (
+            ("--covariance", "square"),
+            "expected full, layer, node or a rank such as 20, found 'square'",
+        ),
+        (("--mapping", "m.yaml"), "--mapping: expected a table"),
+        (("--hidden", "8,0"), "expected positive whole numbers"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(
+    words: tuple[object, ...], said: str, folder: Path, tmp_path: Path, speak: Speak
+) -> None:
+    answer = speak("tune", folder / "flight.nc", "--out", tmp_path / "s.yaml", *words)
+    assert answer.code == 2
+    assert said in " ".join(re.sub("[│╭╮╰╯─]", " ", answer.err).split())

@@ -1,0 +1,328 @@
+"""A grey box: numbers of the air as weights, what they do, and how they are said."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import ParameterError, ShapeError
+from patagium.learning import load_model, model_of, network_from_description, save_model
+from patagium.learning.identify import compare, samples
+from patagium.learning.models.network import Encoding, Network
+from patagium.learning.models.physical import unit_of, written_unit
+from patagium.learning.stream import stream
+from patagium.robot import load_robot_text
+
+LAGS = {"lags.rate[0]": 0.02, "lags.lift[1]": 0.1, "section.lift_slope": 0.5}
+AIR = pt.Air(wind=(-5.0, 0.0, 0.0))
+
+
+def motion(robot, samples=120, duration=0.3):
+    """Time and [q, v, a] of a wing that flaps in a wind, (N, 9)."""
+    time = np.linspace(0.0, duration, samples)
+    parts = np.zeros((3, samples, 3))
+    for k, (size, beat, phase) in enumerate([(0.02, 15, 0.4), (0.5, 25, 0), (0.2, 25, 1.4)]):
+        turn = beat * time + phase
+        parts[0, :, k] = size * np.sin(turn)
+        parts[1, :, k] = size * beat * np.cos(turn)
+        parts[2, :, k] = -size * beat**2 * np.sin(turn)
+    return time, np.hstack(list(parts))
+
+
+@pytest.fixture(scope="module")
+def robot(one_wing):
+    return one_wing(
+        "name: slide, type: prismatic, axis: z", "name: plunge, axis: x", "name: feather, axis: -y"
+    )
+
+
+@pytest.fixture(scope="module")
+def grey(robot):
+    return pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS)
+
+
+@pytest.fixture(scope="module")
+def log(robot):
+    time, x = motion(robot)
+    return time, x[:, :6]
+
+
+def test_values_are_those_of_the_model_with_its_numbers(grey, log):
+    time, x = log
+    weights = np.array([0.5, -0.3, 1.2])
+    rows, _ = grey.recall(weights, time, x)
+    model, added = grey.air_at(weights)
+    assert added is None and model.lags.rate[0] == pytest.approx(
+        0.0455 * np.exp(0.5 * 0.02 / 0.0455)
+    )
+    assert model.lags.lift[1] == pytest.approx(0.335 - 0.03, rel=1e-15)
+    expected = model.batch.generalized_force(x[:, :3], x[:, 3:], rows[:, 6:10])
+    assert np.allclose(grey.evaluate(rows, weights), expected, rtol=1e-12, atol=1e-15)
+
+
+def test_memory_starts_where_the_flow_was_always_there_or_still(grey, log, robot):
+    time, x = log
+    weights = np.zeros(3)
+    begun = grey.recall(weights, time[:1], x[:1])[0][0, 6:10]
+    model = pt.LiftingLine(robot, AIR)
+    assert np.abs(model.state_derivative(x[0, :3], x[0, 3:], begun)).max() < 1e-8  # a fixed point
+    still = pt.GreyBox(model, LAGS, start="still")
+    assert not still.recall(weights, time[:1], x[:1])[0][0, 6:-3].any()
+
+
+def test_a_log_in_blocks_is_the_log_at_once(grey, log):
+    time, x = log
+    weights = np.array([0.2, 0.1, -0.4])
+    whole, _ = grey.recall(weights, time, x, gaps=[70])
+    first, carried = grey.recall(weights, time[:50], x[:50])
+    second, _ = grey.recall(weights, time[50:], x[50:], carried, [20])
+    assert np.array_equal(np.vstack([first, second]), whole)
+
+
+def test_points_and_slopes_are_one_function_of_the_weights(grey, log):
+    """Also at weights that memory was not recalled with."""
+    time, x = log
+    row = grey.recall(np.zeros(3), time, x)[0][60]
+    encoding, weights = grey.encode_one(row), np.array([0.3, -0.2, 0.5])
+    points = weights + np.random.default_rng(0).normal(size=(7, 3))
+    by_one = [grey(row, point) for point in points]
+    assert np.allclose(grey.values(encoding, points), by_one, rtol=1e-12)  # rounding
+    value, slope = grey.linearized(encoding, weights)
+    assert np.allclose(value, grey(row, weights), rtol=1e-12)
+    ahead = [(grey(row, weights + h) - grey(row, weights - h)) / 2e-5 for h in 1e-5 * np.eye(3)]
+    assert np.allclose(slope, np.transpose(ahead), rtol=1e-6, atol=1e-9)  # step squared
+
+
+@pytest.mark.parametrize("learner", [pt.ExtendedLearner, pt.CubatureLearner])
+def test_numbers_are_found_and_kept_in_files(learner, grey, robot, tmp_path):
+    time, x = motion(robot, 300, 0.6)
+    truth = np.array([0.8, -0.5, 0.6])
+    y = grey.evaluate(grey.recall(truth, time, x[:, :6])[0], truth)
+    noise = 0.01 * y.std(axis=0)
+    y = y + noise * np.random.default_rng(1).normal(size=y.shape)
+    student = learner(grey, measurement_deviation=noise)
+    assert np.allclose(student.variances, 1.0)
+    result = stream(student, time, x[:, :6], y, every=3)
+    assert result.scores["nmse_second_half_worst"] < 1e-3
+    found, expected = grey.estimates(student.weights, student.variances), grey.estimates(truth)
+    for one, right in zip(found, expected, strict=True):
+        assert abs(one.value - right.value) < 3 * one.deviation < one.prior_deviation
+    path = result.prediction["parameter_value"]
+    assert path.shape == (100, 3) and path[-1, 0] == found[0].value
+    assert result.scores["parameter_deviation"]["lags.rate[0]"] == found[0].deviation
+    model = load_model(save_model(tmp_path / "m.json", model_of(student)))
+    again = compare(model, time, x[:, :6], y)
+    assert again.scores["parameter_value"] == result.scores["parameter_value"]
+    twin = pt.load_learner(student.save(tmp_path / "state"), like=student)
+    row = grey.recall(student.weights, time, x[:, :6])[0][-1]
+    assert np.array_equal(twin.update(row, y[-1]), student.update(row, y[-1]))
+    assert np.array_equal(twin.weights, student.weights)
+
+
+def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
+    """What y is, and that x then has accelerations: a flight with another mass and chord."""
+    true = robot.with_parameters({"wing.mass": 0.005, "wing[1].chord": 0.1})
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.6, feather=0.2)
+    aero = pt.QuasiSteady(true, AIR)
+    carried = pt.AddedMass(true, AIR)
+    flight = pt.simulate(true, aero, gait, duration=0.5, time_step=1e-3, added_mass=carried)
+    estimate = {"wing.mass": 0.001, "wing[1].chord": 0.01, "added_mass.factor": 0.3}
+    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), estimate, pt.AddedMass(robot, AIR, factor=0.8))
+    assert grey.needs_acceleration and grey.explains_added_mass
+    assert samples(flight, grey, robot=robot)[1].shape == (501, 9)
+    learner = pt.ExtendedLearner(grey, measurement_deviation=1e-4)
+    result = pt.identify(flight, learner, every=5, robot=robot)
+    right = {"wing.mass": 0.005, "wing[1].chord": 0.1, "added_mass.factor": 1.0}
+    for name, value in result.scores["parameter_value"].items():
+        assert value == pytest.approx(right[name], rel=2e-3)  # linearized, little noise assumed
+    model, added = grey.air_at(learner.weights)
+    assert added.factor == result.scores["parameter_value"]["added_mass.factor"]
+    assert model.robot.strips[1].chord == result.scores["parameter_value"]["wing[1].chord"]
+
+
+def test_added_mass_is_part_of_y_or_not(robot):
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.6, feather=0.2)
+    carried = pt.AddedMass(robot, AIR, factor=0.9)
+    aero = pt.QuasiSteady(robot, AIR)
+    flight = pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, added_mass=carried)
+    for added in (None, carried):
+        grey = pt.GreyBox(aero, {"polar.lift_amplitude": 0.1}, added)
+        assert grey.needs_acceleration == grey.explains_added_mass == (added is not None)
+        _, x, y, _ = samples(flight, grey)
+        assert np.allclose(grey.evaluate(x, np.zeros(1)), y, atol=1e-12)  # rounding
+
+
+def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
+    time, x = log
+    beside = pt.StripNetwork(robot, (4,), AIR)
+    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"polar.lift_amplitude": 0.2}, beside=beside)
+    assert grey.size == 1 + beside.size and grey.hidden == (4,)
+    blocks = [block for layer in grey.neurons for block in layer]
+    assert sorted(np.concatenate(blocks)) == list(range(grey.size))
+    weights = grey.initial(3)
+    physics = pt.QuasiSteady(robot, AIR).batch.generalized_force(x[:, :3], x[:, 3:])
+    assert np.allclose(grey.evaluate(x, weights), physics, rtol=1e-12, atol=1e-15)
+    learner = pt.ExtendedLearner(grey, prior_deviation=0.5, measurement_deviation=1e-3)
+    assert learner.variances[0] == 1.0
+    assert learner.variances[1:] == pytest.approx(0.25 / beside.fan_in)
+    stream(learner, time, x, 1.3 * physics + 0.01, every=2)
+    assert not np.allclose(learner.weights[1:], weights[1:])
+    moved = learner.weights
+    assert np.allclose(
+        grey.evaluate(x, moved) - grey.evaluate(x, np.append(moved[0], weights[1:])),
+        beside.evaluate(x, moved[1:]) - beside.evaluate(x, weights[1:]),
+        atol=1e-12,
+    )
+    row, points = x[5], moved + 0.1 * np.random.default_rng(0).normal(size=(5, grey.size))
+    values = grey.values(grey.encode_one(row), points)
+    assert np.allclose(values, [grey(row, point) for point in points], rtol=1e-12)
+    with pytest.raises(ParameterError, match="prior_deviation"):
+        pt.ExtendedLearner(grey, measurement_deviation=1e-3)
+
+
+class Faded(Network):
+    """y = w z in every output, z following the first input: a network that remembers."""
+
+    size, measured_inputs, inputs = 1, 6, 7
+    output_names, outputs, hidden = ("slide", "plunge", "feather"), 3, ()
+    neurons, fan_in = [[np.arange(1)]], np.ones(1)
+
+    def initial(self, seed):
+        return np.ones(1)
+
+    def describe(self):
+        return {"kind": "faded"}
+
+    def encode(self, x):
+        return Encoding(x[:, None, :], np.ones((len(x), 3, 1)), np.zeros(3))
+
+    def decode(self, encoding, weights):
+        return np.tile(weights[0] * encoding.features[:, 0, 6:], 3)
+
+    def recall(self, weights, time, x, carried=None, gaps=()):
+        state, rows = 0.0 if carried is None else carried, []
+        for sample in x:
+            state = 0.9 * state + 0.1 * sample[0]
+            rows.append([*sample, state])
+        return np.array(rows), state
+
+
+def test_a_network_beside_may_remember(grey, robot, log):
+    time, x = log
+    both = pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS, beside=Faded())
+    assert not both.initial(0).any()
+    weights = np.array([0.1, 0.2, -0.3, 2.0])
+    rows, _ = both.recall(weights, time, x)
+    first, carried = both.recall(weights, time[:40], x[:40])
+    second, _ = both.recall(weights, time[40:], x[40:], carried)
+    assert np.array_equal(np.vstack([first, second]), rows)
+    physics = grey.evaluate(grey.recall(weights[:3], time, x)[0], weights[:3])
+    beside = Faded().evaluate(Faded().recall(weights[3:], time, x)[0], weights[3:])
+    assert np.abs(beside).max() > 1e-3
+    assert np.allclose(both.evaluate(rows, weights), physics + beside, atol=1e-12)  # rounding
+    moved = both.corrected(carried, np.full(4, 0.1))
+    assert np.allclose(moved.memory.weights, weights[:3] + 0.1) and moved.beside == carried.beside
+
+
+@pytest.mark.parametrize("make", ["strips", "stall"])
+def test_other_models_have_memory_too(make, robot, log):
+    """DeLaurier's lags and those of stall settle where their derivatives vanish."""
+    time, x = log
+    models = {
+        "strips": (pt.DeLaurier(robot, AIR), {"suction_efficiency": 0.1}),
+        "stall": (
+            pt.LiftingLine(robot, AIR, stall_delay=pt.StallDelay()),
+            {"section.stall_begins": 0.05},
+        ),
+    }
+    model, estimate = models[make]
+    grey = pt.GreyBox(model, estimate)
+    rows, _ = grey.recall(np.zeros(1), np.linspace(0, 5, 120), np.tile(x[3], (120, 1)))
+    state = rows[-1, 6 : 6 + model.state_size]
+    assert np.abs(model.state_derivative(x[3, :3], x[3, 3:], state)).max() < 1e-6  # relaxed
+    row = grey.recall(np.zeros(1), time, x)[0][50]
+    expected = model.generalized_force(row[:3], row[3:6], row[6 : 6 + model.state_size])
+    assert np.allclose(grey(row, np.zeros(1)), expected, rtol=1e-12)
+
+
+def test_it_is_made_again(grey, log):
+    for twin in (network_from_description(grey.describe()), pickle.loads(pickle.dumps(grey))):
+        assert twin.describe() == grey.describe()
+        rows, _ = twin.recall(np.zeros(3), *log)
+        assert np.array_equal(rows, grey.recall(np.zeros(3), *log)[0])
+
+
+def test_wandering_is_said_in_own_units(grey):
+    assert grey.deviations({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
+    with pytest.raises(ParameterError, match="wandering"):
+        grey.deviations({"section.profile_drag": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("estimate", "options", "message"),
+    [
+        (
+            {"section.lift_slop": 0.1},
+            {},
+            r"section.lift_slope, .*wing.mass.*closest: section.lift_slope",
+        ),
+        ({"lags.rate[2]": 0.1}, {}, "closest: lags.rate"),
+        ({"section.lift_slope": 0.0}, {}, r"positive prior deviation \[1/rad\]"),
+        ({}, {}, "estimate"),
+        ({"added_mass.factor": 0.1}, {}, "added mass to go with it"),
+        ({"density": 0.1}, {"start": "late"}, "start"),
+        ({"density": 0.1}, {"measured": ["pitch"]}, "pitch"),
+        ({"density": 0.1}, {"beside": pt.DenseNetwork(6, (2,), 3)}, "beside"),
+    ],
+)
+def test_what_cannot_be_is_refused(robot, estimate, options, message):
+    with pytest.raises(ParameterError, match=message):
+        pt.GreyBox(pt.LiftingLine(robot, AIR), estimate, **options)
+
+
+def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
+    plain = pt.LiftingLine(robot, AIR, section=pt.Section(profile_drag=0.0))
+    with pytest.raises(ParameterError, match="above zero"):
+        pt.GreyBox(plain, {"section.profile_drag": 0.01})
+    other = pt.AddedMass(robot, pt.Air(density=1.0))
+    with pytest.raises(ParameterError, match="added_mass.air"):
+        pt.GreyBox(plain, {"density": 0.1}, other)
+    wide = pt.DenseNetwork(9, (2,), robot.dof_names)
+    with pytest.raises(ShapeError, match="beside"):
+        pt.GreyBox(plain, {"density": 0.1}, beside=wide)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "written"),
+    [
+        ("lags.rate[1]", "1/semichord", ""),
+        ("wing[0].chord", "m", "m"),
+        ("wing[0].quarter_chord.x", "m", "m"),
+        ("wing.inertia.xy", "kg m^2", "kg m^2"),
+        ("wind.y", "m/s", "m/s"),
+        ("polar.lift_phase", "rad", "rad"),
+        ("polar.lift_offset", "1", ""),
+        ("gravity", "m/s^2", "m/s^2"),
+    ],
+)
+def test_units(name, unit, written):
+    assert (unit_of(name), written_unit(name)) == (unit, written)
+
+
+def test_a_robot_may_have_a_quaternion():
+    """Its x is one longer, and forces are those of the same robot with angles."""
+    source = pt.load_robot("aerobat").source.replace("strips: 5", "strips: 1")
+    angles = load_robot_text(source)
+    turned = angles.with_attitude("quaternion")
+    estimate = {"polar.lift_amplitude": 0.1}
+    boxes = [pt.GreyBox(pt.QuasiSteady(robot), estimate) for robot in (angles, turned)]
+    assert boxes[1].inputs == boxes[0].inputs + 1
+    v = angles.dof
+    forces = []
+    for box, robot in zip(boxes, (angles, turned), strict=True):
+        q = robot.coordinates(left_plunge=0.3)
+        x = np.concatenate([q, np.r_[4.0, np.zeros(v - 1)]])
+        forces.append(box(x, np.ones(1)))
+    assert np.abs(forces[0]).max() > 1e-3
+    assert np.allclose(forces[1], forces[0], atol=1e-15)

@@ -1,0 +1,231 @@
+"""Logs of other programs, brought to SI, our axes and one time base."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from patagium.errors import LogError
+from patagium.sensing.logs.importing.findings import Finding
+from patagium.sensing.logs.importing.run import Imported, import_log
+from patagium.sensing.logs.mapping import TableMapping, parse_mapping
+from patagium.sensing.logs.record import LogRecord, load_log
+
+DATA = Path(__file__).parents[3].parent / "shared" / "data"
+
+IMU: dict[str, Any] = {
+    "time": {"rate": "100 Hz"},
+    "channels": [
+        {"topic": "/imu", "field": "orientation", "order": "xyzw", "frame": "nwu", "body": "flu",
+         "name": "attitude"},
+        {"topic": "/imu", "field": "angular_velocity", "frame": "flu", "unit": "rad/s",
+         "name": "rate"},
+        {"topic": "/imu", "field": "linear_acceleration", "frame": "flu", "unit": "m/s^2",
+         "name": "force"},
+        {"topic": "/velocity", "field": "twist.linear", "frame": "nwu", "unit": "m/s",
+         "name": "velocity"},
+        {"topic": "/joints", "field": "position[left_plunge]", "unit": "rad", "name": "plunge"},
+        {"topic": "/levels", "field": "data[2]", "unit": "1", "name": "level"},
+    ],
+}  # fmt: skip
+
+
+def mapping(words: dict[str, Any] = IMU, **time: Any) -> TableMapping:
+    return parse_mapping({**words, "time": {**words.get("time", {}), **time}})
+
+
+def changed(name: str, **change: Any) -> TableMapping:
+    channels = [{**one, **(change if one["name"] == name else {})} for one in IMU["channels"]]
+    return parse_mapping({**IMU, "channels": channels})
+
+
+def warnings(found: Imported) -> list[Finding]:
+    return [one for one in found.findings if one.level == "warning"]
+
+
+def check_motion(path: Path, recordings: Any) -> None:
+    log = load_log(path)
+    t = log["time"].to_numpy() + 0.0
+    assert log.sizes["time"] > 250
+    roll = 2 * np.arctan2(log["attitude"].to_numpy()[:, 1], log["attitude"].to_numpy()[:, 0])
+    # linear between samples 10 ms apart: errors of 1e-4; the start is the first common stamp
+    np.testing.assert_allclose(roll, [recordings.roll(s) for s in t], atol=1e-4)
+    climb = log["velocity"].to_numpy()[:, 2]
+    np.testing.assert_allclose(climb, [recordings.climb(s) for s in t], atol=1e-4)
+    np.testing.assert_allclose(log["plunge"].to_numpy(), 0.6 * np.sin(30 * t), atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("storage", "compression"),
+    [("sqlite3", ""), ("sqlite3", "MESSAGE"), ("sqlite3", "FILE"), ("mcap", ""),
+     ("mcap", "STORAGE")],
+)  # fmt: skip
+def test_ros2_bags_hold_the_motion(
+    storage: str, compression: str, recordings: Any, tmp_path: Path
+) -> None:
+    bag = recordings.ros2(tmp_path / "bag", storage=storage, compression=compression)
+    words = {**IMU, "channels": [c for c in IMU["channels"] if c["topic"] != "/levels"]}
+    found = import_log(bag, mapping(words), tmp_path / "log.nc")
+    check_motion(found.path, recordings)
+    assert warnings(found) == []
+    residual = found.facts[0]["residual_rms"]
+    assert max(residual) < 2e-3  # of differences over 50 ms; the change itself is 0.7 m/s^2
+    assert found.facts[0]["acceleration_rms"][2] > 0.5
+
+
+@pytest.mark.parametrize("compression", ["", "LZ4", "BZ2"])
+def test_ros1_bags_hold_the_motion(compression: str, recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros1(tmp_path / "log.bag", compression=compression)
+    words = {**IMU, "channels": [c for c in IMU["channels"] if c["topic"] != "/levels"]}
+    check_motion(import_log(bag, mapping(words), tmp_path / "log.nc").path, recordings)
+
+
+def test_parts_of_a_recording_are_one(recordings: Any, tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    recordings.ros1(tmp_path / "parts" / "b_0.bag", part=slice(0, 700))
+    recordings.ros1(tmp_path / "parts" / "b_1.bag", part=slice(700, None))
+    words = {**IMU, "channels": [c for c in IMU["channels"] if c["topic"] != "/levels"]}
+    found = import_log(tmp_path / "parts", mapping(words), tmp_path / "log.nc")
+    assert found.samples == recordings.count // 2
+    check_motion(found.path, recordings)
+
+
+def test_a_transform_is_found_by_its_frame(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    field = "transforms[wing/left].transform"
+    words = [
+        {"topic": "/tf", "field": f"{field}.translation", "frame": "flu", "unit": "m", "name": "p"},
+        {"topic": "/tf", "field": f"{field}.rotation", "frame": "flu", "body": "flu",
+         "order": "xyzw", "name": "a"},
+    ]  # fmt: skip
+    found = import_log(bag, parse_mapping({"channels": words}), tmp_path / "log.nc")
+    log = load_log(found.path)
+    np.testing.assert_allclose(log["p"].to_numpy()[:, 0], log["time"].to_numpy(), atol=1e-9)
+    assert log.attrs["findings"] == "[]"
+
+
+def test_stamps_are_those_of_the_header_unless_asked(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    one = {"channels": [IMU["channels"][1]]}
+    by_header = import_log(bag, mapping(one), tmp_path / "a.nc")
+    received = import_log(bag, mapping(one, base="received"), tmp_path / "b.nc")
+    origins = []
+    for found in (by_header, received):
+        with LogRecord(found.path) as record:
+            origins.append(int(record._file.time_origin_ns))
+    assert origins[1] - origins[0] == 3_000_000
+    levels = {"channels": [IMU["channels"][5]]}
+    with pytest.raises(LogError, match="expected a stamp in the header of topic '/levels'"):
+        import_log(bag, mapping(levels, base="header"), tmp_path / "c.nc")
+
+
+def test_json_in_mcap_and_a_recording_cut_off(recordings: Any, tmp_path: Path) -> None:
+    words = {"channels": [
+        {"topic": "sample", "field": "force", "frame": "frd", "unit": "N"},
+        {"topic": "sample", "field": "angles[1]", "unit": "deg", "name": "angle"},
+    ]}  # fmt: skip
+    whole = recordings.json(tmp_path / "whole.mcap")
+    found = import_log(whole, parse_mapping(words), tmp_path / "log.nc")
+    log = load_log(found.path)
+    t = log["time"].to_numpy()
+    np.testing.assert_allclose(log["force"].to_numpy(), np.outer(t, [1, -2, -3]), atol=1e-12)
+    np.testing.assert_allclose(log["angle"].to_numpy(), np.radians(-t), atol=1e-12)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:20_000])
+    found = import_log(cut, parse_mapping(words), tmp_path / "cut.nc")
+    assert 100 < found.samples < 400
+    assert any("breaks off" in note for note in found.notes)
+
+
+def test_ros1_messages_in_mcap_and_protobuf(recordings: Any, tmp_path: Path) -> None:
+    ros = {"channels": [{**IMU["channels"][2], "frame": "frd"}]}
+    found = import_log(recordings.ros1_mcap(tmp_path / "a.mcap"), mapping(ros), tmp_path / "a.nc")
+    assert load_log(found.path)["force"].to_numpy()[0, 2] == pytest.approx(-10.80665, abs=1e-9)
+    pytest.importorskip("google.protobuf", reason="Protobuf needs the extra patagium[logs]")
+    proto = {"channels": [{"topic": "v", "field": "point", "frame": "frd", "unit": "m"}]}
+    path = recordings.protobuf(tmp_path / "b.mcap")
+    log = load_log(import_log(path, parse_mapping(proto), tmp_path / "b.nc").path)
+    t = log["time"].to_numpy()
+    np.testing.assert_allclose(log["point"].to_numpy(), np.outer(t, [1, -2, -3]), atol=1e-9)
+
+
+def test_a_bag_without_definitions_borrows_them(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag", part=slice(0, 300))
+    import sqlite3
+
+    with sqlite3.connect(bag / "bag.db3") as base:
+        base.execute("UPDATE message_definitions SET encoded_message_definition = ''")
+        base.execute("DELETE FROM message_definitions")
+    base.close()
+    one = {"channels": [IMU["channels"][1]]}
+    found = import_log(bag, mapping(one), tmp_path / "log.nc")
+    assert found.samples > 20
+    assert any("no definition of sensor_msgs/msg/Imu" in note for note in found.notes)
+
+
+def test_a_wrong_topic_or_field_names_what_there_is(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    cases = {
+        "topic": ({"topic": "/imu_raw"}, "no topic '/imu_raw'; closest: /imu"),
+        "field": ({"field": "angular_vel"}, "expected 'angular_vel'.*closest: angular_velocity"),
+        "vector": ({"field": "orientation.x"}, "expected 3 components under 'orientation.x'"),
+    }
+    for change, message in cases.values():
+        with pytest.raises(LogError, match=message):
+            import_log(bag, changed("rate", **change), tmp_path / "log.nc")
+    with pytest.raises(LogError, match=r"'position' is no number.*position\[left_plunge\]"):
+        import_log(bag, changed("plunge", field="position"), tmp_path / "log.nc")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+
+
+@pytest.mark.parametrize(
+    "name", ["z" * 256, "\u00e9" * 128, "-a", ".", " a", "a ", "a\tb", "a\0b", "\ud800", "a\udfff"]
+)
+def test_a_name_that_no_file_can_hold_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"channels\.0\.name: expected at most 255 bytes"):
+        import_log(two_columns(tmp_path), parse_mapping(called(name, "b")), tmp_path / "log.nc")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(("one", "other"), [("time", "b"), ("a|b", "a/b"), ("\u00e9", "e\u0301")])
+def test_a_name_that_is_taken_is_refused(one: str, other: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"channels\.\d\.name: expected one that is not taken"):
+        import_log(two_columns(tmp_path), parse_mapping(called(one, other)), tmp_path / "log.nc")
+
+
+@pytest.mark.parametrize("name", ["z" * 255, "a b", "imu/x", "\u00e9", "7", "_"])
+def test_other_names_are_kept_as_they_are(name: str, tmp_path: Path) -> None:
+    found = import_log(two_columns(tmp_path), parse_mapping(called(name, "b")), tmp_path / "log.nc")
+    assert load_log(found.path)[name].shape == (200,)
+
+
+def two_columns(folder: Path) -> Path:
+    rows = [f"{0.01 * k:.2f},{np.sin(k)},{np.cos(k)}" for k in range(200)]
+    (folder / "log.csv").write_text("\n".join(["t,first,second", *rows]) + "\n")
+    return folder / "log.csv"
+
+
+def called(one: str, other: str) -> dict[str, Any]:
+    columns = ({"column": "first", "name": one}, {"column": "second", "name": other})
+    return {"time": {"column": "t"}, "channels": [{**words, "unit": "m"} for words in columns]}
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "kind", "words"),
+    [
+        ("rate", {"unit": "deg/s"}, "unit", "is the rate in rad/s"),
+        ("force", {"unit": "g_0"}, "unit", "is it in m/s"),
+        ("force", {"frame": "frd"}, "axes", "check frame"),
+        ("rate", {"frame": "x, -y, -z", "field": "angular_velocity"}, "", ""),
+        ("attitude", {"body": "frd"}, "axes", "check frame"),
+        ("plunge", {"unit": "deg"}, "unit", "is it in rad"),
+    ],
+)
+def test_slips_of_units_and_axes_are_found(
+    name: str, change: dict[str, Any], kind: str, words: str, recordings: Any, tmp_path: Path
+) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    found = warnings(import_log(bag, changed(name, **change), tmp_path / "log.nc"))
+    hits = [one for one in found if one.kind == kind and words in one.text]
+    assert bool(hits) == bool(kind), found

@@ -1,0 +1,229 @@
+"""Tables of other programs: CSV, Parquet, MAT, and what is wrong with their stamps and units."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from patagium.errors import LogError
+from patagium.sensing import read_table
+from patagium.sensing.logs.importing.inspection import inspect_log
+from patagium.sensing.logs.importing.run import Imported, import_log
+from patagium.sensing.logs.mapping import parse_mapping
+from patagium.sensing.logs.record import LogRecord, is_log
+
+WORDS: dict[str, Any] = {
+    "time": {"column": "t", "unit": "ms"},
+    "inputs": [
+        {"column": ["gx", "gy", "gz"], "unit": "deg/s", "frame": "frd", "name": "rate",
+         "range": [-100, 200]},
+        {"column": "throttle", "unit": "1", "range": [0, 1000], "offset": 100},
+    ],
+    "outputs": [{"column": "fz", "unit": "g_0", "name": "lift", "range": [0, 2]}],
+}  # fmt: skip
+
+
+def frame(count: int = 300, **changes: Any) -> pd.DataFrame:
+    k = np.arange(count)
+    columns = {
+        "t": 1000.0 + 2.0 * k,
+        "gx": 10.0 * np.sin(0.05 * k),
+        "gy": 5.0 + k * 0.01,
+        "gz": -3.0 + np.cos(0.1 * k),
+        "throttle": 200 + k,
+        "fz": 1.0 + 0.1 * np.sin(0.2 * k),
+    }
+    return pd.DataFrame({**columns, **changes})
+
+
+def written(folder: Path, table: pd.DataFrame, kind: str = "csv") -> Path:
+    path = folder / f"log.{kind}"
+    if kind == "csv":
+        table.to_csv(path, index=False)
+    elif kind == "csv.gz":
+        table.to_csv(path, index=False, compression="gzip")
+    elif kind == "parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs the extra patagium[logs]")
+        table.to_parquet(path)
+    else:
+        from scipy.io import savemat
+
+        savemat(path, {name: table[name].to_numpy() for name in table})
+    return path
+
+
+def brought(path: Path, words: dict[str, Any] = WORDS) -> Imported:
+    return import_log(path, parse_mapping(words), path.parent / "out.nc")
+
+
+def kinds(found: Imported) -> set[str]:
+    return {one.kind for one in found.findings if one.level == "warning"}
+
+
+@pytest.mark.parametrize("kind", ["csv", "csv.gz", "parquet", "mat"])
+def test_each_kind_of_table_gives_the_same_log(kind: str, tmp_path: Path) -> None:
+    table = frame()
+    found = brought(written(tmp_path, table, kind))
+    assert found.samples == 300 and is_log(found.path) and kinds(found) == set()
+    with LogRecord(found.path) as record:
+        log = record.table()
+    np.testing.assert_allclose(log.time, 2e-3 * np.arange(300), atol=1e-12)
+    rates = np.radians(np.column_stack([table["gx"], -table["gy"], -table["gz"]]))
+    np.testing.assert_allclose(log.x[:, :3], rates, rtol=1e-12)
+    np.testing.assert_allclose(log.y[:, 0], 9.80665 * table["fz"], rtol=1e-12)
+    assert log.input_names == ("rate.x", "rate.y", "rate.z", "throttle")
+    assert log.input_units == ("rad/s",) * 3 + ("1",) and log.output_units == ("m/s^2",)
+    # a turned axis swaps the ends of its range
+    np.testing.assert_allclose(np.degrees(log.input_range[1]), [-200, 100])
+    np.testing.assert_allclose(log.input_range[3], [-100, 900])
+
+
+def test_a_mapping_of_old_gives_what_it_gave(tmp_path: Path) -> None:
+    words = {
+        "time": {"column": "t", "unit": "ms"},
+        "inputs": [{"column": "throttle", "unit": "1"}],
+        "outputs": [{"column": "fz", "unit": "g_0"}],
+    }
+    path = written(tmp_path, frame())
+    with LogRecord(brought(path, words).path) as record:
+        ours = record.table()
+    table = read_table(path, parse_mapping(words))
+    np.testing.assert_allclose(ours.time, table.time, atol=1e-9)
+    np.testing.assert_array_equal(ours.x, table.x)
+    np.testing.assert_array_equal(ours.y, table.y)
+    assert ours.output_units == table.output_units and ours.input_names == table.input_names
+
+
+def test_a_table_is_read_through_any_mapping(tmp_path: Path) -> None:
+    path, told = written(tmp_path, frame()), []
+    table = read_table(path, parse_mapping(WORDS), told.append)
+    assert table.x.shape == (300, 4) and len(told) == 1
+
+
+def test_bad_stamps_are_told_and_left_out(tmp_path: Path) -> None:
+    stamps = frame()["t"].to_numpy().copy()
+    stamps[50] = stamps[49]
+    stamps[80] -= 30.0
+    stamps[100:] += 500.0
+    stamps[120] = stamps[119] + 0.05
+    stamps[200] = np.nan
+    found = brought(written(tmp_path, frame(t=stamps)))
+    assert kinds(found) == {
+        "duplicate stamps", "backward stamps", "near-duplicate stamps", "gap", "missing stamps",
+    }  # fmt: skip
+    assert found.samples == 297
+    texts = {one.kind: one.text for one in found.findings}
+    assert texts["gap"].startswith("1 step(s)") and "0.502 s" in texts["gap"]
+    assert "by up to 0.028 s" in texts["backward stamps"]
+    with LogRecord(found.path) as record:
+        assert len(record.table().gaps) == 1
+
+
+def test_a_rate_makes_an_even_time_base_and_bridges_no_gap(tmp_path: Path) -> None:
+    stamps = frame()["t"].to_numpy().copy()
+    stamps[100:] += 50.0
+    words = {**WORDS, "time": {**WORDS["time"], "rate": 1000, "start": 0.01, "end": 0.4}}
+    found = brought(written(tmp_path, frame(t=stamps)), words)
+    with LogRecord(found.path) as record:
+        log = record.table()
+    steps = np.diff(log.time)
+    assert found.left_out == 51 and log.time[-1] == pytest.approx(0.39)
+    assert sorted(set(np.round(steps, 9))) == [0.001, 0.052]
+    source = np.interp(log.time + 0.01, (stamps - stamps[0]) * 1e-3, 100.0 + np.arange(300))
+    np.testing.assert_allclose(log.x[:, 3], source, atol=1e-9)
+
+
+def test_angles_go_the_short_way_round(tmp_path: Path) -> None:
+    heading = (170.0 + np.arange(300)) % 360.0
+    heading = np.where(heading > 180, heading - 360, heading)
+    words = {
+        "time": {"column": "t", "unit": "ms", "rate": "1 kHz"},
+        "channels": [{"column": "h", "unit": "deg", "name": "heading"}],
+    }
+    found = brought(written(tmp_path, frame(h=heading)), words)
+    with LogRecord(found.path) as record:
+        turned = record.values(("heading",))[:, 0]
+    assert np.abs(np.diff(np.unwrap(turned)) - np.radians(0.5)).max() < 1e-9
+    assert np.abs(turned).max() <= np.pi
+
+
+def test_missing_numbers_are_told_and_left_out(tmp_path: Path) -> None:
+    lift = frame()["fz"].to_numpy().copy()
+    lift[[20, 21, 90]] = np.nan
+    found = brought(written(tmp_path, frame(fz=lift)))
+    assert kinds(found) == {"missing numbers"} and found.samples == 297
+    with pytest.raises(LogError, match="lift: expected finite numbers, found none"):
+        brought(written(tmp_path, frame(fz=np.full(300, np.nan))))
+
+
+def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:
+    words = {**WORDS, "time": {"column": "t", "unit": "s", "start": None}}
+    stamps = 1e5 * np.arange(300)
+    found = brought(written(tmp_path, frame(t=stamps)), words)
+    assert "unit of time" in kinds(found)
+
+
+def test_time_that_runs_back_for_most_of_the_log_is_refused(tmp_path: Path) -> None:
+    stamps = frame()["t"].to_numpy().copy()
+    stamps[100:] -= 10_000.0
+    with pytest.raises(LogError, match="200 of 300 rows do not come after.*9.998 s"):
+        brought(written(tmp_path, frame(t=stamps)))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]
+
+
+def test_several_streams_need_a_time_base(tmp_path: Path) -> None:
+    table = frame(t2=frame()["t"] + 1.0)
+    words = {
+        **WORDS,
+        "channels": [{"column": "gx", "unit": "deg/s", "stamp": "t2", "name": "late"}],
+    }
+    path = written(tmp_path, table)
+    with pytest.raises(LogError, match=r"expected rate \(such as 200 Hz\) or like.*500"):
+        brought(path, words)
+    found = brought(path, {**words, "time": {**WORDS["time"], "rate": "500 Hz"}})
+    with LogRecord(found.path) as record:
+        early, late = record.values(("rate.x", "late")).T
+    # the base has the stamps of the later stream: the other is halfway between samples
+    np.testing.assert_allclose((late[1:] + late[:-1]) / 2, early[:-1], atol=1e-12)
+
+
+def test_a_wrong_column_names_the_closest(tmp_path: Path) -> None:
+    words = {**WORDS, "outputs": [{"column": "f_z", "unit": "N"}]}
+    with pytest.raises(LogError, match=r"outputs.0: expected 'f_z', but the file holds t, gx.*fz$"):
+        brought(written(tmp_path, frame()), words)
+    with pytest.raises(LogError, match="time.column: expected the column with stamps"):
+        brought(written(tmp_path, frame()), {**WORDS, "time": {}})
+
+
+def test_semicolons_decimal_commas_and_units_in_headers(tmp_path: Path) -> None:
+    table = frame().rename(columns={"t": "t [ms]", "fz": "fz [m/s^2]"})
+    path = tmp_path / "log.csv"
+    table.to_csv(path, index=False, sep=";", decimal=",")
+    found = brought(path)
+    assert found.samples == 300
+    assert any("the file or its definitions say [m/s^2]" in one.text for one in found.findings)
+
+
+def test_calendar_time_stamps_a_table(tmp_path: Path) -> None:
+    stamps = pd.Timestamp("2026-05-04T12:00:00.5") + pd.to_timedelta(2 * np.arange(300), "ms")
+    path = written(tmp_path, frame(t=stamps))
+    assert inspect_log(path).topics[0].rate == pytest.approx(500.0, rel=0.01)
+    with LogRecord(brought(path).path) as record:
+        np.testing.assert_allclose(record.time(), 2e-3 * np.arange(300), atol=1e-12)
+
+
+def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:
+    stamps = frame()["t"].to_numpy().copy()
+    stamps[100:] += 500.0
+    table = frame(t=stamps).rename(columns={"t": "time_ms"})
+    table.loc[7, "gx"] = np.nan
+    facts = inspect_log(written(tmp_path, table))
+    topic = facts.topics[0]
+    assert topic.rows == 300 and topic.rate == pytest.approx(500.0, rel=0.01)
+    assert topic.gaps == 1 and topic.longest == pytest.approx(0.502)
+    by_name = {channel.name: channel for channel in topic.channels}
+    assert by_name["gx"].missing == 1
+    assert by_name["throttle"].low == 200 and by_name["throttle"].high == 499
+    assert {one.kind for one in facts.findings} == {"gap", "missing numbers"}

@@ -1,0 +1,123 @@
+"""What sizes and rates of change tell of units and axes."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from patagium.sensing.logs.importing.findings import Sizes, stamp_findings, unit_findings
+from patagium.sensing.logs.importing.run import import_log
+from patagium.sensing.logs.importing.survey import NO_STAMP, StampSurvey, ValueSurvey
+from patagium.sensing.logs.mapping import conversion, parse_mapping
+
+GRAVITY = 9.80665
+
+
+def guess(unit: str, rms: list[float], largest: float) -> str:
+    """What a quantity written in a unit is guessed to be in; sizes as written."""
+    factor, si = conversion(unit, None, "it")
+    sizes = np.array(rms) * factor
+    found = unit_findings("it", Sizes(unit, si, factor, sizes, sizes, largest * factor))
+    return found[0].text.rpartition("is it in ")[2].rstrip("?") if found else ""
+
+
+@pytest.mark.parametrize(
+    ("unit", "rms", "largest", "likely"),
+    [
+        ("m/s^2", [0.1, 0.1, 1.0], 1.4, "g_0"),
+        ("m/s^2", [0.5, 0.5, 9.8], 30.0, ""),
+        ("m/s^2", [20.0, 30.0, 980.0], 2000.0, "mg_0"),
+        ("g_0", [0.5, 0.2, 9.7], 13.0, "m/s^2"),
+        ("g_0", [0.1, 0.1, 1.0], 4.0, ""),
+        ("m/s^2", [0.1, 0.1, 0.2], 1.0, ""),  # gravity taken out
+        ("m/s^2", [1.02], 1.4, "g_0"),  # of one axis
+        ("rad/s", [50.0, 20.0, 30.0], 300.0, "deg/s"),
+        ("rad/s", [5.0, 2.0, 3.0], 30.0, ""),
+        ("deg/s", [0.5, 0.2, 0.3], 3.0, "rad/s"),
+        ("deg/s", [50.0, 20.0, 30.0], 300.0, ""),
+        ("rad", [20.0], 45.0, "deg"),
+        ("rad", [0.5], 1.5, ""),
+        ("deg", [0.5], 1.5, "rad"),
+        ("m", [1000.0, 200.0, 1500.0], 2000.0, "mm"),
+        ("m", [10.0, 2.0, 15.0], 30.0, ""),
+        ("mm", [1.0, 0.2, 1.5], 2.0, "m"),
+        ("m/s", [900.0], 1500.0, "mm/s"),
+        ("N", [1e6], 1e7, ""),
+    ],
+)
+def test_sizes_speak_for_units(unit: str, rms: list[float], largest: float, likely: str) -> None:
+    assert guess(unit, rms, largest) == likely
+
+
+def test_stamps_are_counted_alike_in_blocks_and_whole(rng: np.random.Generator) -> None:
+    stamps = np.cumsum(rng.integers(0, 4_000_000, 2000))
+    stamps[[3, 700]] -= 50_000_000
+    stamps[[40, 41, 1500]] = NO_STAMP
+    whole, parts, resumed = StampSurvey(), StampSurvey(), StampSurvey()
+    kept = whole.add(stamps)
+    for piece in np.split(stamps, [1, 2, 3, 41, 700, 701, 1200]):
+        parts.add(piece)
+        fresh = StampSurvey()
+        fresh.resume(resumed.state())
+        fresh.add(piece)
+        resumed = fresh
+    assert (np.diff(stamps[kept]) > 0).all() and kept.sum() == whole.kept
+    assert whole.state() == parts.state() == resumed.state()
+    assert whole.missing == 3 and whole.backwards >= 2
+    assert whole.rows == whole.kept + whole.missing + whole.duplicates + whole.backwards
+    steps = np.diff(stamps[kept]) * 1e-9
+    assert whole.median == pytest.approx(np.median(steps), rel=0.005)  # width of a bin
+    assert whole.gaps(1.8) == pytest.approx((steps > 1.8 * np.median(steps)).sum(), abs=9)
+    assert whole.longest == pytest.approx(1e9 * steps.max())
+
+
+def test_steady_stamps_are_nothing_to_tell() -> None:
+    survey = StampSurvey()
+    survey.add(np.arange(1000, dtype=np.int64) * 5_000_000)
+    assert stamp_findings("imu", survey, 3.0, column=True) == []
+    assert survey.median == pytest.approx(0.005, rel=1e-12)
+
+
+def test_values_are_counted_alike_in_blocks_and_whole(rng: np.random.Generator) -> None:
+    values = rng.normal(size=(500, 3)) * [1.0, 1e6, 1e-6] + [0.0, 5e6, 0.0]
+    values[::50, 1] = math.nan
+    whole, parts = ValueSurvey(3), ValueSurvey(3)
+    whole.add(values)
+    for piece in np.split(values, [1, 7, 300]):
+        parts.add(piece)
+    assert whole.missing.tolist() == [0, 10, 0] == parts.missing.tolist()
+    for survey in (whole, parts):
+        np.testing.assert_allclose(survey.mean, np.nanmean(values, axis=0), rtol=1e-9)
+        np.testing.assert_allclose(survey.rms**2, np.nanmean(values**2, axis=0), rtol=1e-12)
+        np.testing.assert_array_equal(survey.low, np.nanmin(values, axis=0))
+        np.testing.assert_array_equal(survey.high, np.nanmax(values, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("unit", "frame", "words"),
+    [("m", "nwu", ""), ("mm", "nwu", "velocity too small by 1000"),
+     ("km", "nwu", "velocity too large by 1000"), ("m", "ned", "check frame")],
+)  # fmt: skip
+def test_a_position_must_move_as_its_velocity_says(
+    unit: str, frame: str, words: str, tmp_path: Path
+) -> None:
+    t = 0.005 * np.arange(2000)
+    table: dict[str, Any] = {"t": t}
+    for name, phase in (("x", 0.0), ("y", 1.0), ("z", 2.0)):
+        table[f"p.{name}"], table[f"v.{name}"] = np.sin(t + phase), np.cos(t + phase)
+    path = tmp_path / "log.csv"
+    pd.DataFrame(table).to_csv(path, index=False)
+    mapping = parse_mapping(
+        {
+            "time": {"column": "t"},
+            "channels": [
+                {"column": "p", "frame": "nwu", "unit": "m"},
+                {"column": "v", "frame": frame, "unit": f"{unit}/s"},
+            ],
+        }
+    )
+    found = [one.text for one in import_log(path, mapping, tmp_path / "log.nc").findings]
+    assert any(words in text for text in found) if words else not found, found

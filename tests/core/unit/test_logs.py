@@ -1,0 +1,83 @@
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import patagium as pt
+from patagium.errors import LogError
+from patagium.learning.model_file import model_of
+from patagium.learning.tables import evaluate_table, identify_table, network_for
+from patagium.sensing.logs.mapping import parse_mapping
+from patagium.sensing.logs.table import Table, table_from_frame
+
+WORDS: dict[str, Any] = {
+    "time": {"column": "t", "unit": "ms"},
+    "inputs": [
+        {"column": "command", "unit": "1", "range": [0, 1000]},
+        {"column": "rate", "unit": "deg/s", "range": [-180, 180]},
+    ],
+    "outputs": [{"column": "force", "unit": "N", "name": "lift", "range": [0, 4]}],
+}
+
+
+def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> Table:
+    rng = np.random.default_rng(seed)
+    command, rate = rng.uniform(0, 1000, count), rng.uniform(-180, 180, count)
+    force = 1e-3 * command + 0.01 * rate + 1.0 + 0.01 * rng.normal(size=count)
+    stamps = np.arange(count) * 2.0
+    stamps[count // 2 :] += 50.0
+    frame = pd.DataFrame({"t": stamps, "command": command, "rate": rate, "force": force})
+    return table_from_frame(frame, parse_mapping(words))
+
+
+def learner(table: Table) -> pt.CubatureLearner:
+    return pt.CubatureLearner(
+        network_for(table, (4,)), prior_deviation=0.5, measurement_deviation=0.02, spread=0.5
+    )
+
+
+def test_a_network_is_scaled_by_the_stated_ranges_alone() -> None:
+    network = network_for(log(), (4,))
+    np.testing.assert_allclose(network.input_center, [500.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(network.input_scale, [500.0, np.pi], rtol=1e-12)
+    assert network.output_center.tolist() == [2.0] and network.output_scale.tolist() == [2.0]
+    assert network.output_names == ("lift",)
+    assert network_for(log(seed=1), (4,)).describe() == network.describe()
+
+
+def test_a_column_without_a_range_is_named() -> None:
+    words = {**WORDS, "outputs": [{"column": "force", "unit": "N"}]}
+    with pytest.raises(LogError, match=r"expected a range for force in the mapping"):
+        network_for(log(words=words), (4,))
+
+
+def test_a_table_is_learned_and_its_gap_is_stated() -> None:
+    table = log()
+    result = identify_table(table, learner(table), every=2, horizons={"10ms": 0.01})
+    assert result.scores["gaps"] == 1 and "1 gap(s)" in result.scores["gaps_found"]
+    assert result.scores["nmse_second_half"]["lift"] < 0.05
+    assert result.prediction["unit"].values.tolist() == ["N"]
+    assert table.time[200] - table.time[199] == pytest.approx(0.052)  # s, not bridged
+    assert np.isin(table.time[200], result.prediction["update_time"])
+
+
+def test_a_learned_model_is_held_against_another_log() -> None:
+    table, unseen = log(), log(seed=1)
+    student = learner(table)
+    identify_table(table, student, every=1)
+    model = model_of(student, inputs=table.input_names)
+    result = evaluate_table(unseen, model, every=10)
+    assert result.scores["nmse_worst"] < 0.01 and result.scores["updates"] == 0
+    assert result.scores["persistence_worst"] > 1.0 and result.scores["gaps"] == 1
+    assert 0.8 < result.scores["coverage"] <= 1.0
+
+
+def test_a_model_of_other_columns_is_refused() -> None:
+    table = log()
+    model = model_of(learner(table), inputs=("rate", "command"))
+    with pytest.raises(LogError, match="expected the inputs rate, command, found command, rate"):
+        evaluate_table(table, model)
+    words = {**WORDS, "outputs": [{**WORDS["outputs"][0], "name": "drag"}]}
+    with pytest.raises(LogError, match="expected the outputs lift, found drag"):
+        evaluate_table(log(words=words), learner(table))

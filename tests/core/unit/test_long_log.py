@@ -1,0 +1,173 @@
+"""Logs too long for memory: read and learned from in blocks, interrupted and gone on from."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import patagium as pt
+from patagium.errors import LogError
+from patagium.learning.long_log import identify_record
+from patagium.learning.tables import identify_table, network_for
+from patagium.sensing.logs.files import csv_file
+from patagium.sensing.logs.importing import spool
+from patagium.sensing.logs.importing.run import import_log
+from patagium.sensing.logs.mapping import parse_mapping
+from patagium.sensing.logs.record import LogRecord
+from patagium.sensing.logs.table import Table
+
+WORDS: dict[str, Any] = {
+    "time": {"column": "t", "unit": "s"},
+    "inputs": [{"column": f"x{k}", "unit": "1", "range": [-1, 1]} for k in range(2)],
+    "outputs": [
+        {"column": "y", "unit": "N", "range": [-1, 1]},
+        {"column": "still", "unit": "N", "range": [-1, 1]},
+    ],
+}
+COUNT = 3000
+
+
+def written(folder: Path, count: int = COUNT) -> Path:
+    rng = np.random.default_rng(0)
+    time = 1e-3 * np.arange(count)
+    time[count // 3 :] += 0.5
+    x = rng.uniform(-1, 1, (count, 2))
+    y = 0.5 * x[:, 0] - 0.3 * x[:, 1] ** 2 + 0.02 * rng.normal(size=count)
+    columns = {"t": time, "x0": x[:, 0], "x1": x[:, 1], "y": y, "still": np.full(count, 0.25)}
+    pd.DataFrame(columns).to_csv(folder / "log.csv", index=False)
+    return folder / "log.csv"
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Any:
+    found = import_log(written(tmp_path), parse_mapping(WORDS), tmp_path / "log.nc")
+    with LogRecord(found.path) as opened:
+        yield opened
+
+
+def learner(table: Table) -> pt.CubatureLearner:
+    return pt.CubatureLearner(
+        network_for(table, (3,)), prior_deviation=0.5, measurement_deviation=0.05, spread=0.5
+    )
+
+
+class Stopped(BaseException):
+    """Ctrl-C, or a kill."""
+
+
+def stops_after(calls: int) -> Callable[[int, int], None]:
+    left = calls
+
+    def progress(done: int, total: int) -> None:
+        nonlocal left
+        left -= 1
+        assert 0 <= done <= total
+        if left < 0:
+            raise Stopped
+
+    return progress
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_blocks_give_the_scores_of_one_stream(every: int, record: LogRecord) -> None:
+    table = record.table()
+    whole = identify_table(table, learner(table), every=every, horizons={})
+    parts = identify_record(record, learner(table), every=every, horizons={}, block=500)
+    np.testing.assert_array_equal(parts.learner.weights, whole.learner.weights)
+    for key in (
+        "samples", "samples_predicted", "updates", "gaps", "silent", "outcome", "every",
+    ):  # fmt: skip
+        assert parts.scores[key] == whole.scores[key], key
+    for key in (
+        "nmse", "nmse_second_half", "persistence", "persistence_second_half",
+    ):  # fmt: skip
+        assert parts.scores[key]["y"] == pytest.approx(whole.scores[key]["y"], rel=1e-9), key
+        assert np.isnan(parts.scores[key]["still"])
+    assert parts.scores["coverage"] == pytest.approx(whole.scores["coverage"], abs=0.05)
+    assert parts.scores["nis_per_channel"] == pytest.approx(
+        whole.scores["nis_per_channel"], rel=0.2
+    )
+    # but for a file kept: the record of the last block alone
+    assert set(whole.scores) <= set(parts.scores) and "last" in parts.scores["recorded"]
+
+
+def test_horizons_are_scored_in_every_block(record: LogRecord) -> None:
+    table = record.table()
+    whole = identify_table(table, learner(table), every=10, horizons={"20ms": 0.02})
+    parts = identify_record(record, learner(table), every=10, horizons={"20ms": 0.02}, block=1000)
+    ratio = parts.scores["horizon_20ms_windows"] / whole.scores["horizon_20ms_windows"]
+    assert 0.9 < ratio <= 1.0
+    found, expected = (r.scores["horizon_20ms_nmse"]["y"] for r in (parts, whole))
+    assert found == pytest.approx(expected, rel=0.1)
+
+
+def test_learning_goes_on_where_it_was_interrupted(record: LogRecord, tmp_path: Path) -> None:
+    table, course = record.table(), tmp_path / "learner.course"
+    options: dict[str, Any] = {"every": 3, "horizons": {}, "block": 400}
+    straight = identify_record(record, learner(table), **options)
+    with pytest.raises(Stopped):
+        identify_record(record, learner(table), **options, course=course, progress=stops_after(700))
+    assert course.exists() and len(list(tmp_path.glob("learner.course.*.state"))) == 1
+    seen: list[int] = []
+    again = identify_record(
+        record, learner(table), **options, course=course, progress=lambda k, _: seen.append(k)
+    )
+    assert seen[0] > 1000  # it did not begin anew
+    np.testing.assert_array_equal(again.learner.weights, straight.learner.weights)
+    for key in ("nmse", "persistence_second_half", "coverage", "nis_inside", "updates", "gaps"):
+        assert again.scores[key] == pytest.approx(straight.scores[key], nan_ok=True), key
+    assert not list(tmp_path.glob("learner.course*"))
+
+
+def test_a_course_of_another_log_is_refused(record: LogRecord, tmp_path: Path) -> None:
+    table, course = record.table(), tmp_path / "learner.course"
+    with pytest.raises(Stopped):
+        identify_record(
+            record, learner(table), every=3, block=400, course=course, progress=stops_after(700)
+        )
+    with pytest.raises(LogError, match="of another log, learner or setting"):
+        identify_record(record, learner(table), every=4, block=400, course=course)
+    course.write_bytes(b"no course")
+    with pytest.raises(LogError, match="no course to go on from"):
+        identify_record(record, learner(table), every=3, block=400, course=course)
+
+
+@pytest.mark.parametrize("calls", [3, 10, 20])
+def test_an_import_goes_on_where_it_was_interrupted(
+    calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_file, "BLOCK", 150)
+    monkeypatch.setattr(spool, "_PERIOD", 0.0)
+    path, words = written(tmp_path), parse_mapping(WORDS)
+    straight = import_log(path, words, tmp_path / "straight.nc")
+    out = tmp_path / "out.nc"
+    with pytest.raises(Stopped):
+        import_log(path, words, out, progress=stops_after(calls))
+    assert not out.exists() and (tmp_path / ".out.nc.import").is_dir()
+    found = import_log(path, words, out)
+    assert found.resumed == min(150 * calls, COUNT) and found.findings == straight.findings
+    assert not (tmp_path / ".out.nc.import").exists()
+    with LogRecord(straight.path) as one, LogRecord(out) as other:
+        np.testing.assert_array_equal(one.time(), other.time())
+        np.testing.assert_array_equal(one.values(one.labels), other.values(one.labels))
+
+
+def test_what_is_left_of_another_import_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_file, "BLOCK", 150)
+    monkeypatch.setattr(spool, "_PERIOD", 0.0)
+    path, out = written(tmp_path), tmp_path / "out.nc"
+    with pytest.raises(Stopped):
+        import_log(path, parse_mapping(WORDS), out, progress=stops_after(3))
+    fewer = {**WORDS, "inputs": WORDS["inputs"][:1]}
+    found = import_log(path, parse_mapping(fewer), out)
+    assert found.resumed == 0 and found.samples == COUNT
+    (tmp_path / ".out.nc.import").mkdir()
+    (tmp_path / ".out.nc.import" / "thesis.docx").touch()
+    with pytest.raises(LogError, match="move it away"):
+        import_log(path, parse_mapping(fewer), out)
+    assert (tmp_path / ".out.nc.import" / "thesis.docx").exists()

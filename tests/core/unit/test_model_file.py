@@ -1,0 +1,175 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.learning.filters.low_rank import Precision
+from patagium.learning.filters.weight_covariance import LowRankCovariance
+from patagium.learning.model_file import Model, load_model, model_of, save_model
+
+
+def taught(rng: np.random.Generator, **options: Any) -> pt.CubatureLearner:
+    network = pt.DenseNetwork(3, (4,), ("lift", "drag"), input_scale=2.0, output_center=0.1)
+    setting = {"prior_deviation": 0.5, "measurement_deviation": (0.1, 0.3), "spread": 0.2}
+    learner = pt.CubatureLearner(network, **setting, **options)
+    for x in rng.normal(size=(30, 3)):
+        learner.update(x, [x[0], x[1] * x[2]])
+    return learner
+
+
+def test_a_model_comes_back_bit_for_bit(tmp_path: Path, rng: np.random.Generator) -> None:
+    learner = taught(rng)
+    model = model_of(learner, inputs=("a", "b", "c"), source="thirty samples")
+    assert save_model(tmp_path / "new" / "model.json", model).name == "model.json"
+    again = load_model(tmp_path / "new" / "model.json")
+    np.testing.assert_array_equal(again.weights, learner.weights)
+    assert again.covariance is not None
+    np.testing.assert_allclose(again.covariance, learner.covariance, rtol=0, atol=1e-18)  # symmetry
+    assert again.network.describe() == learner.network.describe()
+    assert again.inputs == ("a", "b", "c") and again.source == "thirty samples"
+    assert again.learner["kind"] == "cubature" and again.learner["spread"] == 0.2
+    assert [file.name for file in (tmp_path / "new").iterdir()] == ["model.json"]
+
+
+def test_a_model_predicts_as_its_learner_did(tmp_path: Path, rng: np.random.Generator) -> None:
+    learner = taught(rng)
+    save_model(tmp_path / "model.json", learner)
+    model = load_model(tmp_path / "model.json")
+    x = rng.normal(size=3)
+    mean, covariance = model.predict(x)
+    expected_mean, expected = learner.predict(x)
+    # the learner sees the curvature at a spread of 0.2; the model is linear
+    np.testing.assert_allclose(mean, expected_mean, atol=0.02)
+    np.testing.assert_allclose(covariance, expected, atol=0.05 * np.abs(expected).max())
+    np.testing.assert_array_equal(mean, learner.network(x, learner.weights))
+
+
+STRUCTURES = {
+    "node": {"covariance": "node"},
+    "layer": {"covariance": "layer"},
+    "low rank": {"covariance": pt.LowRank(3)},
+    "algorithm 1": {"square_root": "cholesky"},
+    "single": {"dtype": "float32"},
+}
+
+
+@pytest.mark.parametrize("options", STRUCTURES.values(), ids=STRUCTURES)
+def test_a_structured_covariance_is_kept_as_it_is(
+    options: dict[str, Any], tmp_path: Path, rng: np.random.Generator
+) -> None:
+    learner = taught(rng, **options)
+    save_model(tmp_path / "model.json", learner)
+    model = load_model(tmp_path / "model.json")
+    kept = model.kept_covariance
+    assert kept is not None and model.covariance is not None
+    size = np.abs(learner.covariance).max()
+    np.testing.assert_allclose(model.covariance, learner.covariance, atol=1e-14 * size)  # rounding
+    np.testing.assert_allclose(kept.variances(), learner.variances, rtol=1e-12)  # rounding
+    x = rng.normal(size=3)
+    _, slope = learner.network.linearized(learner.network.encode_one(x), learner.weights)
+    expected = slope @ learner.covariance @ slope.T + np.diag([0.1**2, 0.3**2])
+    np.testing.assert_allclose(model.predict(x)[1], expected, rtol=1e-9, atol=1e-15)  # rounding
+
+
+def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> None:
+    learner = taught(rng, noise_estimation=pt.NoiseEstimation(memory=10))
+    deviation = model_of(learner).measurement_deviation
+    np.testing.assert_array_equal(deviation, learner.measurement_deviation)
+    assert np.abs(deviation - [0.1, 0.3]).max() > 0.01
+
+
+def test_a_linear_learner_keeps_one_block_an_output(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    base = pt.DenseNetwork(3, (), ("lift", "drag"))
+    learner = pt.LinearLearner(
+        base, prior_deviation=1.0, measurement_deviation=0.1, features=6, seed=2
+    )
+    for x in rng.normal(size=(20, 3)):
+        learner.update(x, [x[0], x[1] * x[2]])
+    model = load_model(save_model(tmp_path / "model.json", learner))
+    np.testing.assert_array_equal(model.covariance, learner.covariance)
+    np.testing.assert_allclose(model.predict(x)[1], learner.predict(x)[1], rtol=1e-12)  # rounding
+
+
+def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Generator) -> None:
+    network = pt.DenseNetwork(40, (500,), 2)
+    for covariance in ("node", pt.LowRank(4)):
+        learner = pt.CubatureLearner(
+            network, prior_deviation=0.5, measurement_deviation=0.1, covariance=covariance
+        )
+        model = load_model(save_model(tmp_path / "model.json", learner))
+        assert (tmp_path / "model.json").stat().st_size < 12e6  # n^2 numbers: 3.7 GB
+        mean, spread = model.predict(rng.normal(size=40))
+        assert np.isfinite(mean).all() and (np.diag(spread) > 0.01).all()
+        with pytest.raises(ParameterError, match="at most 5000 weights"):
+            _ = model.covariance
+
+
+def test_a_model_of_the_first_format_still_loads(tmp_path: Path, rng: np.random.Generator) -> None:
+    learner = taught(rng)
+    save_model(tmp_path / "model.json", learner)
+    words = json.loads((tmp_path / "model.json").read_text())
+    assert words["format"] == "patagium model 2" and words["covariance"]["kind"] == "full"
+    old = {**words, "format": "patagium model 1", "covariance": words["covariance"]["lower"]}
+    (tmp_path / "old.json").write_text(json.dumps(old))
+    again, model = load_model(tmp_path / "old.json"), load_model(tmp_path / "model.json")
+    np.testing.assert_array_equal(again.covariance, model.covariance)
+    np.testing.assert_array_equal(again.weights, learner.weights)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        ({"kind": "full", "lower": ""}, "lower triangles"),
+        ({"kind": "round", "lower": ""}, "round"),
+        ({"kind": "low rank", "diagonal": "", "columns": ""}, "covariance"),
+        ({"kind": "node"}, "lower"),
+    ],
+)
+def test_a_covariance_that_does_not_fit_is_refused(
+    covariance: dict[str, str], message: str, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    save_model(tmp_path / "model.json", taught(rng))
+    words = json.loads((tmp_path / "model.json").read_text()) | {"covariance": covariance}
+    (tmp_path / "model.json").write_text(json.dumps(words))
+    with pytest.raises(LogError, match=message):
+        load_model(tmp_path / "model.json")
+
+
+def test_without_a_covariance_the_deviation_is_unknown(rng: np.random.Generator) -> None:
+    network = pt.DenseNetwork(2, (), 1)
+    mean, covariance = Model(network, np.zeros(3)).predict([1.0, 2.0])
+    assert mean.shape == (1,) and np.isnan(covariance).all()
+
+
+def test_weights_of_another_network_are_refused() -> None:
+    network = pt.DenseNetwork(2, (), 1)
+    with pytest.raises(ShapeError, match="weights"):
+        Model(network, np.zeros(4))
+    with pytest.raises(ShapeError, match="covariance"):
+        Model(network, np.zeros(3), LowRankCovariance(Precision(np.ones(2), np.zeros((2, 1)))))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "expected a model"),
+        ("[]", "found 'list'"),
+        ('{"format": "patagium model 9"}', "found 'patagium model 9'"),
+        ('{"format": "patagium model 1"}', "cannot be made again"),
+    ],
+)
+def test_files_that_are_no_models(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "model.json").write_text(text)
+    with pytest.raises(LogError, match=message):
+        load_model(tmp_path / "model.json")
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"none\.json: cannot be read"):
+        load_model(tmp_path / "none.json")

@@ -1,0 +1,127 @@
+"""A log recalled in blocks is the log recalled at once, and stays so across an update."""
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import ShapeError
+from patagium.learning.models.network import Memory, Network
+from patagium.learning.models.perceptron import as_perceptron
+from patagium.learning.models.recollection import Observed, Recollection
+from patagium.learning.models.structure import blocks_of
+from patagium.learning.stream import stream
+from patagium.learning.tuning.foresight import foresee
+
+
+class Lag(Network):
+    """y = gain z, z <- a z + (1 - a) x with a = 1/(1 + exp(-w)); x_full = [x, z, S, w]."""
+
+    size, measured_inputs, inputs, output_names, outputs = 2, 1, 4, ("y",), 1
+
+    def evaluate(self, x, weights):
+        state = x[:, 1] + x[:, 2] * (weights[1] - x[:, 3])
+        return (weights[0] * state)[:, None]
+
+    def recall(self, weights, time, x, carried=None, gaps=()):
+        keep = 1 / (1 + np.exp(-weights[1]))
+        rows = []
+        for k, (stamp, now) in enumerate(zip(time, x, strict=True)):
+            if carried is None or k in gaps:
+                state, slope = now, np.zeros((1, 1))
+            else:
+                slope = keep * carried.slopes + keep * (1 - keep) * (carried.state - now)
+                state = keep * carried.state + (1 - keep) * now
+            carried = Memory(stamp, now, state, slope, weights[1:])
+            rows.append([*now, *state, *slope.ravel(), weights[1]])
+        return np.array(rows), carried
+
+    def corrected(self, carried, change):
+        return carried.moved(change[1:])
+
+
+LAG, WEIGHTS = Lag(), np.array([1.0, 0.5])
+TIME, SIGNAL = np.arange(20) * 0.1, np.sin(np.arange(20.0))[:, None]
+
+
+@pytest.mark.parametrize("gaps", [(), (7,)])
+def test_blocks_make_up_the_whole(gaps):
+    whole, _ = LAG.recall(WEIGHTS, TIME, SIGNAL, None, gaps)
+    recollection = Recollection(LAG, TIME, SIGNAL, gaps)
+    ahead = recollection.ahead(15, WEIGHTS)
+    parts = [recollection.upto(end, WEIGHTS) for end in (1, 7, 8, 20)]
+    assert np.array_equal(np.vstack(parts), whole)
+    assert np.array_equal(ahead, whole[:15])
+    assert not gaps or np.array_equal(whole[7:9], LAG.recall(WEIGHTS, TIME[7:9], SIGNAL[7:9])[0])
+
+
+def test_an_update_moves_what_is_remembered_along_its_slopes():
+    """Of a small change: as if the new weights had held from the start, but for its square."""
+    change = np.array([0.3, 1e-4])
+    recollection = Recollection(LAG, TIME, SIGNAL)
+    recollection.upto(10, WEIGHTS)
+    recollection.heed(change)
+    moved = recollection.upto(20, WEIGHTS + change)[:, 1:3]
+    always = LAG.recall(WEIGHTS + change, TIME, SIGNAL)[0][10:, 1:3]
+    never = LAG.recall(WEIGHTS, TIME, SIGNAL)[0][10:, 1:3]
+    assert np.abs(moved - always)[0, 0] < 1e-8  # change squared
+    assert np.abs(never - always)[0, 0] > 1e-6
+
+
+def test_a_stream_recalls_with_the_weights_it_has():
+    """Weights change at every used sample; what was foreseen follows from them by hand."""
+
+    class Clerk:
+        network, variances, time_per_update, events = LAG, None, 0.0, {}
+
+        def __init__(self):
+            self.weights = WEIGHTS.copy()
+
+        def predict(self, x):
+            return LAG.evaluate(x[None], self.weights)[0], np.eye(1)
+
+        def update(self, x, y, time=None):
+            assert x.shape == (4,)
+            self.weights = self.weights + np.array([0.1, 0.02])
+            return np.zeros(1)
+
+    found = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=5, horizons={"far": 0.3})
+    expected, weights, carried, begin = [], WEIGHTS, None, 0
+    for end in (1, 6, 11, 16, 20):
+        rows, carried = LAG.recall(weights, TIME[begin:end], SIGNAL[begin:end], carried)
+        expected.append(LAG.evaluate(rows, weights))
+        carried = LAG.corrected(carried, np.array([0.1, 0.02]))
+        weights, begin = weights + np.array([0.1, 0.02]), end
+    assert np.allclose(found.prediction["prediction"], np.vstack(expected), rtol=1e-13)  # rounding
+    with pytest.raises(ShapeError, match="x"):
+        stream(Clerk(), TIME, np.hstack([SIGNAL] * 2), np.cos(TIME)[:, None], every=5)
+
+
+def test_what_lies_between_used_samples_is_foreseen_with():
+    seen = []
+
+    class Clerk:
+        network, weights, innovation_covariance = LAG, WEIGHTS, np.eye(1)
+
+        def update(self, x, y):
+            seen.append(x)
+            return y - LAG.evaluate(x[None], WEIGHTS)[0]
+
+    log = Observed(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
+    y = np.arange(1.0, 5.0)[:, None]
+    foresee(Clerk(), log, y, y > 0)
+    assert np.array_equal(seen, LAG.recall(WEIGHTS, TIME, SIGNAL)[0][::5])
+    part = log.part(1, 3)
+    assert part.used.tolist() == [0, 5] and np.array_equal(part.time, TIME[5:11])
+    assert Observed(TIME, SIGNAL, np.array([5, 8]), log.used).part(1, 3).gaps.tolist() == [3]
+
+
+def test_neurons_and_values_are_those_of_the_perceptron():
+    network = pt.DenseNetwork(3, (4,), 2)
+    assert [len(b) for b in blocks_of(network, "node")] == [4] * 4 + [5] * 2
+    assert [len(b) for b in blocks_of(network, "layer")] == [16, 10]
+    assert sorted(np.concatenate(blocks_of(network, "node"))) == list(range(network.size))
+    x, points = np.ones(3), np.array([network.initial(0), network.initial(1)])
+    values = network.values(network.encode_one(x), points)
+    assert np.allclose(values, [network(x, w) for w in points], rtol=1e-14)  # rounding
+    with pytest.raises(TypeError, match="Lag"):
+        as_perceptron(LAG)

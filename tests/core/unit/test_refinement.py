@@ -1,0 +1,56 @@
+"""Least squares over a whole log: of a linear network the filter's own answer, else better."""
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import ShapeError
+from patagium.learning.refinement import refine
+from patagium.learning.stream import stream
+
+TIME = np.arange(60) * 0.01
+
+
+def learned(network, x, y, **options):
+    learner = pt.ExtendedLearner(network, prior_deviation=1.0, measurement_deviation=0.1, **options)
+    stream(learner, TIME, x, y, every=2)
+    return learner
+
+
+def test_of_a_linear_network_nothing_changes():
+    draw = np.random.default_rng(0)
+    network = pt.DenseNetwork(3, (), 2)
+    x = draw.normal(size=(60, 3))
+    y = draw.normal(size=(60, 2))
+    learner = learned(network, x, y)
+    model = refine(learner, TIME, x, y, every=2)
+    assert np.allclose(model.weights, learner.weights, atol=1e-10)  # rounding
+    assert np.allclose(model.covariance, learner.covariance, atol=1e-10)
+    y[10, 1] = np.nan
+    again = learned(network, x, y)
+    assert np.allclose(refine(again, TIME, x, y, every=2).weights, again.weights, atol=1e-10)
+
+
+def test_of_another_the_cost_is_minimal():
+    """No weight nearby explains log and prior better."""
+    draw = np.random.default_rng(1)
+    network = pt.DenseNetwork(1, (2,), 1, "tanh")
+    x = np.linspace(-2, 2, 60)[:, None]
+    teacher = np.array([1.0, -0.5, 0.3, 0.8, 1.0, 0.7, 0.1])
+    y = network.evaluate(x, teacher) + 0.1 * draw.normal(size=(60, 1))
+    learner = learned(network, x, y)
+    model = refine(learner, TIME, x, y, every=2, rounds=200)
+    first, prior = learner.prior
+
+    def cost(weights):
+        error = (network.evaluate(x, weights) - y)[::2]
+        return (error**2).sum() / 0.01 + ((weights - first) ** 2 / prior).sum()
+
+    best = cost(model.weights)
+    assert best < cost(learner.weights)
+    spread = np.sqrt(np.diagonal(model.covariance))
+    for shift in np.diag(0.2 * spread):
+        assert cost(model.weights + shift) > best < cost(model.weights - shift)
+    assert model.measurement_deviation == pytest.approx([0.1])
+    with pytest.raises(ShapeError, match="y"):
+        refine(learner, TIME, x, y[:-1])

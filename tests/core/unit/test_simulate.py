@@ -1,0 +1,264 @@
+"""Simulation at the door and at the end: refusals, the record's shape, runs that stop early."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.simulation import QUANTITIES
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return pt.load_robot("aerobat")
+
+
+@pytest.fixture(scope="module")
+def aero(robot):
+    return pt.QuasiSteady(robot)
+
+
+@pytest.fixture(scope="module")
+def gait(robot):
+    return pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.4)
+
+
+@pytest.fixture(scope="module")
+def flight(robot, aero, gait):
+    return pt.simulate(robot, aero, gait, duration=0.02, time_step=1e-4, v=robot.coordinates(x=4.0))
+
+
+def test_every_quantity_is_there_with_its_dimensions_and_unit(robot, flight):
+    sizes = {"time": 201, "dof": 14, "strip": 10, "axis": 3, "component": 6, "lag": 0}
+    assert dict(flight.sizes) == sizes
+    for name, kind in QUANTITIES.items():
+        assert flight[name].dims == ("time", *kind.dims)
+        assert flight[name].dtype == np.float64
+        assert flight[name].attrs["units"] == kind.units
+        assert np.isfinite(flight[name].values).all()
+    assert tuple(flight.dof.values) == robot.dof_names
+    assert flight.time.attrs["units"] == "s"
+    assert flight.attrs["outcome"] == "COMPLETED"
+
+
+def test_time_counts_steps_from_zero(flight):
+    assert np.array_equal(flight.time.values, np.arange(201) * 1e-4)
+
+
+def test_recorded_strips_are_the_models_own(aero, flight):
+    k = 137
+    strips = aero.strips(flight.q.values[k], flight.v.values[k])
+    for name in ("strip_force", "strip_point", "angle_of_attack", "strip_airspeed"):
+        # same formulas, compiled in another order
+        np.testing.assert_allclose(flight[name].values[k], strips[name], rtol=1e-11, atol=1e-15)
+    force = aero.generalized_force(flight.q.values[k], flight.v.values[k])
+    np.testing.assert_allclose(flight.aero_force.values[k], force, rtol=1e-11, atol=1e-15)
+
+
+def test_wind_of_the_air_is_recorded_and_felt(robot, gait, flight):
+    gusty = pt.Air(wind=(-1.0, 0.5, 0.0), gust=pt.OneMinusCosineGust((0.0, 0.0, 2.0), 0.005, 0.01))
+    windy = pt.simulate(
+        robot, pt.QuasiSteady(robot, gusty), gait, duration=0.02, time_step=1e-4,
+        v=robot.coordinates(x=4.0),
+    )  # fmt: skip
+    np.testing.assert_allclose(windy.wind.values, gusty.wind_at(windy.time.values))
+    assert windy.wind.values[100, 2] == pytest.approx(2.0)
+    assert windy.v.values[-1, 2] > flight.v.values[-1, 2] + 0.01
+
+
+def test_the_length_of_a_chunk_changes_nothing(robot, aero, gait, flight, monkeypatch):
+    monkeypatch.setattr("patagium.simulation.runge_kutta.CHUNK", 7)
+    seen = []
+    again = pt.simulate(
+        robot, aero, gait, duration=0.02, time_step=1e-4, v=robot.coordinates(x=4.0),
+        progress=lambda done, steps: seen.append((done, steps)),
+    )  # fmt: skip
+    assert np.array_equal(again.v.values, flight.v.values)
+    assert seen[0] == (7, 200) and seen[-1] == (200, 200) and len(seen) == 29
+
+
+def test_initial_wing_coordinates_are_overwritten_by_the_gait(robot, aero, gait, flight):
+    again = pt.simulate(
+        robot, aero, gait, duration=0.02, time_step=1e-4,
+        q=robot.coordinates(left_plunge=1.0), v=robot.coordinates(x=4.0, left_feather=3.0),
+    )  # fmt: skip
+    assert again.equals(flight)
+
+
+def test_a_fixed_mount_holds_the_body_and_reports_the_force(robot, aero, gait):
+    windy = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.0, 0.0)))
+    q = robot.coordinates(z=1.0, pitch=0.2)
+    held = pt.simulate(
+        robot, windy, gait, duration=0.02, time_step=1e-4, q=q, mount=pt.mounts.fixed()
+    )
+    assert np.array_equal(held.q.values[:, :6], np.tile(q[:6], (201, 1)))
+    assert not held.v.values[:, :6].any() and not held.a.values[:, :6].any()
+    # world translation: the generalized force is the force
+    np.testing.assert_array_equal(held.mount_force.values[:, :3], held.mount_wrench.values[:, :3])
+    assert np.abs(held.mount_wrench.values[:, 2]).max() > 0.1
+    assert held.attrs["mount"] == "fixed"
+    assert held.attrs["momentum_audit"] < 1e-9  # fourth order at 1e-4 s
+
+
+def test_a_robot_without_a_floating_body_cannot_fly_freely():
+    wing = pt.load_robot("yeo-wing")
+    still = pt.gaits.still(wing)
+    with pytest.raises(ParameterError, match="no floating body"):
+        pt.simulate(
+            wing, pt.QuasiSteady(wing), still, duration=0.1, time_step=0.01, mount=pt.mounts.free()
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"time_step": 0.0}, "time_step"),
+        ({"time_step": np.nan}, "time_step"),
+        ({"duration": -1.0}, "duration"),
+        ({"duration": 0.0205, "time_step": 1e-3}, "whole number of time steps"),
+        ({"q": [0.0] * 13 + [np.nan]}, "right_feather"),
+        ({"v": np.full(14, np.inf)}, "finite"),
+        ({"q": np.eye(14)[4] * 1.56}, "pitch"),
+        ({"v": np.eye(14)[0] * 400.0}, "velocity of x"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_at_the_door(robot, aero, gait, change, words):
+    with pytest.raises(ParameterError, match=words):
+        pt.simulate(robot, aero, gait, **({"duration": 0.02, "time_step": 1e-4} | change))
+
+
+def test_vectors_of_another_length_are_refused(robot, aero, gait):
+    with pytest.raises(ShapeError, match=r"q: expected shape \(14,\), found \(6,\)"):
+        pt.simulate(robot, aero, gait, duration=0.02, time_step=1e-4, q=np.zeros(6))
+
+
+def test_a_fixed_mount_refuses_a_moving_start(robot, aero, gait):
+    with pytest.raises(ParameterError, match="velocity of x.*wind"):
+        pt.simulate(
+            robot, aero, gait, duration=0.02, time_step=1e-4, mount=pt.mounts.fixed(),
+            v=robot.coordinates(x=3.0),
+        )  # fmt: skip
+
+
+def test_air_or_gait_of_another_robot_is_refused(robot, aero, gait):
+    wing = pt.load_robot("yeo-wing")
+    with pytest.raises(ParameterError, match="aero"):
+        pt.simulate(robot, pt.QuasiSteady(wing), gait, duration=0.02, time_step=1e-4)
+    with pytest.raises(ParameterError, match="gait"):
+        pt.simulate(robot, aero, pt.gaits.still(wing), duration=0.02, time_step=1e-4)
+
+
+def tumbling(robot, aero, **options):
+    still = pt.gaits.still(robot)
+    spin = robot.coordinates(x=4.0, pitch=40.0)
+    undamped = robot.with_parameters({"pitch.damping": 1e-9})
+    return pt.simulate(undamped, aero, still, duration=0.2, time_step=1e-4, v=spin, **options)
+
+
+def test_a_run_through_the_euler_singularity_stops_and_says_so(robot, aero):
+    with pytest.raises(SimulationFailed) as caught:
+        tumbling(robot, aero)
+    failure = caught.value
+    assert failure.outcome is Outcome.LIMIT_REACHED
+    assert "pitch reached" in str(failure) and "stopped at t = 0.0" in str(failure)
+    flight = failure.flight
+    assert 100 < flight.sizes["time"] < 2001
+    assert np.isfinite(flight.q.values).all()
+    assert flight.attrs["outcome"] == "LIMIT_REACHED" and flight.attrs["message"] == str(failure)
+    assert tumbling(robot, aero, throw=False).equals(flight)
+
+
+def test_a_step_too_large_ends_as_a_value_that_names_the_quantity(robot, aero, gait):
+    forward = robot.coordinates(x=4.0)
+    flight = pt.simulate(robot, aero, gait, duration=2.0, time_step=5e-3, v=forward, throw=False)
+    assert flight.attrs["outcome"] == "STEP_TOO_LONG"
+    assert any(name in flight.attrs["message"] for name in ("pitch", "roll", "velocity"))
+    assert 1 <= flight.sizes["time"] < 400
+    assert np.isfinite(flight.v.values).all()
+
+
+def test_numbers_that_are_not_finite_stop_the_run(robot, aero, gait):
+    heavy = replace(robot, damping=tuple(1e300 if d else 0.0 for d in robot.damping))
+    flight = pt.simulate(
+        heavy, aero, gait, duration=0.1, time_step=1e-4, throw=False,
+        v=robot.coordinates(pitch=1.0),
+    )  # fmt: skip
+    assert flight.attrs["outcome"] == "NOT_FINITE"
+    assert "became" in flight.attrs["message"] and "others" in flight.attrs["message"]
+    assert flight.sizes["time"] == 1
+
+
+def test_a_passive_joint_stops_the_run_at_its_limit(robot, aero, gait):
+    lower = list(robot.lower)
+    lower[robot.index("z")] = -0.001
+    floor = replace(robot, lower=tuple(lower))
+    flight = pt.simulate(floor, aero, gait, duration=0.2, time_step=1e-4, throw=False)
+    assert "z reached -0.001" in flight.attrs["message"]
+
+
+def test_interrupting_is_possible_between_chunks(robot, aero, gait, monkeypatch):
+    monkeypatch.setattr("patagium.simulation.runge_kutta.CHUNK", 10)
+
+    def interrupt(done, steps):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-4, progress=interrupt)
+
+
+def test_published_stepping_is_that_of_the_experiment():
+    robot = pt.load_robot("aerobat-published")
+    aero = pt.Published(robot)
+    flight = pt.simulate_published(robot, aero, duration=0.02)
+    dyn = pt.Dynamics(robot)
+    time, q, v = flight.time.values, flight.q.values, flight.v.values
+    for side in ("left", "right"):
+        plunge = robot.index(f"{side}_plunge")
+        np.testing.assert_allclose(q[:, plunge], np.sin(30 * np.pi * time), atol=1e-12)
+        np.testing.assert_allclose(v[:, plunge], 30 * np.pi * np.cos(30 * np.pi * time))
+    assert q[0, robot.index("yaw")] == 2 * np.pi and v[0, 0] == 2.0
+    assert not flight.u1.values.any()
+    force = flight.aero_force.values + flight.damping_force.values
+    free = dyn.batch.forward(q, v, force)
+    # one solve in another order of operations
+    np.testing.assert_allclose(flight.a.values, free, atol=1e-10 * np.abs(free).max())
+    np.testing.assert_allclose(
+        flight.aero_force.values, aero.batch.generalized_force(q, v), rtol=1e-9, atol=1e-12
+    )
+    # between samples: one plain Runge-Kutta step of the free robot, aerodynamic force held
+    for k in (0, 57, 150):
+
+        def rate(state, held=flight.aero_force.values[k]):
+            q, v = state
+            return np.array([v, dyn.forward(q, v, held - np.array(robot.damping) * v)])
+
+        x, h = np.array([q[k], v[k]]), 1e-4
+        k1 = rate(x)
+        k2 = rate(x + h / 2 * k1)
+        k3 = rate(x + h / 2 * k2)
+        k4 = rate(x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        passive = list(robot.passive)
+        np.testing.assert_allclose(x[0, passive], q[k + 1, passive], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(x[1, passive], v[k + 1, passive], rtol=1e-10, atol=1e-12)
+
+
+def test_published_flight_ends_where_the_experiment_did():
+    robot = pt.load_robot("aerobat-published")
+    flight = pt.simulate_published(robot, pt.Published(robot))
+    speed = np.linalg.norm(flight.v.values[:, :3], axis=1).max()
+    force = np.abs(flight.aero_force.values[:, :3]).max(axis=0)
+    assert flight.sizes["time"] == 20001
+    # E3 of the known errors: about 70 m/s; its figures show 150-260 N
+    assert 60.0 < speed < 85.0
+    assert 150.0 < force[0] < 260.0 and 100.0 < force[2] < 260.0
+
+
+def test_published_stepping_needs_a_floating_robot():
+    wing = pt.load_robot("yeo-wing")
+    with pytest.raises(ParameterError, match="floating"):
+        pt.simulate_published(wing, pt.Published(wing))

@@ -1,0 +1,152 @@
+"""Chains, splines and sliding polynomials: exact where they must be, honest about their noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.sensing.motion.chains import (
+    added_covariance,
+    likely_density,
+    smooth_chain,
+    transition,
+)
+from patagium.sensing.motion.smoothers import merged
+
+METHODS = [pt.Kalman(), pt.Kalman(order=3), pt.Spline(0.02), pt.SavitzkyGolay(0.04)]
+
+
+def walk(rng: np.random.Generator, time: np.ndarray, count: int, order: int, density: float):
+    """Chains driven by white noise, (N, count, order)."""
+    state = np.zeros((len(time), count, order))
+    for k in range(1, len(time)):
+        step = time[k] - time[k - 1]
+        root = np.linalg.cholesky(density * added_covariance(order, step))
+        noise = rng.standard_normal((count, order)) @ root.T
+        state[k] = state[k - 1] @ transition(order, step).T + noise
+    return state
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_the_smoother_is_the_gaussian_conditional(order, rng) -> None:
+    time = np.array([0.0, 0.1, 0.25, 0.3, 0.55, 0.6])
+    density, noise = 0.7, 0.2
+    values = rng.standard_normal((len(time), 1))
+    values[2] = np.nan  # not measured there
+    found = smooth_chain(time, values, noise, density, order=order)
+    # the same as one Gaussian over all states, with the start it takes for granted
+    spread = [np.abs(np.diff(values[np.isfinite(values)])).max(initial=0.0)]
+    wide = (3.0 * (spread[0] + noise)) ** 2
+    unit = float(np.median(np.diff(time)))
+    scale = unit ** -np.arange(order, dtype=float)
+    n = len(time) * order
+    mean, prior = np.zeros(n), np.zeros((n, n))
+    mean[0] = values[0, 0]
+    prior[:order, :order] = wide * np.diag(scale**2)
+    for k in range(1, len(time)):
+        step = time[k] - time[k - 1]
+        here, before = slice(k * order, (k + 1) * order), slice((k - 1) * order, k * order)
+        move = transition(order, step)
+        mean[here] = move @ mean[before]
+        prior[here, : k * order] = move @ prior[before, : k * order]
+        prior[: k * order, here] = prior[here, : k * order].T
+        prior[here, here] = move @ prior[before, before] @ move.T
+        prior[here, here] += density * added_covariance(order, step)
+    seen = np.flatnonzero(np.isfinite(values[:, 0]))
+    pick = np.zeros((len(seen), n))
+    pick[np.arange(len(seen)), seen * order] = 1.0
+    gain = np.linalg.solve(pick @ prior @ pick.T + noise**2 * np.eye(len(seen)), pick @ prior).T
+    expected = mean + gain @ (values[seen, 0] - pick @ mean)
+    covariance = prior - gain @ pick @ prior
+    np.testing.assert_allclose(found.state[:, 0].ravel(), expected, rtol=1e-8, atol=1e-8)
+    for k in range(len(time)):
+        block = covariance[k * order : (k + 1) * order, k * order : (k + 1) * order]
+        np.testing.assert_allclose(found.covariance[k, 0], block, rtol=1e-6, atol=1e-8)
+
+
+def test_its_errors_are_as_large_as_it_says_and_the_density_is_found(rng) -> None:
+    time, order, density, noise = np.arange(400) * 1e-3, 4, 1e11, 1e-3
+    truth = walk(rng, time, 8, order, density)
+    values = truth[:, :, 0] + noise * rng.standard_normal(truth.shape[:2])
+    likely = likely_density(time, values, noise, order=order)
+    assert np.abs(np.log10(likely / density)).max() < 0.5  # 400 samples: 0.15 is one deviation
+    for filtered in (False, True):
+        found = smooth_chain(time, values, noise, density, order=order, filtered=filtered)
+        error = found.state - truth
+        squared = np.einsum("nbi,nbij,nbj->nb", error, np.linalg.inv(found.covariance), error)
+        assert 0.85 < squared.mean() / order < 1.15  # some 8 x 50 independent stretches
+    assert 0.9 < np.nanvar(found.normalized) < 1.1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_noise_comes_through_as_stated(method, rng) -> None:
+    time, noise = np.arange(300) * 1e-3, 2e-3
+    truth = 0.3 * np.sin(2 * np.pi * 5 * time)[:, None] * np.ones(8)
+    rates = [truth, np.gradient(truth[:, 0], time)[:, None], -((2 * np.pi * 5) ** 2) * truth]
+    values = truth + noise * rng.standard_normal(truth.shape)
+    values[50:53, ::2] = np.nan
+    found = method.smooth(time, values, noise)
+    inner = slice(20, -20)
+    for level in (0, 2):
+        error = (found.state[inner, :, level] - rates[level][inner]) ** 2
+        ratio = error.mean() / found.covariance[inner, :, level, level].mean()
+        # a Kalman smoother allows for a motion livelier than a sine
+        low = 0.1 if isinstance(method, pt.Kalman) else 0.7
+        assert low < ratio < 1.4, (method, level, ratio)
+
+
+@pytest.mark.parametrize("method", [pt.Spline(0.02), pt.SavitzkyGolay(0.04, degree=5)])
+def test_polynomials_are_met_exactly(method) -> None:
+    time = np.sort(np.random.default_rng(0).uniform(0.0, 0.3, 200))
+    values = np.column_stack([1 + 2 * time - 3 * time**3, time**5])
+    at = np.linspace(0.01, 0.29, 7)
+    found = method.smooth(time, values, 1.0, at)
+    np.testing.assert_allclose(found.state[:, 0, 1], 2 - 9 * at**2, atol=1e-9)
+    np.testing.assert_allclose(found.state[:, 0, 2], -18 * at, atol=1e-7)
+    np.testing.assert_allclose(found.state[:, 1, 2], 20 * at**3, atol=1e-6)
+
+
+def test_the_acceleration_converges_as_noise_falls(rng) -> None:
+    time = np.arange(400) * 1e-3
+    truth = np.sin(2 * np.pi * 5 * time)[:, None]
+    errors = []
+    for noise in (1e-2, 1e-3, 1e-4):
+        found = pt.Kalman().smooth(time, truth + noise * rng.standard_normal(truth.shape), noise)
+        error = found.state[50:-50, :, 2] + (2 * np.pi * 5) ** 2 * truth[50:-50]
+        errors.append(np.sqrt(np.mean(error**2)) / (2 * np.pi * 5) ** 2)
+    assert errors[0] < 0.1 and errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
+
+
+def test_times_of_two_sensors_meet_on_one_axis() -> None:
+    grid, places = merged(np.array([0.0, 0.1, 0.2]), np.array([0.1 + 1e-11, 0.15]))
+    np.testing.assert_array_equal(grid, [0.0, 0.1, 0.15, 0.2])
+    np.testing.assert_array_equal(places, [1, 2])
+
+
+def test_what_cannot_be_smoothed_is_refused() -> None:
+    time, values = np.arange(10) * 0.1, np.zeros((10, 1))
+    with pytest.raises(ShapeError, match="values"):
+        smooth_chain(time, values[:5], 1.0, 1.0)
+    with pytest.raises(ParameterError, match="order"):
+        smooth_chain(time, values, 1.0, 1.0, order=7)
+    with pytest.raises(ParameterError, match="deviation"):
+        smooth_chain(time, values, 0.0, 1.0)
+    with pytest.raises(LogError, match="to advance"):
+        smooth_chain(time[::-1], values, 1.0, 1.0)
+    with pytest.raises(LogError, match="column 0"):
+        smooth_chain(time, np.full_like(values, np.nan), 1.0, 1.0)
+    with pytest.raises(LogError, match="more than 4 samples"):
+        pt.SavitzkyGolay(0.2).smooth(time, values, 1.0)
+    with pytest.raises(LogError, match="knots 0.05 s apart"):
+        pt.Spline(0.05).smooth(time, values, 1.0)
+    for make in (
+        lambda: pt.Spline(0.0),
+        lambda: pt.SavitzkyGolay(-1.0),
+        lambda: pt.SavitzkyGolay(0.1, degree=1),
+        lambda: pt.Kalman(order=2),
+        lambda: pt.Kalman(density=-1.0),
+    ):
+        with pytest.raises(ParameterError):
+            make()

@@ -1,0 +1,233 @@
+"""What the documentation shows, runs: every block of code, every name, every link, the build."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import shlex
+import subprocess
+import sys
+from html.parser import HTMLParser
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHORTER = {
+    "duration=2.0": "duration=0.4",
+    "duration=0.5": "duration=0.1",
+    "duration=1.0, time_step=5e-4": "duration=0.5, time_step=5e-4",
+    '"2 s"': '"0.2 s"',
+    "every=100": "every=10",
+    "--every 100": "--every 10",
+    "trials=64": "trials=8",
+    "--trials 64": "--trials 8",
+}
+
+
+def _texts() -> dict[str, str]:
+    """The pages, by their place in the documentation."""
+    return {str(p.relative_to(DOCS)): p.read_text("utf-8") for p in sorted(DOCS.rglob("*.md"))}
+
+
+def _pages() -> list[str]:
+    return [page for page, text in _texts().items() if BLOCK.search(text)]
+
+
+def _shortened(text: str) -> str:
+    for long, short in SHORTER.items():
+        text = text.replace(long, short)
+    return text
+
+
+def _said(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    program, *words = shlex.split(line)
+    assert program == "patagium"
+    with pytest.raises(SystemExit) as left:
+        run(words)
+    assert left.value.code == 0, line + capsys.readouterr().err
+
+
+def _stage(page: str) -> dict[str, Any]:
+    """What a page takes for granted: it tells what comes from the reader's own machine."""
+    if page != "stream.md":
+        return {}
+    seconds = iter([0.0, 1e-3])
+    still, columns = np.zeros(14), 1 + 4 * 14
+    packets = np.zeros((3, columns))
+    packets[:, 0] = [0.0, 1e-3, 2e-3]
+    left = iter([True, True, False])
+    return {
+        "flying": lambda: next(left),
+        "clock": lambda: next(seconds),
+        "packets": packets[:2],
+        "packet": packets[2],
+        **{name: (lambda: still) for name in ("q", "v", "a", "u1")},
+    }
+
+
+@pytest.mark.parametrize("page", _pages())
+def test_blocks_of_a_page_run_one_after_the_other(
+    page: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__", **_stage(page)}
+    for language, block in BLOCK.findall((DOCS / page).read_text("utf-8")):
+        if language == "python":
+            exec(compile(_shortened(block), page, "exec"), names)
+        else:
+            for line in filter(None, _shortened(block).splitlines()):
+                _said(line, capsys)
+
+
+def _said_names(code: str) -> set[str]:
+    """Dotted names of patagium that code says, such as `sensors.presets.as5600`."""
+    tree, known = ast.parse(code), dict[str, str]()
+
+    def dotted(node: ast.expr) -> str | None:
+        if isinstance(node, ast.Attribute):
+            before = dotted(node.value)
+            return None if before is None else f"{before}.{node.attr}".removeprefix(".")
+        return known.get(node.id) if isinstance(node, ast.Name) else None
+
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            known |= {a.asname: "" for a in node.names if a.name == "patagium" and a.asname}
+    for node in ast.walk(tree):  # parts = pt.sensors.presets
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            module = dotted(node.value)
+            if module and isinstance(_object(module), ModuleType):
+                known[node.targets[0].id] = module
+    found = (dotted(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute))
+    return {name for name in found if name}
+
+
+def _object(name: str) -> Any:
+    value: Any = pt
+    for part in name.split("."):
+        value = getattr(value, part, None)
+    return value
+
+
+def _public_names() -> set[str]:
+    names = {*pt.__all__} - {"__version__"}
+    for module in ("gaits", "mounts", "paths", "sensors", "sensors.presets"):
+        names |= {f"{module}.{name}" for name in _object(module).__all__}
+    return {name for name in names if name.split(".")[-1] not in names or "." not in name}
+
+
+def test_every_public_name_has_an_example_or_is_given_by_one() -> None:
+    """Said in a block of code that runs, or the type that something said there returns."""
+    readme = (ROOT / "README.md").read_text("utf-8")
+    said: set[str] = set()
+    for text in (readme, *_texts().values()):
+        blocks = [block for language, block in BLOCK.findall(text) if language == "python"]
+        said |= _said_names("\n".join(blocks))
+    values = [_object(name) for name in said]
+    types = [inspect.signature(f).return_annotation for f in values if inspect.isfunction(f)]
+    given = {word for kind in types for word in re.findall(r"\w+", str(kind))}
+    assert {name for name in _public_names() - said if name not in given} == set()
+
+
+def test_every_public_name_is_on_a_page_of_names() -> None:
+    pages = "\n".join(text for page, text in _texts().items() if page.startswith("api/"))
+    shown = re.findall(r"^\.\. auto\w+:: patagium\.(?:\w+\.)?(\w+)$", pages, re.MULTILINE)
+    assert {*shown} == {*pt.__all__} - {"__version__"}
+    assert len(shown) == len({*shown})
+
+
+def test_functions_the_physics_names_are_there() -> None:
+    named = re.findall(r"`(patagium(?:\.\w+)+)`", (DOCS / "physics.md").read_text("utf-8"))
+    assert len(named) > 20
+    for name in named:
+        module, _, attribute = name.rpartition(".")
+        if find_spec(module) is not None and hasattr(importlib.import_module(module), attribute):
+            continue
+        assert find_spec(name) is not None, name
+
+
+def test_every_equation_of_the_physics_has_a_number_and_a_function() -> None:
+    """The function is named between the equations around it, in the same section."""
+    text = (DOCS / "physics.md").read_text("utf-8")
+    labels = re.findall(r"^\$\$.*\$\$ \((\w+)\)$", text, re.MULTILINE)
+    assert len(labels) == text.count("$$") // 2 == len({*labels}) > 20
+    for section in re.split(r"^## ", text, flags=re.MULTILINE):
+        parts = re.split(r"^\$\$.*\$\$ \((\w+)\)$", section, flags=re.MULTILINE)
+        for k in range(1, len(parts), 2):
+            assert "`patagium." in parts[k - 1] + parts[k + 1], parts[k]
+
+
+@pytest.mark.parametrize("page", _texts())
+def test_links_and_pictures_of_a_page_lead_somewhere(page: str) -> None:
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", (DOCS / page).read_text("utf-8"))
+    inner = [t for t in targets if not re.match(r"[a-z]+:", t)]
+    assert [t for t in inner if not (DOCS / page).parent.joinpath(t).is_file()] == []
+
+
+class _Page(HTMLParser):
+    """Where one can go to in a built page, and where it leads."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.places: set[str] = set()
+        self.leads: set[str] = set()
+        self.feed(path.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name == "id" and value:
+                self.places.add(value)
+            elif name in ("href", "src") and value:
+                self.leads.add(value)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The documentation, built with warnings as errors."""
+    if find_spec("sphinx") is None:
+        pytest.skip("sphinx is not installed: pip install 'patagium[docs]'")
+    out = tmp_path_factory.mktemp("site")
+    words = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", str(DOCS), str(out)]
+    built = subprocess.run(words, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+    return out
+
+
+def test_the_site_has_every_page_and_its_equations(site: Path) -> None:
+    assert {str(Path(page).with_suffix(".html")) for page in _texts()} <= {
+        str(p.relative_to(site)) for p in site.rglob("*.html")
+    }
+    physics = (site / "physics.html").read_text("utf-8")
+    assert "<math" in physics and physics.count('class="eqno"') == physics.count('display="block"')
+
+
+def test_no_link_inside_the_site_is_dead(site: Path) -> None:
+    pages = {path: _Page(path) for path in site.rglob("*.html")}
+    readme = re.findall(r"\]\(docs/([^)]+)\.md(#[^)]+)?\)", (ROOT / "README.md").read_text("utf-8"))
+    wanted = [(site / "index.html", f"{page}.html{place}") for page, place in readme]
+    wanted += [(path, lead) for path, page in pages.items() for lead in page.leads]
+    dead = set()
+    for path, lead in wanted:
+        if re.match(r"[a-z]+:", lead) or lead.startswith("//"):
+            continue
+        name, _, place = lead.partition("#")
+        target = (path.parent / name.partition("?")[0]).resolve() if name else path
+        if not target.is_file() or (
+            place and target in pages and place not in pages[target].places
+        ):
+            dead.add((str(path.relative_to(site)), lead))
+    assert dead == set()

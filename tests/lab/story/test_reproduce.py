@@ -1,0 +1,168 @@
+"""The reproduction on short flights: every section, every number from the metrics, no links out."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+
+from patagium.report import cell_text
+from patagium_lab.reproduction.experiment import reproduce
+from patagium_lab.reproduction.plan import Plan
+from patagium_lab.reproduction.report import RESULTS
+from patagium_lab.verdicts import verdict
+
+SECTIONS = (
+    "Two experiments",
+    "The claims of the paper",
+    "Targets",
+    "What each error of the published experiment does",
+    "Overhead of dynamics and of aerodynamics",
+    "Learning the published flight",
+    "Learning the corrected flight",
+    "Gaits never seen",
+    "What limits the dense network",
+    "The luck of the start",
+    "Air with memory",
+    "A measured flapping wing (Yeo et al. 2011)",
+    "How it was run",
+)
+FIGURES = (
+    *("overhead_dynamics", "overhead_aerodynamics"),
+    *(
+        f"{flight}_{name}"
+        for flight in ("published", "corrected")
+        for name in (
+            "flight",
+            "forces_body",
+            "forces_attitude",
+            "forces_left_wing",
+            "innovation",
+            "learning",
+            "unseen",
+        )
+    ),
+    *(
+        f"unsteady_{mount}_{name}"
+        for mount in ("free", "fixed")
+        for name in ("forces_body", "forces_left_wing", "unseen")
+    ),
+    "unsteady_scores",
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("reproduction")
+    told: list[float] = []
+    page = out / "results.md"
+    report = reproduce(out, quick=True, progress=lambda stage, part: told.append(part), page=page)
+    return {
+        "out": out,
+        "report": report,
+        "told": told,
+        "page": report.read_text(encoding="utf-8"),
+        "metrics": json.loads((out / "metrics.json").read_text(encoding="utf-8")),
+    }
+
+
+def test_all_results_are_written(outcome: dict[str, Any]) -> None:
+    out = outcome["out"]
+    assert outcome["report"] == out / "report.html"
+    drawn = {path.name for path in (out / "figures").iterdir()}
+    assert drawn == {f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")}
+    for name in ("published", "corrected", "unsteady_free", "unsteady_fixed"):
+        with xr.open_dataset(out / f"{name}.nc") as flight:
+            assert flight.attrs["outcome"] == "COMPLETED"
+
+
+def test_it_says_how_far_it_is(outcome: dict[str, Any]) -> None:
+    told = outcome["told"]
+    assert told == sorted(told) and told[0] == 0.0 and told[-1] == 1.0
+
+
+def test_the_report_has_every_section_and_picture(outcome: dict[str, Any]) -> None:
+    found = [html.unescape(t) for t in re.findall(r"<h2>\d+\. (.*?)</h2>", outcome["page"])]
+    assert [title for title in SECTIONS if title not in found] == []
+    assert outcome["page"].count("<img ") >= len(FIGURES)
+
+
+def test_the_page_of_results_has_the_targets_and_what_was_found(outcome: dict[str, Any]) -> None:
+    text = (outcome["out"] / "results.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == [*RESULTS, "Where it comes from"]
+    for row in outcome["metrics"]["targets"]:
+        found = math.nan if row["found"] is None else row["found"]
+        cells = [row["target"], row["limit"], cell_text(found)]
+        assert f"| {' | '.join(cells)} |" in text and verdict(row["met"]) in text
+    assert "`patagium reproduce`, flights of 0.2 s" in text
+    assert "> Short flights of 0.2 s were asked for; targets are those of 2 s." in text
+    shown = re.findall(r"\]\(results/([^)]+\.svg)\)", text)
+    assert len(shown) > 8 and {p.name for p in (outcome["out"] / "results").iterdir()} == {*shown}
+
+
+def test_the_report_opens_offline(outcome: dict[str, Any]) -> None:
+    page = outcome["page"]
+    beside = {path.name for path in outcome["out"].iterdir()}
+    for address in re.findall(r"""(?:src|href)\s*=\s*["']([^"']+)["']""", page):
+        assert address.startswith(("#", "data:image/")) or address in beside, address[:80]
+    assert {"published.html", "corrected.html"} <= beside
+    assert "@import" not in page and "url(http" not in page
+
+
+def test_every_number_in_the_tables_is_in_the_metrics(outcome: dict[str, Any]) -> None:
+    known = {cell_text(value) for value in _numbers(outcome["metrics"])} | {"–", "n/a", "yes", "no"}
+    cells = re.findall(r'<td class="number">(.*?)</td>', outcome["page"], flags=re.DOTALL)
+    shown = [html.unescape(cell).strip() for cell in cells]
+    assert len(shown) > 300
+    assert sorted({cell for cell in shown if cell not in known}) == []
+
+
+def test_the_metrics_hold_claims_targets_and_errors(outcome: dict[str, Any]) -> None:
+    metrics = outcome["metrics"]
+    assert len(metrics["claims"]) == 12
+    assert all(row["claim"] and row["published"] and row["ours"] for row in metrics["claims"])
+    assert {row["met"] for row in metrics["targets"]} <= {True, False, "not run"}
+    put_in = {row["variant"]: row for row in metrics["errors"]["put_in"]}
+    # a flight conserves energy to the integrator's error unless joints are overwritten (E3)
+    kept = {name: row["energy_residual"] < 1e-6 for name, row in put_in.items()}
+    assert kept == {name: not name.startswith("E3") for name in put_in}
+    # drag that pushes backward lets the air do work on a strip in still air (E2)
+    driven = {name for name, row in put_in.items() if row["driven_directions"] > 0}
+    assert driven == {"E2 drag pushes backwards"}
+    # a yaw of 2 pi does nothing but change the last digits
+    assert put_in["E7 yaw of 2 pi"]["peak_force"] == pytest.approx(
+        put_in["corrected"]["peak_force"], rel=1e-9
+    )
+
+
+def _numbers(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in _numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in _numbers(item)]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return []
+    return [value] if math.isfinite(value) else []
+
+
+def test_every_error_is_put_in_and_taken_away() -> None:
+    names = {(case.table, case.name) for case in Plan().error_cases()}
+    errors = [f"E{k}" for k in (1, 2, 3, 4, 5, 6, 9)]
+    for error in errors:
+        assert any(table == "put_in" and name.startswith(error) for table, name in names)
+        assert any(
+            table == "taken_away" and name.startswith(f"without {error}") for table, name in names
+        )
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("in the way", encoding="utf-8")
+    with pytest.raises(OSError, match="file"):
+        reproduce(file, quick=True)

@@ -1,0 +1,34 @@
+"""Pieces of work in processes: their order, what waits for what, and what goes wrong."""
+
+import operator
+import os
+
+import pytest
+
+from patagium_lab.workers import Job, by_urgency, run_jobs
+
+
+def test_the_longest_line_of_work_comes_first():
+    jobs = [
+        Job(len, ("a",), 1.0),
+        Job(len, ("b",), 2.0),
+        Job(len, ("c",), 3.0, (0,)),
+        Job(len, ("d",), 5.0),
+        Job(len, ("e",), 2.5, (2,)),
+    ]
+    assert by_urgency(jobs) == [0, 2, 3, 4, 1]
+
+
+def test_a_job_waits_for_those_before_it(tmp_path):
+    folder, inner = tmp_path / "a", tmp_path / "a" / "b"
+    told = []
+    jobs = [
+        Job(os.mkdir, (folder,), 1.0),
+        Job(os.mkdir, (inner,), 50.0, (0,)),
+        Job(os.listdir, (folder,), 100.0, (0, 1)),
+        Job(operator.add, (2, 3), 10.0),
+    ]
+    assert run_jobs(jobs, told.append) == [None, None, ["b"], 5]
+    assert told == sorted(told) and told[-1] == pytest.approx(1.0)
+    with pytest.raises(FileExistsError):
+        run_jobs(jobs[:2], workers=1)
