@@ -145,7 +145,7 @@ class Outcome(IntEnum):
         return {
             Outcome.COMPLETED: "nothing to mend",
             Outcome.NOT_FINITE: "reduce the time step, or check gait, mount and initial state",
-            Outcome.COVARIANCE_LOST: "raise measurement_deviation or add process noise",
+            Outcome.COVARIANCE_LOST: "raise measurement_std or add process noise",
             Outcome.LIMIT_REACHED: "the motion left the model's range; see the named quantity",
             Outcome.BAD_INPUT: "check the sensors of the inputs; the sample was not learned from",
             Outcome.LATE: "check the order of the samples; this one was not learned from",

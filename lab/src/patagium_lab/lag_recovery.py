@@ -86,7 +86,7 @@ class Recovery(NamedTuple):
         Args:
             estimates: Learned or refined.
         """
-        return [(e.value - self.truth[e.name]) / e.deviation for e in estimates]
+        return [(e.value - self.truth[e.name]) / e.std for e in estimates]
 
 
 def usual_course() -> Course:
@@ -127,7 +127,7 @@ def recover(course: Course, seed: int, learner: str = "extended") -> Recovery:
     loud = y.std(axis=0)
     noise = NOISE * np.maximum(loud, 1e-2 * loud.max())
     y = y + noise * draw.normal(size=y.shape)
-    student = LEARNERS[learner](grey, measurement_deviation=noise)
+    student = LEARNERS[learner](grey, measurement_std=noise)
     scores = stream(student, time, x, y, every=course.every).scores
     model = refine(student, time, x, y, every=course.every)
     return Recovery(
@@ -155,16 +155,16 @@ def recovery_scores(recoveries: Sequence[Recovery]) -> dict[str, Any]:
 
 def _judged(found: Sequence[tuple[Recovery, Sequence[Estimate]]]) -> dict[str, Any]:
     far = np.array([one.distances(estimates) for one, estimates in found])
-    spread = np.array([[e.deviation / e.prior_deviation for e in known] for _, known in found])
+    spread = np.array([[e.std / e.prior_std for e in known] for _, known in found])
     inside, names = np.abs(far) <= 2.0, list(PRIORS)
     lags = [k for k, name in enumerate(names) if name.startswith("lags.")]
     each = {
-        "within_two_deviations": inside.mean(axis=0),
-        "error_over_deviation": np.sqrt((far**2).mean(axis=0)),
-        "deviation_over_prior": np.median(spread, axis=0),
+        "within_two_stds": inside.mean(axis=0),
+        "error_over_std": np.sqrt((far**2).mean(axis=0)),
+        "std_over_prior": np.median(spread, axis=0),
     }
     by_name = {key: dict(zip(names, row.tolist(), strict=True)) for key, row in each.items()}
-    return {"lags_within_two_deviations": float(inside[:, lags].mean()), **by_name}
+    return {"lags_within_two_stds": float(inside[:, lags].mean()), **by_name}
 
 
 def recovery_study(

@@ -68,7 +68,7 @@ def check_estimate(
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
 
 
-def deviations(words: Sequence[str]) -> dict[str, float]:
+def stds(words: Sequence[str]) -> dict[str, float]:
     """Prior deviations by name, in SI, from words such as "wing[0].chord=5 mm".
 
     Args:
@@ -114,7 +114,7 @@ def grey_box(
     from patagium.learning.models.physical import FACTOR
     from patagium.simulation import added_mass_of
 
-    estimate, model = deviations(words), _model(flight, aero)
+    estimate, model = stds(words), _model(flight, aero)
     added = None
     if FACTOR in estimate:
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)

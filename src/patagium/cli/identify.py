@@ -1,4 +1,4 @@
-"""`patagium identify`: a flight or a log streamed through a learner, and how well it foresaw."""
+"""`patagium identify`: a flight or a log streamed through a learner, and how well it predicted."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ if TYPE_CHECKING:
     from patagium.sensing import Table
 
 EXAMPLES = (
-    "patagium identify flight.nc --network strip --hidden 8,8 --prior-deviation 0.3 "
-    "--measurement-deviation 3e-4 --spread 1.7 --model model.json --report report.html",
+    "patagium identify flight.nc --network strip --hidden 8,8 --prior-std 0.3 "
+    "--measurement-std 3e-4 --spread 1.7 --model model.json --report report.html",
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
-    "--prior-deviation 0.5 --measurement-deviation 0.05 --state learner.state",
+    "--prior-std 0.5 --measurement-std 0.05 --state learner.state",
     "patagium identify flight.nc --settings settings.yaml --report report.html",
     'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
-    "--aero lifting-line --measurement-deviation 3e-4 --report report.html",
+    "--aero lifting-line --measurement-std 3e-4 --report report.html",
 )
 
 
@@ -86,15 +86,15 @@ def identify(
     activation: ActivationOption = Activation.SOFTPLUS,
     learner: LearnerOption = LearnerKind.CUBATURE,
     every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 100,
-    prior_deviation: PriorDeviationOption = None,
-    measurement_deviation: MeasurementDeviationOption = None,
-    process_deviation: ProcessDeviationOption = None,
+    prior_std: PriorDeviationOption = None,
+    measurement_std: MeasurementDeviationOption = None,
+    process_std: ProcessDeviationOption = None,
     spread: SpreadOption = None,
     forgetting_factor: ForgettingFactorOption = None,
     prior_share: PriorShareOption = None,
     covariance: CovarianceOption = None,
     dtype: DtypeOption = None,
-    outlier_deviation: OutlierDeviationOption = None,
+    outlier_std: OutlierDeviationOption = None,
     stuck_samples: StuckSamplesOption = None,
     noise_memory: NoiseMemoryOption = None,
     change_window: ChangeWindowOption = None,
@@ -141,7 +141,7 @@ def identify(
     from patagium.learning.tables import identify_table
 
     watching = watched(
-        outlier_deviation,
+        outlier_std,
         stuck_samples,
         noise_memory,
         change_window,
@@ -149,9 +149,9 @@ def identify(
         false_alarm_rate,
     )
     options = watching | given(
-        prior_deviation=prior_deviation,
-        measurement_deviation=measurement_deviation,
-        process_deviation=process_deviation,
+        prior_std=prior_std,
+        measurement_std=measurement_std,
+        process_std=process_std,
         spread=spread,
         forgetting_factor=forgetting_factor,
         prior_share=prior_share,

@@ -70,7 +70,7 @@ def import_log(
         if "residual_rms" in fact:
             mean, spread, moved = (
                 ", ".join(f"{value:.3g}" for value in fact[key])
-                for key in ("residual_mean", "residual_deviation", "acceleration_rms")
+                for key in ("residual_mean", "residual_std", "acceleration_rms")
             )
             typer.echo(
                 f"{fact['specific_force']} in the world, less gravity, less the change of "

@@ -148,14 +148,14 @@ FeaturesOption: TypeAlias = Annotated[
 SeedOption: TypeAlias = Annotated[int, typer.Option(help="Of the initial weights.")]
 
 _FILTER = {
-    *("process_deviation", "forgetting_factor", "prior_share", "covariance"),
+    *("process_std", "forgetting_factor", "prior_share", "covariance"),
     *("screening", "noise_estimation", "change_detection"),
 }
 _NEEDED = {
-    LearnerKind.CUBATURE: {"prior_deviation", "measurement_deviation"},
-    LearnerKind.EXTENDED: {"prior_deviation", "measurement_deviation"},
+    LearnerKind.CUBATURE: {"prior_std", "measurement_std"},
+    LearnerKind.EXTENDED: {"prior_std", "measurement_std"},
     LearnerKind.GRADIENT: {"learning_rate"},
-    LearnerKind.LINEAR: {"prior_deviation", "measurement_deviation"},
+    LearnerKind.LINEAR: {"prior_std", "measurement_std"},
 }
 _TAKEN = {
     LearnerKind.CUBATURE: {*_FILTER, "spread", "dtype"},
@@ -172,16 +172,16 @@ def given(**settings: Any) -> dict[str, Any]:
         **settings: By name; None where nothing was given.
     """
     found = {name: value for name, value in settings.items() if value is not None}
-    deviations = found.get("measurement_deviation")
-    if deviations is not None and len(deviations) == 1:
-        found["measurement_deviation"] = deviations[0]
+    stds = found.get("measurement_std")
+    if stds is not None and len(stds) == 1:
+        found["measurement_std"] = stds[0]
     if "dtype" in found:
         found["dtype"] = found["dtype"].value
     return found
 
 
 def watched(
-    outlier_deviation: float | None,
+    outlier_std: float | None,
     stuck_samples: int | None,
     noise_memory: int | None,
     change_window: int | None,
@@ -191,7 +191,7 @@ def watched(
     """Settings of what a learner does about bad samples, noise and changes.
 
     Args:
-        outlier_deviation: Of `Screening`.
+        outlier_std: Of `Screening`.
         stuck_samples: Of `Screening`.
         noise_memory: Of `NoiseEstimation`.
         change_window: Of `ChangeDetection`.
@@ -205,7 +205,7 @@ def watched(
     from patagium.learning import ChangeDetection, NoiseEstimation, Screening
 
     found: dict[str, Any] = {}
-    screening = given(outlier_deviation=outlier_deviation, stuck_samples=stuck_samples)
+    screening = given(outlier_std=outlier_std, stuck_samples=stuck_samples)
     if screening:
         found["screening"] = Screening(**screening)
     if noise_memory is not None:
@@ -238,7 +238,7 @@ def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], s
     from patagium import learning as identification
     from patagium.errors import ParameterError
 
-    known = set() if np.isnan(network.own_prior).any() else {"prior_deviation"}
+    known = set() if np.isnan(network.own_prior).any() else {"prior_std"}
     for name in sorted(_NEEDED[kind] - known - set(settings)):
         raise ParameterError(_option(name), f"a number for the {kind} learner", None)
     for name in sorted(set(settings) - _NEEDED[kind] - _TAKEN[kind]):
@@ -387,7 +387,7 @@ def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 _OPTIONS = {
-    "screening": "--outlier-deviation, --stuck-samples",
+    "screening": "--outlier-std, --stuck-samples",
     "noise_estimation": "--noise-memory",
     "change_detection": "--change-window",
 }

@@ -60,13 +60,12 @@ if TYPE_CHECKING:
     from patagium.robot import Robot
 
 EXAMPLES = (
-    "patagium stream udp://127.0.0.1:9000 --robot aerobat --network strip --prior-deviation 0.3 "
-    "--measurement-deviation 3e-4 --spread 1.7 --outlier-deviation 5 --noise-memory 2000 "
+    "patagium stream udp://127.0.0.1:9000 --robot aerobat --network strip --prior-std 0.3 "
+    "--measurement-std 3e-4 --spread 1.7 --outlier-std 5 --noise-memory 2000 "
     "--record stream.nc --model model.json",
     "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
-    "--covariance node --prior-deviation 0.5 --measurement-deviation 1e-3 --idle 5",
-    "sensors | patagium stream - --robot robot.yaml --prior-deviation 0.3 "
-    "--measurement-deviation 1e-3 --live",
+    "--covariance node --prior-std 0.5 --measurement-std 1e-3 --idle 5",
+    "sensors | patagium stream - --robot robot.yaml --prior-std 0.3 --measurement-std 1e-3 --live",
 )
 _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
@@ -89,15 +88,15 @@ def stream(
         Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
     ] = None,
     learner: LearnerOption = LearnerKind.CUBATURE,
-    prior_deviation: PriorDeviationOption = None,
-    measurement_deviation: MeasurementDeviationOption = None,
-    process_deviation: ProcessDeviationOption = None,
+    prior_std: PriorDeviationOption = None,
+    measurement_std: MeasurementDeviationOption = None,
+    process_std: ProcessDeviationOption = None,
     spread: SpreadOption = None,
     forgetting_factor: ForgettingFactorOption = None,
     prior_share: PriorShareOption = None,
     covariance: CovarianceOption = None,
     dtype: DtypeOption = None,
-    outlier_deviation: OutlierDeviationOption = None,
+    outlier_std: OutlierDeviationOption = None,
     stuck_samples: StuckSamplesOption = None,
     noise_memory: NoiseMemoryOption = None,
     change_window: ChangeWindowOption = None,
@@ -152,7 +151,7 @@ def stream(
     from patagium.sensing.force.air_force import packet_columns
 
     watching = watched(
-        outlier_deviation,
+        outlier_std,
         stuck_samples,
         noise_memory,
         change_window,
@@ -160,9 +159,9 @@ def stream(
         false_alarm_rate,
     )
     options = watching | given(
-        prior_deviation=prior_deviation,
-        measurement_deviation=measurement_deviation,
-        process_deviation=process_deviation,
+        prior_std=prior_std,
+        measurement_std=measurement_std,
+        process_std=process_std,
         spread=spread,
         forgetting_factor=forgetting_factor,
         prior_share=prior_share,

@@ -1,4 +1,4 @@
-"""`patagium tune`: settings of a learner chosen by what it foresees of a flight or a log."""
+"""`patagium tune`: settings of a learner chosen by what it predicts of a flight or a log."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def tune(
         False
     ),
 ) -> None:
-    """Choose the settings of a learner by what it foresees.
+    """Choose the settings of a learner by what it predicts.
 
     Each trial learns the flight with other deviations, spread, forgetting and structure of
     the covariance; the best is the one that gave what it then saw the largest likelihood.

@@ -19,19 +19,19 @@ NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 """Probabilities of the predicted intervals that are held against what happened."""
 
 
-def reliability(error: ArrayLike, deviation: ArrayLike) -> Array:
+def reliability(error: ArrayLike, std: ArrayLike) -> Array:
     """Share of errors inside the predicted central interval of each nominal probability.
 
     |y - yhat| <= sigma Phi^-1((1 + p) / 2) for p in `NOMINAL`; a calibrated Gaussian gives p.
 
     Args:
         error: y - yhat, (M, n_y); NaN where y was not measured.
-        deviation: Predicted standard deviation sigma, (M, n_y).
+        std: Predicted standard deviation sigma, (M, n_y).
 
     Returns:
         Share over all samples and outputs, (len(NOMINAL),); NaN where there is no error.
     """
-    reach = np.abs(np.asarray(error, float)) / np.asarray(deviation, float)
+    reach = np.abs(np.asarray(error, float)) / np.asarray(std, float)
     known = reach[np.isfinite(reach)]
     if not known.size:
         return np.full(len(NOMINAL), np.nan)
@@ -39,13 +39,13 @@ def reliability(error: ArrayLike, deviation: ArrayLike) -> Array:
 
 
 def calibration_scores(
-    innovation: Array, deviation: Array, nis: Array, names: Sequence[str]
+    innovation: Array, std: Array, nis: Array, names: Sequence[str]
 ) -> dict[str, Any]:
     """What the innovations say of the filter that predicted them.
 
     Args:
         innovation: e, (U, n_y); NaN where a channel was left out.
-        deviation: Predicted standard deviation of it, (U, n_y).
+        std: Predicted standard deviation of it, (U, n_y).
         nis: e' P_yy^-1 e, (U,).
         names: Names of the outputs.
 
@@ -58,7 +58,7 @@ def calibration_scores(
     channels = np.isfinite(innovation).sum(axis=1)
     heard = np.isfinite(nis) & (channels > 0)
     counts, values = channels[heard], nis[heard]
-    scaled = innovation / np.where(deviation > 0, deviation, np.nan)
+    scaled = innovation / np.where(std > 0, std, np.nan)
     color = [_lag_one(column) for column in scaled.T]
     scores: dict[str, Any] = {"innovation_correlation": dict(zip(names, color, strict=True))}
     if not len(values):

@@ -102,7 +102,7 @@ def identify(
         every=every,
         horizons=spans,
         units=units,
-        deviation=deviations(flight, learner.network),
+        std=stds(flight, learner.network),
         progress=progress,
     )
 
@@ -236,7 +236,7 @@ def samples(
     return time, x, force[:, columns], [measures[k] for k in columns]
 
 
-def deviations(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
+def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     """Of measured forces in the coordinates a network gives, (N, n_y); None of a flight.
 
     Args:
@@ -245,7 +245,7 @@ def deviations(flight: xr.Dataset | ForceSamples, network: Network) -> Array | N
     """
     if not isinstance(flight, ForceSamples):
         return None
-    return flight.deviation[:, [flight.robot.index(name) for name in network.output_names]]
+    return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
 
 
 def strip_force_matrix(network: Network) -> Array | None:

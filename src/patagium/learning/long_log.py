@@ -229,8 +229,8 @@ class _Totals:
         self.sums = {name: np.zeros((len(self._PARTS), outputs)) for name in spans}
         self.windows = dict.fromkeys(horizons, 0)
         none = np.empty((0, outputs))
-        self.checks = {"error": none, "deviation": none, "late": np.empty(0, bool)}
-        self.recent = {"innovation": none, "deviation": none, "nis": np.empty(0)}
+        self.checks = {"error": none, "std": none, "late": np.empty(0, bool)}
+        self.recent = {"innovation": none, "std": none, "nis": np.empty(0)}
 
     def add(self, run: StreamRun, begin: int, total: int) -> None:
         y, guess = run.y[: run.reached], run.prediction[: run.reached]
@@ -282,11 +282,11 @@ class _Totals:
         return scores | self._interval_scores(names, ~silent)
 
     def _interval_scores(self, names: tuple[str, ...], heard: NDArray[np.bool_]) -> dict[str, Any]:
-        error, deviation, late = (self.checks[k] for k in ("error", "deviation", "late"))
-        each = coverage(error, deviation, heard)
-        after = coverage(error[late], deviation[late], heard)
+        error, std, late = (self.checks[k] for k in ("error", "std", "late"))
+        each = coverage(error, std, heard)
+        after = coverage(error[late], std[late], heard)
         told = [name for name, loud in zip(names, heard, strict=True) if loud]
-        shares = reliability(error[:, heard], deviation[:, heard])
+        shares = reliability(error[:, heard], std[:, heard])
         return {
             "coverage": _mean(each),
             "coverage_second_half": _mean(after),
@@ -295,7 +295,7 @@ class _Totals:
             "reliability": dict(zip(map(str, NOMINAL), shares, strict=True)),
             **calibration_scores(
                 self.recent["innovation"][:, heard],
-                self.recent["deviation"][:, heard],
+                self.recent["std"][:, heard],
                 self.recent["nis"],
                 told,
             ),
@@ -341,7 +341,7 @@ class _Totals:
             return
         fresh = {
             "error": np.array([one.error for one in run.checks]),
-            "deviation": np.array([one.deviation for one in run.checks]),
+            "std": np.array([one.std for one in run.checks]),
             "late": np.array([begin + one.sample >= total // 2 for one in run.checks]),
         }
         for name, values in fresh.items():
@@ -349,7 +349,7 @@ class _Totals:
 
     def _learned(self, run: StreamRun) -> None:
         rows = slice(max(0, run.updates - _UPDATES), run.updates)
-        fresh = {"innovation": run.innovation, "deviation": run.deviation, "nis": run.nis}
+        fresh = {"innovation": run.innovation, "std": run.std, "nis": run.nis}
         for name, values in fresh.items():
             self.recent[name] = np.concatenate([self.recent[name], values[rows]])
 

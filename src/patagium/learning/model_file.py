@@ -49,7 +49,7 @@ class Model:
         network: The network.
         weights: (n,).
         kept_covariance: Of the weights, as much as the learner kept; None if it had none.
-        measurement_deviation: Of the measurements it learned from, as given or estimated,
+        measurement_std: Of the measurements it learned from, as given or estimated,
             (n_y,) in the unit of y; None where unknown.
         inputs: Names of what the network sees; None: the state q, then v.
         learner: What the learner was made of.
@@ -59,7 +59,7 @@ class Model:
     network: Network
     weights: Array
     kept_covariance: WeightCovariance | None = field(default=None, repr=False)
-    measurement_deviation: Array | None = None
+    measurement_std: Array | None = None
     inputs: tuple[str, ...] | None = None
     learner: dict[str, Any] = field(default_factory=dict, repr=False)
     source: str = ""
@@ -96,10 +96,10 @@ class Model:
         """
         sample = as_input(self.network, x)
         mean = self.network(sample, self.weights)
-        if self.kept_covariance is None or self.measurement_deviation is None:
+        if self.kept_covariance is None or self.measurement_std is None:
             return mean, np.full((len(mean), len(mean)), np.nan)
         _, slope = self.network.linearized(self.network.encode_one(sample), self.weights)
-        noise = np.diag(self.measurement_deviation**2)
+        noise = np.diag(self.measurement_std**2)
         return mean, self.kept_covariance.seen_by(slope) + noise
 
 
@@ -112,7 +112,7 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
         source: What it was learned from, in words.
     """
     description = learner.describe()
-    noise = getattr(learner, "measurement_deviation", description.get("measurement_deviation"))
+    noise = getattr(learner, "measurement_std", description.get("measurement_std"))
     outputs = learner.network.outputs
     return Model(
         learner.network,
@@ -165,7 +165,7 @@ def load_model(path: str | Path) -> Model:
 
 
 def _words(model: Model) -> dict[str, Any]:
-    noise = model.measurement_deviation
+    noise = model.measurement_std
     return {
         "format": FORMAT,
         "patagium_version": __version__,
@@ -174,16 +174,14 @@ def _words(model: Model) -> dict[str, Any]:
         "inputs": None if model.inputs is None else list(model.inputs),
         "outputs": list(model.network.output_names),
         "learner": model.learner,
-        "measurement_deviation": None if noise is None else noise.tolist(),
+        "measurement_std": None if noise is None else noise.tolist(),
         "weights": model.weights.tolist(),
         "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
     }
 
 
 def _model(words: Mapping[str, Any]) -> Model:
-    inputs, noise, covariance = (
-        words[key] for key in ("inputs", "measurement_deviation", "covariance")
-    )
+    inputs, noise, covariance = (words[key] for key in ("inputs", "measurement_std", "covariance"))
     network = network_from_description(words["network"])
     return Model(
         network,

@@ -53,7 +53,7 @@ def _parameters(result: Identification) -> list[Section]:
         figure = paths(
             record["update_time"].values,
             record["parameter_value"].values,
-            record["parameter_deviation"].values,
+            record["parameter_std"].values,
             list(result.scores["parameter_prior"].values()),
             names=[str(name) for name in record["parameter"].values],
             units=[str(unit) for unit in record["parameter_unit"].values],
@@ -139,7 +139,7 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
         f"Normalized innovation squared over the channels: {scores['nis_per_channel']:.3g} on "
         f"average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
         "lie in its 95 % interval. Normalized innovations one update apart correlate by "
-        f"{np.mean(color):.2f} on average (0 if white: what could be foreseen, was)."
+        f"{np.mean(color):.2f} on average (0 if white: what could be predicted, was)."
     )
     return [Note(words), *shown]
 

@@ -18,7 +18,7 @@ from patagium.learning.models.physical import Estimate
 from patagium.report import Table
 
 Array = NDArray[np.float64]
-_FIELDS = ("value", "deviation", "prior", "prior_deviation")
+_FIELDS = ("value", "std", "prior", "prior_std")
 
 
 class _Trained(Protocol):
@@ -77,7 +77,7 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
             dims=dimensions,
             coords=names,
         )
-        for field in ("value", "deviation")
+        for field in ("value", "std")
     }
 
 
@@ -93,5 +93,12 @@ def parameter_table(scores: Mapping[str, Any]) -> Table | None:
         [name, *(scores[f"parameter_{field}"][name] for field in ("unit", *_FIELDS))]
         for name in scores["parameter_value"]
     ]
-    columns = ["parameter", "unit", "value", "standard deviation", "prior", "its deviation"]
+    columns = [
+        "parameter",
+        "unit",
+        "value",
+        "standard deviation",
+        "prior",
+        "its standard deviation",
+    ]
     return Table(columns, rows, "Physical parameters, after the last sample and before any.")

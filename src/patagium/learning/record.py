@@ -24,12 +24,12 @@ class Check(NamedTuple):
     Attributes:
         sample: Which one.
         error: y - yhat, (n_y,).
-        deviation: Predicted standard deviation of it, (n_y,).
+        std: Predicted standard deviation of it, (n_y,).
     """
 
     sample: int
     error: Array
-    deviation: Array
+    std: Array
 
 
 class Updates(NamedTuple):
@@ -38,7 +38,7 @@ class Updates(NamedTuple):
     Attributes:
         samples: Used for an update, (U,).
         innovation: (U, n_y).
-        deviation: Predicted standard deviation of it, (U, n_y); nan of learners without.
+        std: Predicted standard deviation of it, (U, n_y); nan of learners without.
         nis: Normalized innovation squared, (U,); nan of learners without.
         weights_norm: Euclidean norm of the weights, (U,).
         largest_variance: Largest diagonal entry of their covariance, (U,); nan where not seen.
@@ -46,7 +46,7 @@ class Updates(NamedTuple):
 
     samples: Indices
     innovation: Array
-    deviation: Array
+    std: Array
     nis: Array
     weights_norm: Array
     largest_variance: Array
@@ -63,9 +63,7 @@ def no_updates(outputs: int) -> Updates:
     return Updates(np.empty(0, np.int64), none, none, nothing, nothing, nothing)
 
 
-def check(
-    learner: Learner, sample: int, x: Array, y: Array, deviation: Array | None = None
-) -> Check:
+def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None = None) -> Check:
     """The predicted mean and deviation at one sample, against it.
 
     Args:
@@ -73,10 +71,10 @@ def check(
         sample: Which one.
         x: Its input, (n_x,).
         y: What was measured, (n_y,).
-        deviation: Of its noise on top of the learner's, (n_y,); None for none.
+        std: Of its noise on top of the learner's, (n_y,); None for none.
     """
-    if deviation is not None and isinstance(learner, FilterLearner):
-        mean, covariance = learner.predict(x, deviation)
+    if std is not None and isinstance(learner, FilterLearner):
+        mean, covariance = learner.predict(x, std)
     else:
         mean, covariance = learner.predict(x)
     return Check(sample, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
@@ -94,16 +92,16 @@ def interval_scores(
         reached: Number of samples predicted; the second half begins at half of it.
     """
     error = np.array([c.error for c in checks]).reshape(-1, len(names))
-    deviation = np.array([c.deviation for c in checks]).reshape(-1, len(names))
+    std = np.array([c.std for c in checks]).reshape(-1, len(names))
     late = np.array([c.sample for c in checks], int) >= reached // 2
-    each = coverage(error, deviation, heard)
+    each = coverage(error, std, heard)
     return {
         "coverage": _mean(each),
-        "coverage_second_half": _mean(coverage(error[late], deviation[late], heard)),
+        "coverage_second_half": _mean(coverage(error[late], std[late], heard)),
         "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
         "coverage_checks": len(checks),
         "reliability": dict(
-            zip(map(str, NOMINAL), reliability(error[:, heard], deviation[:, heard]), strict=True)
+            zip(map(str, NOMINAL), reliability(error[:, heard], std[:, heard]), strict=True)
         ),
     }
 
@@ -129,7 +127,7 @@ def record_of(
         updates: What the learner said of itself.
     """
     checked = [c.sample for c in checks]
-    deviation = np.array([c.deviation for c in checks]).reshape(-1, len(names))
+    std = np.array([c.std for c in checks]).reshape(-1, len(names))
     seconds = {"units": "s"}
     return xr.Dataset(
         {
@@ -137,11 +135,11 @@ def record_of(
             "prediction": (("time", "output"), prediction),
             "persistence": (("time", "output"), held),
             "innovation": (("update_time", "output"), updates.innovation),
-            "innovation_deviation": (("update_time", "output"), updates.deviation),
+            "innovation_std": (("update_time", "output"), updates.std),
             "nis": (("update_time",), updates.nis),
             "weights_norm": (("update_time",), updates.weights_norm),
             "largest_variance": (("update_time",), updates.largest_variance),
-            "predicted_deviation": (("check_time", "output"), deviation),
+            "predicted_std": (("check_time", "output"), std),
         },
         coords={
             "time": ("time", time, seconds),

@@ -36,7 +36,7 @@ class _Log(NamedTuple):
     y: Array
     gaps: Indices
     used: Indices
-    deviation: Array
+    std: Array
 
 
 def refine(
@@ -75,7 +75,7 @@ def refine(
     if measured.shape != (len(stamps), network.outputs):
         raise ShapeError("y", (len(stamps), network.outputs), measured.shape)
     used = used_samples(len(stamps), every, starts)
-    log = _Log(stamps, seen, measured, starts, used, learner.measurement_deviation)
+    log = _Log(stamps, seen, measured, starts, used, learner.measurement_std)
     first, prior = learner.prior
     weights, cost = learner.weights, _cost(network, log, learner.weights, first, prior)
     if not np.isfinite(cost):
@@ -92,7 +92,7 @@ def refine(
     covariance = cho_solve(factor, np.eye(len(weights)))
     kept = block_covariance(network, "full", [(covariance + covariance.T) / 2])
     found = model_of(learner)
-    return Model(network, weights, kept, found.measurement_deviation, found.inputs, found.learner)
+    return Model(network, weights, kept, found.measurement_std, found.inputs, found.learner)
 
 
 def _moved(
@@ -114,7 +114,7 @@ def _moved(
 
 def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Array) -> float:
     rows, _ = network.recall(weights, log.time, log.x, None, log.gaps)
-    error = (log.y[log.used] - network.evaluate(rows[log.used], weights)) / log.deviation
+    error = (log.y[log.used] - network.evaluate(rows[log.used], weights)) / log.std
     cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
     return cost if np.isfinite(rows).all() else float("inf")
 
@@ -126,7 +126,7 @@ def _slopes(network: Network, log: _Log, weights: Array) -> tuple[Array, Array]:
     for k in log.used.tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
         seen = np.isfinite(log.y[k])
-        slope = slope[seen] / log.deviation[seen, None]
-        gradient += slope.T @ ((log.y[k] - value) / log.deviation)[seen]
+        slope = slope[seen] / log.std[seen, None]
+        gradient += slope.T @ ((log.y[k] - value) / log.std)[seen]
         information += slope.T @ slope
     return gradient, information

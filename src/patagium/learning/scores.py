@@ -91,20 +91,20 @@ def persistence(measurement: ArrayLike, used: ArrayLike) -> Array:
     return held
 
 
-def coverage(error: ArrayLike, deviation: ArrayLike, heard: ArrayLike | None = None) -> Array:
+def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -> Array:
     """Share of errors inside the predicted 95 % interval, for each output.
 
     |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
 
     Args:
         error: y - yhat, (M, n_y); NaN where y was not measured.
-        deviation: Predicted standard deviation, (M, n_y), same unit.
+        std: Predicted standard deviation, (M, n_y), same unit.
         heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
 
     Returns:
         Share, (n_y,) [-].
     """
-    miss, sigma = _table("error", error), _table("deviation", deviation)
+    miss, sigma = _table("error", error), _table("std", std)
     share = np.full(miss.shape[1], np.nan)
     chosen = np.ones(miss.shape[1], bool) if heard is None else np.asarray(heard, bool)
     if len(miss) and np.isfinite(sigma).all():

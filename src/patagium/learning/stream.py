@@ -55,10 +55,10 @@ def stream(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
     gaps: ArrayLike = (),
-    deviation: ArrayLike | None = None,
+    std: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Identification:
-    """A log learned online, and how well each sample was foreseen.
+    """A log learned online, and how well each sample was predicted.
 
     One sample in `every` is used. Each sample is predicted by the weights known after the
     last used sample before it; the first one by the initial weights.
@@ -73,7 +73,7 @@ def stream(
         names: Names of the outputs; None for the network's.
         units: Units of the outputs, for axes of figures; None for "1".
         gaps: First sample after each gap in time; see `find_gaps`.
-        deviation: Of each measurement on top of the learner's own noise, (N, n_y); NaN where y
+        std: Of each measurement on top of the learner's own noise, (N, n_y); NaN where y
             is. Learners without noise of the measurement leave it aside.
         progress: Called now and then with samples done and samples in all.
 
@@ -86,10 +86,10 @@ def stream(
         LogError: If an input is not finite or time does not advance.
     """
     run = StreamRun(learner, *_checked(learner, time, x, y), every, horizons or {}, gaps)
-    if deviation is not None and isinstance(learner, FilterLearner):
-        run.noise = np.asarray(deviation, float)
+    if std is not None and isinstance(learner, FilterLearner):
+        run.noise = np.asarray(std, float)
         if run.noise.shape != run.y.shape:
-            raise ShapeError("deviation", run.y.shape, run.noise.shape)
+            raise ShapeError("std", run.y.shape, run.noise.shape)
     labels = tuple(names) if names is not None else tuple(learner.network.output_names)
     measures = tuple(units) if units is not None else ("1",) * len(labels)
     for word, given in (("names", labels), ("units", measures)):
@@ -132,7 +132,7 @@ class StreamRun:
         self.noise: Array | None = None
         self.prediction = np.full_like(y, np.nan)
         self.innovation = np.full((len(self.used), y.shape[1]), np.nan)
-        self.deviation = np.full_like(self.innovation, np.nan)
+        self.std = np.full_like(self.innovation, np.nan)
         self.nis = np.full(len(self.used), np.nan)
         self.weights_norm = np.full(len(self.used), np.nan)
         self.largest_variance = np.full(len(self.used), np.nan)
@@ -198,7 +198,7 @@ class StreamRun:
         if isinstance(self.learner, FilterLearner) and np.isfinite(innovation).any():
             self.nis[self.updates] = self.learner.nis
             variances = np.diagonal(self.learner.innovation_covariance)
-            self.deviation[self.updates] = np.sqrt(variances)
+            self.std[self.updates] = np.sqrt(variances)
         self.weights_norm[self.updates] = np.linalg.norm(weights)
         if look:
             self.largest_variance[self.updates] = _largest_variance(self.learner)
@@ -239,7 +239,7 @@ class StreamRun:
         loud = self.innovation[: self.updates][:, ~silent]
         scores |= calibration_scores(
             loud,
-            self.deviation[: self.updates][:, ~silent],
+            self.std[: self.updates][:, ~silent],
             self.nis[: self.updates],
             [name for name, mute in zip(names, silent, strict=True) if not mute],
         )
@@ -250,7 +250,7 @@ class StreamRun:
         updates = Updates(
             self.used[used],
             self.innovation[used],
-            self.deviation[used],
+            self.std[used],
             self.nis[used],
             self.weights_norm[used],
             self.largest_variance[used],

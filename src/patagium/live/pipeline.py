@@ -51,11 +51,11 @@ class Records:
 
     @property
     def prediction(self) -> Array:
-        """y foreseen before it was learned, (N, n_y); NaN where none was made."""
+        """y predicted before it was learned, (N, n_y); NaN where none was made."""
         return self.rows[:, : self._outputs]
 
     @property
-    def deviation(self) -> Array:
+    def std(self) -> Array:
         """Standard deviation of the measurement around it, noise included, (N, n_y)."""
         return self.rows[:, self._outputs : 2 * self._outputs]
 
@@ -155,7 +155,7 @@ class Pipeline:
         return 0 if self._memory is None else self._memory.resets
 
     def run(self, packets: ArrayLike) -> Records:
-        """Learn packets in order, each foreseen before it is learned.
+        """Learn packets in order, each predicted before it is learned.
 
         Args:
             packets: (N, 1 + n_q + 3 n), as `columns` names them.

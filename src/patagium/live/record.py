@@ -1,4 +1,4 @@
-"""A stream on disk: what came in and what was foreseen of it, in a netCDF file that grows.
+"""A stream on disk: what came in and what was predicted of it, in a netCDF file that grows.
 
 Written in pieces beside its place and renamed into it when it is closed, so that memory is
 bounded and readers never see half of it. Neglected: compression; 14 coordinates and channels
@@ -31,14 +31,14 @@ _AT_ONCE = 4096
 _FORCE = "N or N m"
 _MEANING = {
     "measurement": ("f8", _FORCE, "force of the air by inverse dynamics"),
-    "prediction": ("f8", _FORCE, "the same as foreseen before it was learned"),
-    "deviation": ("f8", _FORCE, "standard deviation of the measurement around it"),
+    "prediction": ("f8", _FORCE, "the same as predicted before it was learned"),
+    "std": ("f8", _FORCE, "standard deviation of the measurement around it"),
     "left_out": ("i1", "1", "1 where a channel was not learned from"),
 }
 
 
 class StreamFile:
-    """A netCDF file of packets and records: a flight as it was sensed, and as it was foreseen.
+    """A netCDF file of packets and records: a flight as it was sensed, and as it was predicted.
 
     Variables over time and dof are q, v, a and u1, as in a flight (with a quaternion q is over
     time and coordinate); over time and output

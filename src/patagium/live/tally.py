@@ -40,7 +40,7 @@ class Tally:
         y, guess = records.measurement, records.prediction
         heard = np.isfinite(y) & np.isfinite(guess) & ~records.left_out
         error = np.where(heard, y - guess, 0.0)
-        inside = heard & (np.abs(error) <= INTERVAL * records.deviation)
+        inside = heard & (np.abs(error) <= INTERVAL * records.std)
         known = np.where(heard, y, 0.0)
         fading = self._keep ** np.arange(len(y) - 1, -1, -1.0)
         fresh = np.einsum("k,rko->ro", fading, np.stack([known, known**2, error**2, inside]))

@@ -46,7 +46,7 @@ def comparison(
     names: Sequence[str],
     units: Sequence[str],
     truth_name: str = "actual",
-    deviation: ArrayLike | None = None,
+    std: ArrayLike | None = None,
     columns: int = 1,
 ) -> Figure:
     """Quantities over time, a panel each: the truth and what was estimated of it.
@@ -58,7 +58,7 @@ def comparison(
         names: Names of the k quantities.
         units: Units of the k quantities.
         truth_name: What the truth is called: "actual", "measured".
-        deviation: Predicted standard deviation of the first estimate, (N, k): a
+        std: Predicted standard deviation of the first estimate, (N, k): a
             band of 1.96 deviations, the predicted 95 % interval.
         columns: Panels side by side.
 
@@ -68,7 +68,7 @@ def comparison(
     t = np.asarray(time, float)
     actual = _columns("truth", truth, t.size, len(names))
     drawn = {key: _columns(key, value, t.size, len(names)) for key, value in estimates.items()}
-    band = None if deviation is None else _columns("deviation", deviation, t.size, len(names))
+    band = None if std is None else _columns("std", std, t.size, len(names))
     figure, axes = _grid(len(names), columns)
     for k, panel in enumerate(axes):
         _curve(panel, t, actual[:, k], truth_name, color=TRUTH, linewidth=2.4)
@@ -119,7 +119,7 @@ def innovation_and_covariance(
     *,
     names: Sequence[str],
     units: Sequence[str],
-    expected_deviation: ArrayLike | None = None,
+    expected_std: ArrayLike | None = None,
 ) -> Figure:
     """What each update learned, and how sure the filter became.
 
@@ -129,7 +129,7 @@ def innovation_and_covariance(
         largest_variance: Largest diagonal entry of the weights' covariance, (U,).
         names: Names of the k outputs.
         units: Units of the k outputs.
-        expected_deviation: Standard deviation the filter gave each innovation, (U, k).
+        expected_std: Standard deviation the filter gave each innovation, (U, k).
 
     Raises:
         ShapeError: If an array does not fit the others.
@@ -138,8 +138,8 @@ def innovation_and_covariance(
     found = _columns("innovation", innovation, t.size, len(names))
     figure, axes = _grid(len(names) + 1, 1)
     for k, panel in enumerate(axes[:-1]):
-        if expected_deviation is not None:
-            expected = _columns("expected_deviation", expected_deviation, t.size, len(names))
+        if expected_std is not None:
+            expected = _columns("expected_std", expected_std, t.size, len(names))
             _band(panel, t, np.zeros(t.size), 1.96 * expected[:, k])
         _curve(panel, t, found[:, k], "innovation", color=color(1))
         _fit_to(panel, found[:, k])
@@ -158,7 +158,7 @@ def innovation_and_covariance(
 def paths(
     time: ArrayLike,
     value: ArrayLike,
-    deviation: ArrayLike,
+    std: ArrayLike,
     prior: ArrayLike,
     *,
     names: Sequence[str],
@@ -169,7 +169,7 @@ def paths(
     Args:
         time: Of each estimate, (U,) [s].
         value: Estimates, (U, k).
-        deviation: Their standard deviations, (U, k); nan draws no band.
+        std: Their standard deviations, (U, k); nan draws no band.
         prior: Values before any, (k,).
         names: Of the k numbers.
         units: Of the k numbers.
@@ -179,7 +179,7 @@ def paths(
     """
     t = np.asarray(time, float)
     found = _columns("value", value, t.size, len(names))
-    spread = _columns("deviation", deviation, t.size, len(names))
+    spread = _columns("std", std, t.size, len(names))
     figure, axes = _grid(len(names), 1)
     for k, (panel, before) in enumerate(zip(axes, _row("prior", prior, len(names)), strict=True)):
         _band(panel, t, found[:, k], 2 * spread[:, k])

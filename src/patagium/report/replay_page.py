@@ -72,7 +72,7 @@ class Arrows:
         predicted_total: The same, predicted.
         moment: Of the air about the center, (F, 3) [N m].
         predicted_moment: The same, predicted.
-        deviation: Of the predicted total, (F, 3) [N].
+        std: Of the predicted total, (F, 3) [N].
     """
 
     point: Array | None
@@ -83,7 +83,7 @@ class Arrows:
     predicted_total: Array | None = None
     moment: Array | None = None
     predicted_moment: Array | None = None
-    deviation: Array | None = None
+    std: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Series:
         values: (F,).
         predicted: (F,), or None.
         shown: Whether it is plotted when the page opens.
-        deviation: Of the prediction, (F,), or None.
+        std: Of the prediction, (F,), or None.
     """
 
     group: str
@@ -106,7 +106,7 @@ class Series:
     values: Array
     predicted: Array | None = None
     shown: bool = False
-    deviation: Array | None = None
+    std: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ def _content(replay: Replay) -> str:
                 "shown": s.shown,
                 "values": packed(s.values),
                 "predicted": None if s.predicted is None else packed(s.predicted),
-                "deviation": None if s.deviation is None else packed(s.deviation),
+                "std": None if s.std is None else packed(s.std),
             }
             for s in replay.series
         ],

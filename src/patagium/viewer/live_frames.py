@@ -97,8 +97,8 @@ class Subject:
         ]
 
 
-FORCES = ("measurement", "prediction", "deviation")
-"""Generalized force of the air as it was, as it was foreseen, and how sure that was."""
+FORCES = ("measurement", "prediction", "std")
+"""Generalized force of the air as it was, as it was predicted, and how sure that was."""
 
 
 class Feed:

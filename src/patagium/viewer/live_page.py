@@ -15,12 +15,12 @@ import viser
 from numpy.typing import NDArray
 
 from patagium.report.style import COLORS, TRUTH
-from patagium.viewer.foreseen import strip_measuring
 from patagium.viewer.live_frames import FORCES, Steering, Subject, command_of
 from patagium.viewer.live_mailbox import Mailbox
 from patagium.viewer.live_plots import LivePlots
 from patagium.viewer.live_scene import LiveScene, rgb
 from patagium.viewer.live_words import flight_rows, learner_rows, picture_rows, table
+from patagium.viewer.predicted import strip_measuring
 
 Array = NDArray[np.float64]
 
@@ -166,7 +166,7 @@ class LivePage:
         q, v = letter["q"], letter["v"]
         self._scene.show(float(letter["time"]), q)
         strips = letter["strip_force"] if self._subject.strips else None
-        measured, predicted, deviation = (self._total(letter[name]) for name in FORCES)
+        measured, predicted, std = (self._total(letter[name]) for name in FORCES)
         self._scene.show_forces("true", measured if strips is None else strips.sum(axis=0), strips)
         if self._subject.network is None:
             return
@@ -175,7 +175,7 @@ class LivePage:
             x = np.concatenate([q, v])[None]
             guess = self._strips.evaluate(x, letter["weights"]).reshape(-1, 3)
             predicted = guess.sum(axis=0) if predicted is None else predicted
-        self._scene.show_forces("predicted", predicted, guess, deviation)
+        self._scene.show_forces("predicted", predicted, guess, std)
 
     def _total(self, force: Array) -> Array | None:
         """Its part along x, y and z, (3,); None where a part is not measured."""

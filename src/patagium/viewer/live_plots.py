@@ -97,10 +97,10 @@ class LivePlots:
     def _lines(self, name: str) -> tuple[Array, ...]:
         k, m = self._subject.outputs.index(name), len(self._subject.outputs)
         time = self._trace[:, 0]
-        truth, guess, deviation = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
+        truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
         if self._subject.network is None:
             return time, truth
-        reach = INTERVAL * deviation
+        reach = INTERVAL * std
         return time, truth, guess, guess - reach, guess + reach
 
 

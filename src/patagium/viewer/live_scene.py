@@ -106,7 +106,7 @@ class LiveScene:
         self._draw_trail(origin)
 
     def show_forces(
-        self, kind: str, total: Array | None, strips: Array | None, deviation: Array | None = None
+        self, kind: str, total: Array | None, strips: Array | None, std: Array | None = None
     ) -> None:
         """Forces as arrows: in all at the center of mass, and on strips.
 
@@ -114,7 +114,7 @@ class LiveScene:
             kind: "true" or "predicted".
             total: (3,) [N], or None.
             strips: (n_strips, 3) [N], or None.
-            deviation: Standard deviation of the total, (3,) [N]; drawn as the ellipsoid whose
+            std: Standard deviation of the total, (3,) [N]; drawn as the ellipsoid whose
                 semi-axes are the 95 % interval of each component.
         """
         self._rescale(total, strips)
@@ -126,12 +126,12 @@ class LiveScene:
             inside = None if strips is None else strips[carried] @ self._rotation[body]
             name = f"/robot/{self._robot.bodies[body].name}/{kind}"
             self._arrows(name, self._quarter[carried], inside, color, 0.55 * width)
-        shown = total is not None and deviation is not None and bool(np.isfinite(deviation).all())
+        shown = total is not None and std is not None and bool(np.isfinite(std).all())
         if kind == "predicted":
             self._interval.visible = shown
-        if shown and total is not None and deviation is not None:
+        if shown and total is not None and std is not None:
             self._interval.position = self._center + self.meters_per_newton * total
-            size = np.maximum(INTERVAL * self.meters_per_newton * deviation, 1e-3 * self.reach)
+            size = np.maximum(INTERVAL * self.meters_per_newton * std, 1e-3 * self.reach)
             self._interval.scale = tuple(map(float, size))
 
     def _build(self) -> None:

@@ -25,7 +25,7 @@ from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import carried_body, solids, wing_tips
 from patagium.simulation import carrier_of, robot_of
 from patagium.viewer.carried import arm_under
-from patagium.viewer.foreseen import Foreseen, Frames, Predicted, foresee
+from patagium.viewer.predicted import Frames, Predicted, Prediction, predict_flight
 from patagium.viewer.whole import Whole, floating_body, on_the_whole
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def replay(
         flight: The flight.
         path: The page to write; its folder is made.
         predicted: A learner or model, asked with frozen weights, or the identification of this
-            flight, as it foresaw each sample; None: true forces only.
+            flight, as it predicted each sample; None: true forces only.
         title: Heading; None: the flight of the robot.
         start: First time to show [s]; None: the flight's first.
         end: Last time to show [s]; None: the flight's last.
@@ -91,7 +91,7 @@ def shown_of(
     carrier, main = carrier_of(flight), carried_body(robot)
     arms = 0 if carrier is None else len(carrier.arm.bodies) + 1
     frames = _frames(span, time, period, _bytes_per_frame(robot, arms, predicted is not None))
-    foreseen = None if predicted is None else foresee(flight, robot, predicted, frames)
+    prediction = None if predicted is None else predict_flight(flight, robot, predicted, frames)
     shown, arm = flight.isel(time=frames), arm_under(robot, carrier, frames)
     q = np.asarray(flight["q"].values, float)[span]
     position, rotation = poses_at(robot, q)
@@ -104,7 +104,7 @@ def shown_of(
         rotation[inside],
     )
     drawn = [k._asdict() | ({"carrier": True} if k.body < main else {}) for k in solids(robot)]
-    arrows = _arrows(shown, robot, (placed, turned), origin[inside], foreseen)
+    arrows = _arrows(shown, robot, (placed, turned), origin[inside], prediction)
     if arm is not None:
         count = len(bodies)
         drawn += [k._asdict() | {"body": k.body + count, "carrier": True} for k in arm.solids]
@@ -126,14 +126,14 @@ def shown_of(
         surfaces=[Surface(s.wing, s.body, strip_corners(s)) for s in robot.strips],
         marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
         arrows=arrows,
-        series=_series(shown, robot, foreseen),
+        series=_series(shown, robot, prediction),
         notes=[
             _sampling(robot, time[span], inside, position, rotation),
             *_NOTES,
             *_wind(shown),
             *([] if arm is None else [_ARM]),
-            *([] if foreseen is None else [f"Predicted: {foreseen.words}."]),
-            *([] if foreseen is None or foreseen.deviation is None else [_SURE]),
+            *([] if prediction is None else [f"Predicted: {prediction.words}."]),
+            *([] if prediction is None or prediction.std is None else [_SURE]),
         ],
     )
 
@@ -186,7 +186,7 @@ def _arrows(
     robot: Robot,
     poses: tuple[Array, Array],
     origin: Array,
-    foreseen: Foreseen | None,
+    prediction: Prediction | None,
 ) -> Arrows | None:
     position, rotation = poses
     center = center_of_mass(robot, position, rotation)
@@ -201,30 +201,30 @@ def _arrows(
             for name in ("strip_force", "strip_point")
         )
         whole = whole or Whole(force.sum(axis=1), None)
-        point, guess = point - origin[:, None], None if foreseen is None else foreseen.strips
+        point, guess = point - origin[:, None], None if prediction is None else prediction.strips
     if whole is None or not (robot.strips or air.any()):
         return None
-    told = deviation = None
-    if foreseen is not None:
-        told = on_the_whole(robot, foreseen.names, foreseen.generalized, *known)
-        deviation = _of_the_force(robot, foreseen)
+    told = std = None
+    if prediction is not None:
+        told = on_the_whole(robot, prediction.names, prediction.generalized, *known)
+        std = _of_the_force(robot, prediction)
     if told is None and guess is not None:
         told = Whole(guess.sum(axis=1), None)
     total, moment = told or (None, None)
     return Arrows(
-        point, force, guess, center - origin, whole.force, total, whole.moment, moment, deviation
+        point, force, guess, center - origin, whole.force, total, whole.moment, moment, std
     )
 
 
-def _of_the_force(robot: Robot, foreseen: Foreseen) -> Array | None:
+def _of_the_force(robot: Robot, prediction: Prediction) -> Array | None:
     """Deviations of the force on the whole robot, (F, 3) [N]."""
     _, body = floating_body(robot) or (0, None)
-    if body is None or foreseen.deviation is None:
+    if body is None or prediction.std is None:
         return None
     names = [robot.dof_names[k] for k in (body.floating_dofs or ())[:3]]
-    if not set(names) <= set(foreseen.names):
+    if not set(names) <= set(prediction.names):
         return None
-    return foreseen.deviation[:, [foreseen.names.index(name) for name in names]]
+    return prediction.std[:, [prediction.names.index(name) for name in names]]
 
 
 def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
@@ -242,17 +242,17 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
     return np.asarray(np.einsum("b,nbi->ni", mass / mass.sum(), centers))
 
 
-def _series(shown: xr.Dataset, robot: Robot, foreseen: Foreseen | None) -> list[Series]:
+def _series(shown: xr.Dataset, robot: Robot, prediction: Prediction | None) -> list[Series]:
     force = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
     q = np.asarray(shown["q"].values, float)
     chosen = _chosen(robot, force)
     found = []
     for k, (name, unit) in enumerate(zip(robot.dof_names, robot.dof_units, strict=True)):
         guess = sure = None
-        if foreseen is not None and name in foreseen.names:
-            place = foreseen.names.index(name)
-            guess = foreseen.generalized[:, place]
-            sure = None if foreseen.deviation is None else foreseen.deviation[:, place]
+        if prediction is not None and name in prediction.names:
+            place = prediction.names.index(name)
+            guess = prediction.generalized[:, place]
+            sure = None if prediction.std is None else prediction.std[:, place]
         measure = "N" if unit == "m" else "N m"
         found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen, sure))
     units = zip(robot.coordinate_names, robot.coordinate_units, strict=True)

@@ -100,12 +100,6 @@ def test_flight_in_a_gust_that_travels_is_the_same(both, kind, glider):
     )  # fmt: skip
 
 
-def test_published_flight_is_the_same(both):
-    robot = pt.load_robot("aerobat-published")
-    aero = pt.Published(robot)
-    compared(*both(lambda: pt.simulate_published(robot, aero, duration=STEPS * TIME_STEP)))
-
-
 def test_a_run_that_stops_stops_alike(both):
     robot = pt.load_robot("aerobat")
     aero = pt.QuasiSteady(robot)

@@ -37,7 +37,7 @@ def test_slopes_are_differences(kind, rng):
 
 def test_small_spreads_tend_to_the_extended_filter(rng):
     network = pt.DenseNetwork(3, (5,), 2)
-    setting = {"prior_deviation": 0.05, "measurement_deviation": 0.1}
+    setting = {"prior_std": 0.05, "measurement_std": 0.1}
     cubature = pt.CubatureLearner(network, spread=1e-2, **setting)
     extended = pt.ExtendedLearner(network, **setting)
     x, y = rng.normal(size=3), rng.normal(size=2)

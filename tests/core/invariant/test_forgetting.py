@@ -9,7 +9,7 @@ import patagium as pt
 from patagium.errors import ParameterError
 from patagium.learning.filters.change import ChangeMonitor
 
-TOLD = {"prior_deviation": 0.5, "measurement_deviation": 0.05, "spread": 3**0.5}
+TOLD = {"prior_std": 0.5, "measurement_std": 0.05, "spread": 3**0.5}
 STRUCTURES = ["full", "layer", "node", pt.LowRank(6)]
 
 
@@ -52,8 +52,8 @@ def test_forgetting_what_is_learned_again_goes_on_for_ever(structure, rng):
         covariance=structure,
         dtype="float32",
         forgetting_factor=0.9,
-        prior_deviation=0.5,
-        measurement_deviation=0.05,
+        prior_std=0.5,
+        measurement_std=0.05,
     )
     for x in rng.normal(size=(2000, 1)):  # 0.9^-2000 is beyond single precision, P is not
         learner.update(x, 2 * x + 1)
@@ -85,8 +85,8 @@ def test_false_alarms_come_at_the_rate_promised(channels, rng):
         found = [monitor.alarmed_by(each, channels) for each in nis]
         assert not any(found[:-1])  # not before the reference is full
         alarms += found[-1]
-    deviation = np.sqrt(rate * (1 - rate) / repeats)
-    assert abs(alarms / repeats - rate) < 4 * deviation
+    std = np.sqrt(rate * (1 - rate) / repeats)
+    assert abs(alarms / repeats - rate) < 4 * std
 
 
 def test_false_alarms_of_a_running_test_are_no_more_than_that(rng):

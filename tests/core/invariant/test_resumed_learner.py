@@ -12,10 +12,10 @@ import pytest
 import patagium as pt
 from patagium.learning.learners.file import Resumable
 
-NOISE = {"prior_deviation": 0.5, "measurement_deviation": [0.1, 0.3]}
-DRIFT = {"process_deviation": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
+NOISE = {"prior_std": 0.5, "measurement_std": [0.1, 0.3]}
+DRIFT = {"process_std": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
 CAREFUL = {
-    "screening": pt.Screening(outlier_deviation=3.0, stuck_samples=5),
+    "screening": pt.Screening(outlier_std=3.0, stuck_samples=5),
     "noise_estimation": pt.NoiseEstimation(memory=20),
 }
 CHANGE = {"change_detection": pt.ChangeDetection(0.05, window=8, reference=16, reopening=0.5)}
@@ -114,7 +114,7 @@ def test_a_resumed_learner_is_the_one_that_never_stopped(
         np.testing.assert_array_equal(*ahead)
     if straight.covariance is not None:
         np.testing.assert_array_equal(resumed.covariance, straight.covariance)
-    for name in ("nis", "changes", "innovation_covariance", "measurement_deviation"):
+    for name in ("nis", "changes", "innovation_covariance", "measurement_std"):
         if hasattr(straight, name):
             np.testing.assert_array_equal(getattr(resumed, name), getattr(straight, name))
     if isinstance(straight, pt.CubatureLearner) and straight.describe()["change_detection"]:
@@ -137,9 +137,7 @@ def test_saving_changes_nothing_and_is_repeatable(tmp_path: Path) -> None:
 def test_a_learner_that_knows_the_wing_goes_on(covariance: str, tmp_path: Path) -> None:
     network = pt.StripNetwork(pt.load_robot("aerobat"), (4,))
     learners = [
-        pt.CubatureLearner(
-            network, prior_deviation=0.3, measurement_deviation=3e-3, covariance=covariance
-        )
+        pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-3, covariance=covariance)
         for _ in range(2)
     ]
     teach(learners[0], 0, 40, network.outputs)

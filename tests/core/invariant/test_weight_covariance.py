@@ -20,7 +20,7 @@ def streams(rng, count):
 def test_over_thousands_of_samples(dtype, spread, rng):
     network = pt.DenseNetwork(3, (8,), 2)
     learner = pt.CubatureLearner(
-        network, prior_deviation=1.0, measurement_deviation=1e-3, spread=spread, dtype=dtype
+        network, prior_std=1.0, measurement_std=1e-3, spread=spread, dtype=dtype
     )
     before = learner.covariance
     for k, (x, y) in enumerate(zip(*streams(rng, 4000), strict=True)):
@@ -40,9 +40,9 @@ def test_over_thousands_of_samples(dtype, spread, rng):
 
 def test_process_noise_holds_the_covariance_up(rng):
     network = pt.DenseNetwork(3, (4,), 2)
-    setting = {"prior_deviation": 0.5, "measurement_deviation": 1e-2}
+    setting = {"prior_std": 0.5, "measurement_std": 1e-2}
     still = pt.CubatureLearner(network, **setting)
-    restless = pt.CubatureLearner(network, process_deviation=1e-3, **setting)
+    restless = pt.CubatureLearner(network, process_std=1e-3, **setting)
     for x, y in zip(*streams(rng, 300), strict=True):
         still.update(x, y)
         restless.update(x, y)
@@ -54,8 +54,8 @@ def test_process_noise_holds_the_covariance_up(rng):
 def test_exchanging_outputs_exchanges_predictions(rng):
     one = pt.DenseNetwork(3, (), 2)
     learners = [
-        pt.CubatureLearner(one, prior_deviation=0.5, measurement_deviation=deviation)
-        for deviation in ([0.1, 0.2], [0.2, 0.1])
+        pt.CubatureLearner(one, prior_std=0.5, measurement_std=std)
+        for std in ([0.1, 0.2], [0.2, 0.1])
     ]
     start = [learner.predict(np.zeros(3))[0] for learner in learners]
     np.testing.assert_allclose(start[0], start[1])

@@ -25,9 +25,9 @@ def test_on_a_linear_network_it_is_the_kalman_filter(square_root, spread, proces
     network = pt.DenseNetwork(3, (), 2, input_scale=2.0, output_center=[1, 2], output_scale=[3, 1])
     learner = pt.CubatureLearner(
         network,
-        prior_deviation=0.7,
-        measurement_deviation=[0.1, 0.2],
-        process_deviation=process,
+        prior_std=0.7,
+        measurement_std=[0.1, 0.2],
+        process_std=process,
         forgetting_factor=forgetting,
         spread=spread,
         square_root=square_root,
@@ -71,7 +71,7 @@ def test_algorithm_1_written_out_plainly(square_root, rng):
     # The carried factor is the Cholesky factor itself, so even "transform" has its points.
     network = pt.DenseNetwork(3, (5, 4), 2)
     learner = pt.CubatureLearner(
-        network, prior_deviation=0.5, measurement_deviation=0.1, square_root=square_root
+        network, prior_std=0.5, measurement_std=0.1, square_root=square_root
     )
     w, p = network.initial(0), np.diag(0.25 / network.fan_in)
     for x, y in zip(*samples(rng), strict=True):
@@ -84,7 +84,7 @@ def test_algorithm_1_written_out_plainly(square_root, rng):
 def test_filterpy_agrees(rng):
     filterpy = pytest.importorskip("filterpy.kalman", reason="filterpy is in the extra bench")
     network = pt.DenseNetwork(3, (4,), 2)
-    learner = pt.CubatureLearner(network, prior_deviation=0.5, measurement_deviation=0.1)
+    learner = pt.CubatureLearner(network, prior_std=0.5, measurement_std=0.1)
     rival = filterpy.CubatureKalmanFilter(
         network.size, 2, 1.0, hx=lambda w: network(sample, w), fx=lambda w, dt: w
     )

@@ -112,9 +112,7 @@ def test_kernel_calls_the_compiled_encoder_of_a_strip_network(rng):
 def test_single_precision_follows_double(rng):
     network = pt.DenseNetwork(3, (8,), 2)
     learners = [
-        pt.CubatureLearner(
-            network, prior_deviation=0.5, measurement_deviation=0.05, spread=3**0.5, dtype=dtype
-        )
+        pt.CubatureLearner(network, prior_std=0.5, measurement_std=0.05, spread=3**0.5, dtype=dtype)
         for dtype in ("float64", "float32")
     ]
     x = rng.normal(size=(400, 3))

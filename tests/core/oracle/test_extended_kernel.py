@@ -45,14 +45,14 @@ HOW = {
     "full": {},
     "layer": {"covariance": "layer"},
     "forgets": {"forgetting_factor": 0.95},
-    "wanders": {"process_deviation": 1e-3},
+    "wanders": {"process_std": 1e-3},
     "screened": {"screening": Screening(3.0, 5), "noise_estimation": NoiseEstimation(20)},
 }
 
 
 def setting_of(network, size, **options):
     words = {
-        "process_deviation": 0.0,
+        "process_std": 0.0,
         "forgetting_factor": 1.0,
         "prior_share": 0.0,
         "covariance": "full",
@@ -81,11 +81,11 @@ def log_of(network, states):
 def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
     network, rounding = NETWORKS[name](robot), ROUNDING[name]
     x, y = log_of(network, states)
-    setting, deviation = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
+    setting, std = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
     first = network.initial(0)
-    ours = restore_extended(setting, first, np.diag(deviation))
+    ours = restore_extended(setting, first, np.diag(std))
     readable = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
-    theirs = readable(setting, first, np.diag(deviation))
+    theirs = readable(setting, first, np.diag(std))
     assert isinstance(ours, ExtendedKernel)
     for k in range(COUNT):
         theirs.resume(ours.state())  # so that rounding does not grow from sample to sample
@@ -108,13 +108,13 @@ def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
 def test_a_state_of_either_goes_on_in_the_other(robot, states):
     network = NETWORKS["hidden"](robot)
     x, y = log_of(network, states)
-    setting, deviation = setting_of(network, np.nanmax(np.abs(y)))
+    setting, std = setting_of(network, np.nanmax(np.abs(y)))
     kinds = (restore_extended, ExtendedFilter)
-    ours, theirs = (kind(setting, network.initial(0), np.diag(deviation)) for kind in kinds)
+    ours, theirs = (kind(setting, network.initial(0), np.diag(std)) for kind in kinds)
     for k in range(9):
         ours.update(x[k], y[k])
         theirs.update(x[k], y[k])
-    moved = [kind(setting, network.initial(0), np.diag(deviation)) for kind in kinds]
+    moved = [kind(setting, network.initial(0), np.diag(std)) for kind in kinds]
     moved[0].resume(theirs.state())
     moved[1].resume(ours.state())
     again = pickle.loads(pickle.dumps(ours))
@@ -142,8 +142,8 @@ def test_lags_in_one_call_are_those_step_by_step(robot, states):
 def test_an_input_that_is_no_number_changes_nothing(robot, states):
     network = NETWORKS["hidden"](robot)
     x, y = log_of(network, states)
-    setting, deviation = setting_of(network, np.nanmax(np.abs(y)))
-    ours = restore_extended(setting, network.initial(0), np.diag(deviation))
+    setting, std = setting_of(network, np.nanmax(np.abs(y)))
+    ours = restore_extended(setting, network.initial(0), np.diag(std))
     ours.update(x[0], y[0])
     mean, covariance = ours.mean, ours.covariance()
     broken = x[1].copy()

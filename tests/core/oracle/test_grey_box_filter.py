@@ -70,7 +70,7 @@ def test_it_is_the_extended_filter_of_weights_and_lags(grey):
     truth = np.array([-0.8, 0.6, 0.5])
     y = grey.evaluate(grey.recall(truth, time, x)[0], truth)
     y = y + NOISE * np.random.default_rng(0).normal(size=y.shape)
-    learner = pt.ExtendedLearner(grey, measurement_deviation=NOISE)
+    learner = pt.ExtendedLearner(grey, measurement_std=NOISE)
     joint, carried = JointFilter(grey, x[0]), None
     for k in range(len(time)):
         before = learner.weights

@@ -42,7 +42,7 @@ def network(request, robot):
 
 
 def learner_of(network, kind=pt.ExtendedLearner, **options):
-    return kind(network, prior_deviation=0.1, measurement_deviation=1.0, **options)
+    return kind(network, prior_std=0.1, measurement_std=1.0, **options)
 
 
 def same(pipeline, theirs):

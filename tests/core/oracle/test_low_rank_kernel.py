@@ -163,8 +163,8 @@ def test_what_the_columns_know_alone_keeps_its_digits(compiled, monkeypatch, rng
         pt.DenseNetwork(1, (), 1),
         covariance=pt.LowRank(6),
         forgetting_factor=0.9,
-        prior_deviation=0.5,
-        measurement_deviation=0.05,
+        prior_std=0.5,
+        measurement_std=0.05,
     )
     for x in rng.normal(size=(1000, 1)):
         learner.update(x, 2 * x + 1)

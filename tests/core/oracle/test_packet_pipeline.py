@@ -42,9 +42,7 @@ def dense(flight):
 
 
 def learner_of(network, **options):
-    return pt.CubatureLearner(
-        network, prior_deviation=0.3, measurement_deviation=3e-3, spread=1.7, **options
-    )
+    return pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-3, spread=1.7, **options)
 
 
 KINDS = [("node", "dense"), ("layer", "dense"), ("node", "strip"), ("full", "strip")]
@@ -67,12 +65,12 @@ def test_the_pipeline_is_update_after_update(pair, flight, packets):
         predicted.append(theirs.predict(state))
         theirs.update(state, force)
     mean = np.array([mean for mean, _ in predicted])
-    deviation = np.sqrt([np.diag(covariance) for _, covariance in predicted])
+    std = np.sqrt([np.diag(covariance) for _, covariance in predicted])
     assert pipeline.compiled == (compiler_name() is not None)
     np.testing.assert_allclose(records.measurement, y[:COUNT], rtol=0, atol=ROUNDING)
     # inverse dynamics of many states at once differs in rounding; the learner amplifies it
     np.testing.assert_allclose(records.prediction, mean, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(records.deviation, deviation, rtol=1e-9)
+    np.testing.assert_allclose(records.std, std, rtol=1e-9)
     np.testing.assert_allclose(ours.weights, theirs.weights, rtol=0, atol=1e-8)
     assert ours.count == theirs.count == COUNT
     np.testing.assert_allclose(
@@ -103,7 +101,7 @@ def test_nearly_the_same_without_a_compiler(packets, monkeypatch):
     found = Pipeline(plain, robot).run(packets[:40])
     # the kernel sums in another order than NumPy: rounding through 40 updates
     np.testing.assert_allclose(found.prediction, expected.prediction, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found.deviation, expected.deviation, rtol=1e-7)
+    np.testing.assert_allclose(found.std, expected.std, rtol=1e-7)
 
 
 @pytest.mark.parametrize("engine", ["compiled", "python"])
@@ -215,11 +213,11 @@ def test_inputs_are_chosen_by_name(packets):
 def test_other_learners_stream_too(packets):
     robot = pt.load_robot("aerobat")
     network = pt.StripNetwork(robot, (4,))
-    options = {"prior_deviation": 0.3, "measurement_deviation": 3e-3}
+    options = {"prior_std": 0.3, "measurement_std": 3e-3}
     for learner in (
         pt.ExtendedLearner(network, **options, covariance="node"),
         pt.GradientLearner(network, learning_rate=1e-3),
-        learner_of(network, process_deviation=1e-4),
+        learner_of(network, process_std=1e-4),
     ):
         pipeline = Pipeline(learner, robot)
         records = pipeline.run(packets[:10])

@@ -26,9 +26,9 @@ def test_extended_learner_is_the_kalman_filter_on_a_linear_network(rng):
     network = pt.DenseNetwork(3, (), 2)
     learner = pt.ExtendedLearner(
         network,
-        prior_deviation=0.7,
-        measurement_deviation=[0.1, 0.2],
-        process_deviation=0.01,
+        prior_std=0.7,
+        measurement_std=[0.1, 0.2],
+        process_std=0.01,
         forgetting_factor=0.99,
     )
     w = network.initial(0)
@@ -56,9 +56,7 @@ def test_linear_learner_is_ridge_regression(features, rng):
     base = pt.DenseNetwork(
         3, (), 2, input_center=0.3, input_scale=2.0, output_center=[1, -1], output_scale=[2, 3]
     )
-    learner = pt.LinearLearner(
-        base, prior_deviation=0.5, measurement_deviation=[0.2, 0.3], features=features
-    )
+    learner = pt.LinearLearner(base, prior_std=0.5, measurement_std=[0.2, 0.3], features=features)
     xs, ys = samples(rng)
     for x, y in zip(xs, ys, strict=True):
         learner.update(x, y)
@@ -124,7 +122,7 @@ def test_gradient_learner_descends(replay, rng):
 def make_learners():
     linear = pt.DenseNetwork(3, (), 2)
     network = pt.DenseNetwork(3, (4,), 2)
-    prior = {"prior_deviation": 0.5, "measurement_deviation": 0.1}
+    prior = {"prior_std": 0.5, "measurement_std": 0.1}
     return {
         "extended": pt.ExtendedLearner(network, **prior),
         "gradient": pt.GradientLearner(network, learning_rate=0.01, replay=3),
@@ -161,8 +159,6 @@ def test_wrong_settings_are_named():
     with pytest.raises(ParameterError, match="replay"):
         pt.GradientLearner(network, learning_rate=0.1, replay=-1)
     with pytest.raises(ParameterError, match="without hidden layers"):
-        pt.LinearLearner(network, prior_deviation=1.0, measurement_deviation=1.0)
+        pt.LinearLearner(network, prior_std=1.0, measurement_std=1.0)
     with pytest.raises(ParameterError, match="forgetting_factor"):
-        pt.ExtendedLearner(
-            network, prior_deviation=1.0, measurement_deviation=1.0, forgetting_factor=1.1
-        )
+        pt.ExtendedLearner(network, prior_std=1.0, measurement_std=1.0, forgetting_factor=1.1)

@@ -14,7 +14,7 @@ from patagium.learning.filters.kernel import restore
 from patagium.learning.filters.spread import spread_rule
 
 WATCHFUL = {
-    "screening": pt.Screening(outlier_deviation=3.0, stuck_samples=4),
+    "screening": pt.Screening(outlier_std=3.0, stuck_samples=4),
     "noise_estimation": pt.NoiseEstimation(30),
     "change_detection": pt.ChangeDetection(1e-2, 5, 12),
 }
@@ -33,15 +33,15 @@ def pair(network, structure, rng, **watchful):
         structure,
         **watchful,
     )
-    mean, deviation = network.initial(0), rng.uniform(0.2, 0.6, network.size)
+    mean, std = network.initial(0), rng.uniform(0.2, 0.6, network.size)
     if structure == "node":
-        roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+        roots = [np.diag(std[block]) for block in setting_blocks(setting)]
         fast = restore_nodes(setting, mean, roots)
         plain = BlockFilter(setting, mean, scattered(roots, setting_blocks(setting)))
     else:
-        fast = restore(setting, mean, np.diag(deviation))
+        fast = restore(setting, mean, np.diag(std))
         kind = ArrayFilter if structure == "full" else BlockFilter
-        plain = kind(setting, mean, np.diag(deviation))
+        plain = kind(setting, mean, np.diag(std))
     if type(fast) in (ArrayFilter, BlockFilter):
         pytest.skip("no C compiler here")
     return fast, plain
@@ -91,9 +91,9 @@ def test_kernels_screen_as_their_twins(structure, inputs, hidden, outputs, rng):
 @pytest.mark.parametrize("structure", [*STRUCTURES, pt.LowRank(8)])
 def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
     network = pt.DenseNetwork(3, (5,), 3)
-    told = {"prior_deviation": 0.5, "covariance": structure}
-    missing = learner(network, measurement_deviation=0.1, **told)
-    noisy = learner(network, measurement_deviation=[0.1, 1e9, 0.1], **told)
+    told = {"prior_std": 0.5, "covariance": structure}
+    missing = learner(network, measurement_std=0.1, **told)
+    noisy = learner(network, measurement_std=[0.1, 1e9, 0.1], **told)
     for _ in range(30):
         x, y = rng.normal(size=3), rng.normal(size=3)
         noisy.update(x, y)
@@ -110,14 +110,14 @@ def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
 def test_an_outlier_is_a_sample_of_more_noise(structure, rng):
     """The noise of a channel beyond the limit is raised until its innovation is at the limit."""
     network, limit = pt.DenseNetwork(3, (5,), 2), 4.0
-    told = {"prior_deviation": 0.5, "covariance": structure}
+    told = {"prior_std": 0.5, "covariance": structure}
     screened = pt.CubatureLearner(
-        network, measurement_deviation=0.1, screening=pt.Screening(limit), **told
+        network, measurement_std=0.1, screening=pt.Screening(limit), **told
     )
     x, y = rng.normal(size=3), np.array([0.1, 60.0])
     mean, covariance = screened.predict(x)
     raised = (y[1] - mean[1]) ** 2 / limit**2 - covariance[1, 1] + 0.01
-    noisier = pt.CubatureLearner(network, measurement_deviation=[0.1, raised**0.5], **told)
+    noisier = pt.CubatureLearner(network, measurement_std=[0.1, raised**0.5], **told)
     screened.update(x, y)
     noisier.update(x, y)
     assert screened.events["outliers"] == 1

@@ -23,7 +23,7 @@ from patagium.learning.models.structure import (
 
 AGREEMENT = 1e-12  # design.md, decision 4
 ROUNDING = 1e-9  # some thirty samples, two ways of doing the same
-TOLD = {"prior_deviation": 0.5, "measurement_deviation": 0.05}
+TOLD = {"prior_std": 0.5, "measurement_std": 0.05}
 
 
 def learned(network, rng, learner=pt.CubatureLearner, count=30, **options):
@@ -41,7 +41,7 @@ def same(one, other, tolerance=ROUNDING):
     assert one.nis == pytest.approx(other.nis, rel=1e-6)
 
 
-DRIFTS = [{}, {"forgetting_factor": 0.97}, {"process_deviation": 0.02, "prior_share": 0.05}]
+DRIFTS = [{}, {"forgetting_factor": 0.97}, {"process_std": 0.02, "prior_share": 0.05}]
 
 
 @pytest.mark.parametrize("drift", DRIFTS, ids=["still", "forgets", "wanders"])
@@ -113,7 +113,7 @@ def test_low_rank_of_full_rank_is_the_cubature_filter_of_a_linear_network(spread
 
 def test_points_close_by_make_low_rank_cubature_the_extended_filter(rng):
     network = pt.DenseNetwork(3, (5,), 2, "tanh")
-    told = {"covariance": pt.LowRank(6), "prior_deviation": 1e-3, "measurement_deviation": 1e-3}
+    told = {"covariance": pt.LowRank(6), "prior_std": 1e-3, "measurement_std": 1e-3}
     close = learned(network, np.random.default_rng(9), spread=0.1, **told)
     linear = learned(network, np.random.default_rng(9), pt.ExtendedLearner, **told)
     moved = np.linalg.norm(linear.weights - network.initial(0))
@@ -131,7 +131,7 @@ def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
         covariance=structure,
         dtype=dtype,
         spread=3**0.5,
-        measurement_deviation=1e-3,
+        measurement_std=1e-3,
     )
     covariance = one.covariance
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
@@ -231,9 +231,9 @@ def filter_pair(network, rng, *, structure="node", spread=None, noise=0.0, forge
     library = load_node("float64") if node else load_cubature("float64")
     if library is None:
         pytest.skip("no C compiler here")
-    deviation, mean = rng.uniform(0.2, 0.6, network.size), network.initial(0)
+    std, mean = rng.uniform(0.2, 0.6, network.size), network.initial(0)
     blocks = setting_blocks(setting)
-    roots = [np.diag(deviation[block]) for block in blocks]
+    roots = [np.diag(std[block]) for block in blocks]
     root = scattered(roots, blocks)
     plain = BlockFilter(setting, mean, root)
     if node:

@@ -67,7 +67,7 @@ def test_a_late_camera_and_a_shifted_clock_are_found(flight: xr.Dataset, seed: i
     found = pt.estimate_shifts(log.without_truth())
     assert found.seconds["icm_42688_p"] == 0.0
     assert found.seconds["prime_x_13"] == pytest.approx(7.3e-3 - 0.012, abs=1e-3)
-    assert found.deviation["prime_x_13"] < 5e-4
+    assert found.std["prime_x_13"] < 5e-4
     assert found.unlinked == ("as5600",)  # no unit feels the wings alone
     by_camera = pt.estimate_shifts(log, reference="prime_x_13")
     assert by_camera.seconds["icm_42688_p"] == pytest.approx(0.012 - 7.3e-3, abs=1e-3)
@@ -84,17 +84,17 @@ def test_encoders_with_different_delays_are_found_against_a_unit(rod: xr.Dataset
 
 def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
     imu = S.Imu(body="rod", rate=500.0, gyroscope_density=2e-3, accelerometer_density=2e-3)
-    both = S.Encoder(rate=500.0, deviation=1e-4, delay=5e-3)
+    both = S.Encoder(rate=500.0, std=1e-4, delay=5e-3)
     ratios = []
     for seed in range(6):
         found = pt.estimate_shifts(pt.sense(rod, [imu, both], seed=seed), smoother=pt.Spline(0.02))
         error = found.seconds["encoder"] - 5e-3
-        ratios.append(error / found.deviation["encoder"])
+        ratios.append(error / found.std["encoder"])
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them
 
 
 def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:
-    encoder = S.Encoder(rate=500.0, deviation=1e-3)
+    encoder = S.Encoder(rate=500.0, std=1e-3)
     with pytest.raises(LogError, match="expected an inertial unit, found encoder"):
         pt.estimate_shifts(pt.sense(rod, [encoder]))
     log = pt.sense(rod, [encoder, S.Imu(body="rod", rate=500.0)])

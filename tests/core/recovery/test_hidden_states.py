@@ -69,7 +69,7 @@ def test_a_lifting_line_is_learned_by_a_network_with_lags_and_not_without(robot)
     worst = {}
     for network in (pupil, static):
         learner = pt.ExtendedLearner(
-            network, prior_deviation=0.1, measurement_deviation=0.01 * np.abs(y).max(axis=0) + 1e-6
+            network, prior_std=0.1, measurement_std=0.01 * np.abs(y).max(axis=0) + 1e-6
         )
         guess = stream(learner, time, state, y, every=5).prediction["prediction"].values
         worst[network.kind] = nmse(y[500:], guess[500:])

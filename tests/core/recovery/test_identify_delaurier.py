@@ -23,9 +23,7 @@ def test_strips_learn_a_flight_flown_with_delaurier_and_added_mass() -> None:
     _, _, force = training_data(flight)
     known = flight["aero_force"].values
     assert np.abs(force - known).max() < 1e-9 * np.abs(known).max()  # rounding
-    learner = pt.CubatureLearner(
-        pt.StripNetwork(robot, (4,)), prior_deviation=0.3, measurement_deviation=3e-3
-    )
+    learner = pt.CubatureLearner(pt.StripNetwork(robot, (4,)), prior_std=0.3, measurement_std=3e-3)
     scores = pt.identify(flight, learner, every=10).scores
     # twice what it was: strips without memory learn strips with one lag each
     assert scores["nmse_second_half_mean"] < 0.05

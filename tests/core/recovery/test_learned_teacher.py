@@ -16,7 +16,7 @@ def teacher(rng, network, prior):
 def test_teachers_within_the_prior_are_found_within_the_covariance(kind, rng):
     # A prior narrow enough for the network to be nearly linear over it.
     network, prior, noise = pt.DenseNetwork(2, (4,), 2), 0.1, 0.05
-    setting = {"prior_deviation": prior, "measurement_deviation": noise}
+    setting = {"prior_std": prior, "measurement_std": noise}
     squares, distances, errors = [], [], []
     for _ in range(6):
         truth = teacher(rng, network, prior)
@@ -57,8 +57,8 @@ def test_a_strip_network_learns_the_air_of_gaits_it_never_saw(rng):
     x, y = flapping(400, 15.0, 4.0)
     learner = pt.CubatureLearner(
         network,
-        prior_deviation=0.1 * np.sqrt(network.fan_in),
-        measurement_deviation=1e-3 * y.std(axis=0),
+        prior_std=0.1 * np.sqrt(network.fan_in),
+        measurement_std=1e-3 * y.std(axis=0),
         spread=3**0.5,
     )
     for row, force in zip(x, y, strict=True):
@@ -70,11 +70,11 @@ def test_a_strip_network_learns_the_air_of_gaits_it_never_saw(rng):
     assert np.diag(learner.covariance).max() < 1.001e-2
 
 
-@pytest.mark.parametrize("option", [{"forgetting_factor": 0.97}, {"process_deviation": 0.01}])
+@pytest.mark.parametrize("option", [{"forgetting_factor": 0.97}, {"process_std": 0.01}])
 def test_a_teacher_that_changes_is_followed(option, rng):
     network, noise = pt.DenseNetwork(2, (), 1), 0.02
     truth = np.array([0.5, -0.7, 0.3])
-    setting = {"prior_deviation": 1.0, "measurement_deviation": noise}
+    setting = {"prior_std": 1.0, "measurement_std": noise}
     still = pt.CubatureLearner(network, **setting)
     following = pt.CubatureLearner(network, **option, **setting)
     for k in range(600):

@@ -21,7 +21,7 @@ SENSORS = (
     P.icm_42688_p("body", rate=500.0),
     P.as5600(rate=500.0),
     replace(P.prime_x_13("body"), delay=0.0),
-    replace(P.nano17("body", rate=500.0), position=(0.01, 0.0, -0.02), force_deviation=2e-3),
+    replace(P.nano17("body", rate=500.0), position=(0.01, 0.0, -0.02), force_std=2e-3),
     AMPLIFIER,
 )
 LOUD = ("x", "z", "pitch", "left_plunge", "right_plunge", "left_elbow")
@@ -69,7 +69,7 @@ def compared(samples: pt.ForceSamples, flight: xr.Dataset) -> tuple[np.ndarray, 
     at = np.searchsorted(flight["time"].values, samples.time - 1e-9)
     inner = slice(len(at) // 8, -len(at) // 8)
     true = flight["aero_force"].values[at]
-    return true[inner], (samples.force - true)[inner], samples.deviation[inner]
+    return true[inner], (samples.force - true)[inner], samples.std[inner]
 
 
 @pytest.mark.parametrize("source", ["inverse dynamics", "momentum observer", "load cell"])
@@ -78,7 +78,7 @@ def test_every_source_finds_the_force(
 ) -> None:
     samples = found[source]
     assert samples.source == source
-    true, error, deviation = compared(samples, flight)
+    true, error, std = compared(samples, flight)
     for name in LOUD:
         k = robot.index(name)
         if name not in samples.measured:
@@ -86,10 +86,10 @@ def test_every_source_finds_the_force(
             continue
         # 0.5 deg of the cameras turn the weight by 2 mN: 2e-2 of x, 3e-4 to 3e-3 of the others
         assert np.mean(error[:, k] ** 2) < 0.03 * true[:, k].var(), name
-        ratio = np.mean(error[:, k] ** 2 / deviation[:, k] ** 2)
+        ratio = np.mean(error[:, k] ** 2 / std[:, k] ** 2)
         assert 0.05 < ratio < 4, (name, ratio)  # few independent errors in 0.2 s
     measured = np.isfinite(error).all(axis=0)
-    inside = np.abs(error[:, measured]) < 1.96 * deviation[:, measured]
+    inside = np.abs(error[:, measured]) < 1.96 * std[:, measured]
     assert 0.88 < inside.mean() <= 1.0
 
 
@@ -195,7 +195,7 @@ def test_measured_forces_teach_a_network(
     def learner() -> pt.CubatureLearner:
         wind = pt.Air(wind=(-3.0, 0.0, 0.0))
         network = pt.StripNetwork(robot, (4,), wind, measured=outputs)
-        return pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=2e-3)
+        return pt.CubatureLearner(network, prior_std=0.3, measurement_std=2e-3)
 
     taught = learner()
     result = identify(samples, taught, every=4)
@@ -203,7 +203,7 @@ def test_measured_forces_teach_a_network(
     again = learner()
     stream(
         again, samples.time, samples.state, samples.force[:, columns], every=4,
-        deviation=samples.deviation[:, columns],
+        std=samples.std[:, columns],
     )  # fmt: skip
     np.testing.assert_array_equal(taught.weights, again.weights)
     assert result.scores["updates"] > 30

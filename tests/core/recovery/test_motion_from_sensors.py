@@ -135,7 +135,7 @@ def test_shifted_stamps_are_taken_into_account(flight: xr.Dataset) -> None:
 
 
 def test_what_no_sensor_sees_is_named(flight: xr.Dataset) -> None:
-    some = S.Encoder(joints=("left_plunge",), rate=500.0, deviation=1e-3)
+    some = S.Encoder(joints=("left_plunge",), rate=500.0, std=1e-3)
     with pytest.raises(LogError, match="see left_mediolateral, .*right_feather, found none"):
         pt.estimate_motion(pt.sense(flight, [some, SENSORS[2]]))
     with pytest.raises(LogError, match="see x, y, z, roll"):
@@ -180,8 +180,8 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
         scale = np.abs(one).max()
         np.testing.assert_allclose(one, other, atol=1e-6 * scale)  # rounding of the covariance
     error = (states[0].q - online["q"].values[k] + np.pi) % (2 * np.pi) - np.pi
-    deviation = np.sqrt(np.diagonal(states[0].covariance))[: robot.dof]
-    assert (np.abs(error) < deviation).all()  # it starts from other first samples
+    std = np.sqrt(np.diagonal(states[0].covariance))[: robot.dof]
+    assert (np.abs(error) < std).all()  # it starts from other first samples
     later = tracker.now(states[1].time + 1e-3)
     assert (np.diagonal(later.covariance) >= np.diagonal(states[1].covariance)).all()
     tracker.push(names[1], -1.0, np.zeros(8))
@@ -203,9 +203,9 @@ def test_sensors_without_any_noise_are_believed_to_their_floors(
     exact = [sensor.scaled(0.0) for sensor in (*units, *SENSORS[1:])]
     found = pt.estimate_motion(pt.sense(flight, exact), filtered=filtered)
     covariance = found["covariance"].values
-    deviation = np.sqrt(np.einsum("nii->ni", covariance))
-    assert (deviation > 0).all()
-    correlation = covariance / deviation[:, :, None] / deviation[:, None, :]
+    std = np.sqrt(np.einsum("nii->ni", covariance))
+    assert (std > 0).all()
+    correlation = covariance / std[:, :, None] / std[:, None, :]
     assert np.linalg.eigvalsh(correlation).min() > -1e-12  # rounding of the product of its roots
     error, _ = errors(found, flight)
     assert np.abs(error[:, : flight.sizes["dof"]]).max() < 1e-3  # m, rad; noisy sensors: 1e-2

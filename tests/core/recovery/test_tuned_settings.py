@@ -50,8 +50,8 @@ def test_a_known_measurement_deviation_is_found() -> None:
     found = tune(table, network(), every=1, trials=48, jobs=1)
     learner = found.learner()
     identify_table(table, learner, every=1)  # with noise_estimation it starts from the settings
-    deviation = learner.measurement_deviation
-    assert ((deviation > 0.05) & (deviation < 0.2)).all()  # 0.1 within a factor of 2
+    std = learner.measurement_std
+    assert ((std > 0.05) & (std < 0.2)).all()  # 0.1 within a factor of 2
     assert 0.9 < found.best.foresight["coverage_second_half"] < 0.99
 
 
@@ -62,10 +62,10 @@ def test_without_estimating_noise_the_deviation_itself_is_found(
     monkeypatch.setattr(knobs, "KNOBS", known)
     table = log(np.array([0.1, 0.1]))
     found = tune(table, network(), every=1, trials=48, jobs=1)
-    deviation = np.array(found.best.learner.values["measurement_deviation"])
-    level = deviation / table.y.std(axis=0)  # one level for all, in deviations of the outputs
+    std = np.array(found.best.learner.values["measurement_std"])
+    level = std / table.y.std(axis=0)  # one level for all, in deviations of the outputs
     assert level[0] == pytest.approx(level[1], rel=0.02)  # three digits
-    assert 0.5 < np.sqrt(np.prod(deviation / 0.1)) < 2.0
+    assert 0.5 < np.sqrt(np.prod(std / 0.1)) < 2.0
 
 
 def test_tuned_settings_foresee_better_than_others() -> None:

@@ -54,7 +54,7 @@ def test_the_verb_writes_them_with_the_learned_forces(
     path, model = tmp_path / "flight.nc", tmp_path / "model.json"
     pt.save_flight(flight, path)
     network = pt.StripNetwork(pt.load_robot("aerobat"), hidden=(4,))
-    learner = pt.ExtendedLearner(network, prior_deviation=0.3, measurement_deviation=3e-4)
+    learner = pt.ExtendedLearner(network, prior_std=0.3, measurement_std=3e-4)
     pt.identify(flight, learner, every=10)
     save_model(model, learner)
     with pytest.raises(SystemExit) as left:

@@ -49,7 +49,7 @@ def identify(flight: Path, capsys: pytest.CaptureFixture[str]) -> Say:
     return say
 
 
-LEARN = ("--estimate", ESTIMATE, "--measurement-deviation", "1e-4")
+LEARN = ("--estimate", ESTIMATE, "--measurement-std", "1e-4")
 
 
 def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_pat
     assert "Physical parameters" in text and "lift_slope" in text
     scores = json.loads(identify(*LEARN, "--learner", "extended", "--json").out)
     assert scores["parameter_value"]["lift_slope"] == pytest.approx(5.5, rel=1e-3)
-    assert scores["parameter_prior_deviation"]["zero_lift_angle"] == pytest.approx(0.0872665)
+    assert scores["parameter_prior_std"]["zero_lift_angle"] == pytest.approx(0.0872665)
     assert scores["nmse_worst"] < 1e-6  # it starts at the flight's own numbers
     with pytest.raises(SystemExit) as left:
         run(["evaluate", str(model), str(flight)])
@@ -72,10 +72,10 @@ def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_pat
 
 def test_a_network_beside_learns_with_them(identify: Say) -> None:
     beside = ("--network", "strip", "--hidden", "3")
-    answer = identify(*LEARN, *beside, "--prior-deviation", "0.3", "--json")
+    answer = identify(*LEARN, *beside, "--prior-std", "0.3", "--json")
     assert answer.code == 0
     assert set(json.loads(answer.out)["parameter_value"]) == {"lift_slope", "zero_lift_angle"}
-    assert "--prior-deviation" in identify(*LEARN, *beside).err
+    assert "--prior-std" in identify(*LEARN, *beside).err
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_network_beside_learns_with_them(identify: Say) -> None:
         (("--estimate", "wing[0].chord=2 kg", *LEARN[2:]), "--estimate wing[0].chord"),
         (("--estimate", "lift_slope=-1", *LEARN[2:]), "positive prior deviation"),
         (("--aero", "delaurier", *LEARN[2:]), "--estimate"),
-        (("--refine", *LEARN[2:], "--prior-deviation", "1"), "--estimate"),
+        (("--refine", *LEARN[2:], "--prior-std", "1"), "--estimate"),
     ],
 )
 def test_what_cannot_be_is_said_in_a_line(

@@ -21,7 +21,7 @@ inputs:
 outputs:
   - {column: lift, unit: N, range: [-2, 2]}
 """
-LEARN = ("--prior-deviation", "0.5", "--measurement-deviation", "0.05", "--hidden", "4")
+LEARN = ("--prior-std", "0.5", "--measurement-std", "0.05", "--hidden", "4")
 
 
 class Answer(NamedTuple):

@@ -13,7 +13,7 @@ from patagium.cli.main import run
 from patagium.sensing.logs.record import LogRecord
 
 PARTS = ("q", "v", "a", "u1")
-LEARN = ("--network", "strip", "--prior-deviation", "0.3", "--measurement-deviation", "3e-4",
+LEARN = ("--network", "strip", "--prior-std", "0.3", "--measurement-std", "3e-4",
          "--spread", "1.7", "--json")  # fmt: skip
 
 

@@ -41,7 +41,7 @@ from ...chromium import PATIENCE, Chromium, found
 
 pytest.importorskip("viser", reason="viser is not installed: pip install 'patagium[viewer]'")
 
-LEARN = {"prior_deviation": 0.3, "measurement_deviation": 3e-4, "spread": 1.7}
+LEARN = {"prior_std": 0.3, "measurement_std": 3e-4, "spread": 1.7}
 SETTINGS = f"""
 every: 2
 network: {{kind: strip, hidden: [4]}}
@@ -282,7 +282,7 @@ def test_the_command_streams_beside_a_page(
     columns = ",".join(column.name for column in a_pipeline().columns)
     np.savetxt(log, flight_packets(flight)[:300], delimiter=",", header=columns, comments="")
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", "--idle", "0.2"]
-    words += ["--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--json"]
+    words += ["--prior-std", "0.3", "--measurement-std", "3e-4", "--json"]
     monkeypatch.setattr(live_view, "LiveView", Unserved)
     with pytest.raises(SystemExit) as left:
         run([*words, "--live", "--record", str(record)])
@@ -293,7 +293,7 @@ def test_the_command_streams_beside_a_page(
     last = Unserved.opened.pop().letters.take()[-1]
     with xr.open_dataset(record) as kept:
         assert last["samples"] == kept.sizes["time"] == 300
-        for name in ("q", "v", "measurement", "prediction", "deviation"):
+        for name in ("q", "v", "measurement", "prediction", "std"):
             np.testing.assert_array_equal(last[name], kept[name].values[-1])
     assert last["coverage"] == json.loads(said.out)["coverage"]
 

@@ -35,7 +35,7 @@ from patagium.live.tally import Tally
 from patagium.sensing.force.air_force import packet_columns
 
 COUNT = 2000
-LEARN = ("--prior-deviation", "0.3", "--measurement-deviation", "3e-4", "--spread", "1.7")
+LEARN = ("--prior-std", "0.3", "--measurement-std", "3e-4", "--spread", "1.7")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def pipeline():
     robot = pt.load_robot("aerobat")
     network = pt.StripNetwork(robot, (4,))
     return Pipeline(
-        pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=3e-4, spread=1.7),
+        pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7),
         robot,
     )
 
@@ -86,9 +86,7 @@ def learned_from(source, pipeline, sink=None, rhythms=(), most=None, room=COUNT)
 def weights_after(packets):
     robot = pt.load_robot("aerobat")
     network = pt.StripNetwork(robot, (4,))
-    learner = pt.CubatureLearner(
-        network, prior_deviation=0.3, measurement_deviation=3e-4, spread=1.7
-    )
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7)
     Pipeline(learner, robot).run(packets)
     return learner.weights
 
@@ -246,7 +244,7 @@ def test_a_network_with_memory_goes_on_where_it_stood(packets, tmp_path, capsys)
     log, words = tmp_path / "log.csv", ["stream", "", "--robot", "aerobat", "--idle", "0.1"]
     words[1] = str(log)
     words += ["--network", "hidden_flow", "--hidden", "4", "--learner", "extended", "--json"]
-    words += ["--prior-deviation", "0.1", "--measurement-deviation", "3e-3"]
+    words += ["--prior-std", "0.1", "--measurement-std", "3e-3"]
     for state, part in (("a", packets[:20]), ("a", packets[20:50]), ("b", packets[:50])):
         log.write_bytes(text_of(part))
         with pytest.raises(SystemExit) as left:
@@ -262,7 +260,7 @@ def test_options_reach_the_learner(packets, tmp_path, capsys):
     log, record = tmp_path / "log.csv", tmp_path / "stream.nc"
     log.write_bytes(text_of(packets[:100]))
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
-    words += ["--covariance", "node", "--dtype", "float32", "--outlier-deviation", "6"]
+    words += ["--covariance", "node", "--dtype", "float32", "--outlier-std", "6"]
     words += ["--noise-memory", "500", "--change-window", "10", "--change-reference", "200"]
     words += ["--false-alarm-rate", "1e-6", "--samples", "80", "--record", str(record)]
     with pytest.raises(SystemExit) as left:
@@ -273,7 +271,7 @@ def test_options_reach_the_learner(packets, tmp_path, capsys):
         assert kept.sizes["time"] == 80
         learner = json.loads(kept.attrs["learner"])
     assert (learner["covariance"], learner["dtype"]) == ("node", "float32")
-    assert learner["screening"]["outlier_deviation"] == 6.0
+    assert learner["screening"]["outlier_std"] == 6.0
     assert learner["noise_estimation"]["memory"] == 500
     assert learner["change_detection"]["window"] == 10
 

@@ -49,7 +49,7 @@ def test_body_acceleration_of_the_px4_log_is_recovered(ulog: None, tmp_path: Pat
     # specific force turned into the world is 1 g up; what it leaves of the change of velocity is
     # the accelerometer's bias (0.13 m/s^2 upward) and noise of its size
     np.testing.assert_allclose(fact["mean_in_world"], [0.0, 0.0, 9.80665], atol=0.2)
-    assert max(fact["residual_deviation"]) < 0.1 and max(np.abs(fact["residual_mean"])) < 0.15
+    assert max(fact["residual_std"]) < 0.1 and max(np.abs(fact["residual_mean"])) < 0.15
     assert {one.kind for one in found.findings if one.level == "warning"} == {"gap"}
     log = load_log(found.path)
     attitude = log["attitude"].to_numpy()
@@ -115,7 +115,7 @@ def test_the_crazyflie_log_is_imported_and_learned_from(
     monkeypatch.chdir(tmp_path)
     assert say("import", CRAZYFLIE, "--map", mapping) == 0
     assert (tmp_path / "log16.nc").exists()
-    learn = ("--hidden", "4", "--prior-deviation", "0.5", "--measurement-deviation", "0.6")
+    learn = ("--hidden", "4", "--prior-std", "0.5", "--measurement-std", "0.6")
     assert say("identify", "log16.nc", *learn, "--json", "--model", "model.json") == 0
     out = capsys.readouterr().out
     scores = json.loads(out[out.index("\n{") :])
@@ -138,10 +138,10 @@ def test_a_mapping_with_an_imported_log_is_refused(
     )
     out = tmp_path / "a.nc"
     assert say("import", tmp_path / "a.csv.gz", "--map", mapping, "-o", out) == 0
-    deviations = ("--prior-deviation", "0.5", "--measurement-deviation", "0.6")
-    assert say("identify", out, "--mapping", mapping, *deviations) == 2
+    stds = ("--prior-std", "0.5", "--measurement-std", "0.6")
+    assert say("identify", out, "--mapping", mapping, *stds) == 2
     assert "carries its own" in capsys.readouterr().err
-    assert say("identify", out, *deviations) == 2
+    assert say("identify", out, *stds) == 2
     assert "named channels only: acc.x" in capsys.readouterr().err
     assert say("check", out, "--json") == 0
     assert json.loads(capsys.readouterr().out)["numbers"] == ["acc.x [m/s^2]"]

@@ -95,7 +95,7 @@ def test_the_file_says_what_was_chosen_for_what(folder: Path) -> None:
     assert (words["flight"], words["every"]) == ("flight.nc", 10)
     assert words["network"]["kind"] == "strip" and words["network"]["hidden"] in ([3], [4])
     assert words["learner"]["covariance"] == "node"
-    assert len(words["learner"]["measurement_deviation"]) == 14
+    assert len(words["learner"]["measurement_std"]) == 14
     scores = [trial["log_likelihood_second_half"] for trial in words["trials"]]
     assert scores == sorted(scores, reverse=True)
     assert words["foresight"]["log_likelihood_second_half"] == scores[0]
@@ -133,7 +133,7 @@ def test_identify_takes_the_settings_and_options_count_more(folder: Path, speak:
     learned = json.loads(model.read_text("utf-8"))
     assert (learned["learner"]["spread"], learned["learner"]["seed"]) == (1.5, 2)
     assert learned["learner"]["covariance"] == {"rank": 2}
-    assert learned["learner"]["prior_deviation"] == chosen["learner"]["prior_deviation"]
+    assert learned["learner"]["prior_std"] == chosen["learner"]["prior_std"]
     assert learned["network"]["hidden"] == [5]
 
 

@@ -11,12 +11,12 @@ from patagium.learning.calibration import NOMINAL, calibration_scores, reliabili
 
 
 def test_gaussian_errors_are_on_the_diagonal(rng):
-    deviation = rng.uniform(0.1, 10, (20_000, 2))
-    error = deviation * rng.normal(size=deviation.shape)
+    std = rng.uniform(0.1, 10, (20_000, 2))
+    error = std * rng.normal(size=std.shape)
     error[::7, 0] = np.nan
     # 40,000 draws: three deviations of a share are below 0.0075
-    np.testing.assert_allclose(reliability(error, deviation), NOMINAL, atol=0.0075)
-    assert (reliability(error, 2 * deviation) > NOMINAL).all()
+    np.testing.assert_allclose(reliability(error, std), NOMINAL, atol=0.0075)
+    assert (reliability(error, 2 * std) > NOMINAL).all()
     assert np.isnan(reliability(np.zeros((0, 2)), np.zeros((0, 2)))).all()
 
 
@@ -24,8 +24,8 @@ def test_gaussian_errors_are_on_the_diagonal(rng):
 def test_normalized_innovations_say_how_sure_it_is(sureness, rng):
     innovation = sureness * rng.normal(size=(5000, 3))
     innovation[::5, 1] = np.nan
-    deviation = np.ones_like(innovation)
-    scores = calibration_scores(innovation, deviation, np.nansum(innovation**2, axis=1), "abc")
+    std = np.ones_like(innovation)
+    scores = calibration_scores(innovation, std, np.nansum(innovation**2, axis=1), "abc")
     assert scores["nis_per_channel"] == pytest.approx(sureness**2, rel=0.05)  # 14,000 draws
     assert (abs(scores["nis_inside"] - 0.95) < 0.01) == (sureness == 1.0)
     assert max(abs(value) for value in scores["innovation_correlation"].values()) < 0.05
@@ -42,7 +42,7 @@ def test_a_learner_that_finds_its_noise_is_calibrated(rng, tmp_path):
     network = pt.DenseNetwork(2, (), 2)
     x = rng.normal(size=(3000, 2))
     y = network.evaluate(x, network.initial(4)) + [0.3, 0.03] * rng.normal(size=(3000, 2))
-    time, told = np.arange(3000) * 1e-3, {"prior_deviation": 1.0, "measurement_deviation": 1.0}
+    time, told = np.arange(3000) * 1e-3, {"prior_std": 1.0, "measurement_std": 1.0}
     sure, found = (
         stream(pt.CubatureLearner(network, noise_estimation=noise, **told), time, x, y, every=1)
         for noise in (None, pt.NoiseEstimation(300))
@@ -62,7 +62,7 @@ def test_what_happened_to_samples_is_in_scores_and_page(rng, tmp_path):
     y[50:60, 1] = np.nan
     y[100] = 1e4
     learner = pt.CubatureLearner(
-        network, prior_deviation=0.5, measurement_deviation=1.0, screening=pt.Screening()
+        network, prior_std=0.5, measurement_std=1.0, screening=pt.Screening()
     )
     result = stream(learner, np.arange(300) * 1e-3, x, y, every=1)
     assert result.scores["events"] == {"missing": 10, "outliers": 2}

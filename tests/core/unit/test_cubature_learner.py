@@ -22,7 +22,7 @@ def engine(request, monkeypatch):
 
 def learner_of(**options):
     network = pt.DenseNetwork(3, (4,), 2)
-    setting = {"prior_deviation": 0.5, "measurement_deviation": 0.1} | options
+    setting = {"prior_std": 0.5, "measurement_std": 0.1} | options
     return pt.CubatureLearner(network, **setting)
 
 
@@ -36,7 +36,7 @@ def taught(count=20, **options):
 FORMS = [
     {},
     {"square_root": "cholesky"},
-    {"process_deviation": 0.01, "forgetting_factor": 0.99},
+    {"process_std": 0.01, "forgetting_factor": 0.99},
     {"dtype": "float32"},
 ]
 
@@ -92,20 +92,20 @@ def test_same_seed_same_weights_other_seed_others():
 
 
 def test_prior_is_divided_by_the_fan_in():
-    learner = learner_of(prior_deviation=0.6)
+    learner = learner_of(prior_std=0.6)
     np.testing.assert_allclose(
         learner.covariance, np.diag(0.36 / learner.network.fan_in), atol=1e-15
     )
     each = np.arange(1.0, learner.network.size + 1)
     np.testing.assert_allclose(
-        np.diag(learner_of(prior_deviation=each).covariance),
+        np.diag(learner_of(prior_std=each).covariance),
         each**2 / learner.network.fan_in,
         rtol=1e-12,
     )
 
 
 def test_deviations_may_differ_by_output():
-    learner = learner_of(prior_deviation=1e-9, measurement_deviation=[0.1, 0.3])
+    learner = learner_of(prior_std=1e-9, measurement_std=[0.1, 0.3])
     _, covariance = learner.predict(np.zeros(3))
     np.testing.assert_allclose(covariance, np.diag([0.01, 0.09]), atol=1e-12)
 
@@ -113,7 +113,7 @@ def test_deviations_may_differ_by_output():
 def test_a_lost_covariance_is_said_and_the_state_kept():
     # Algorithm 1 in single precision cannot hold what a sharp measurement leaves.
     learner = learner_of(
-        square_root="cholesky", dtype="float32", prior_deviation=100.0, measurement_deviation=1e-6
+        square_root="cholesky", dtype="float32", prior_std=100.0, measurement_std=1e-6
     )
     draw = np.random.default_rng(0)
     with pytest.raises(FilterDiverged, match="positive definite") as caught:
@@ -121,7 +121,7 @@ def test_a_lost_covariance_is_said_and_the_state_kept():
             before = learner.weights
             learner.update(draw.normal(size=3), draw.normal(size=2))
     assert caught.value.outcome is Outcome.COVARIANCE_LOST
-    assert "measurement_deviation" in str(caught.value)
+    assert "measurement_std" in str(caught.value)
     np.testing.assert_array_equal(learner.weights, before)
     with pytest.raises(FilterDiverged):
         learner.predict(np.zeros(3))
@@ -139,7 +139,7 @@ def test_it_describes_itself_and_keeps_time():
     learner = taught(spread=3**0.5, forgetting_factor=0.99)
     words = json.loads(json.dumps(learner.describe()))
     assert words["kind"] == "cubature" and words["spread"] == pytest.approx(3**0.5)
-    assert words["prior_deviation"] == 0.5 and words["forgetting_factor"] == 0.99
+    assert words["prior_std"] == 0.5 and words["forgetting_factor"] == 0.99
     assert words["network"] == learner.network.describe()
     assert learner_of().spread == pytest.approx(learner.network.size**0.5)
     assert 1e-6 < learner.time_per_update < 1.0
@@ -149,9 +149,9 @@ def test_it_describes_itself_and_keeps_time():
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        ({"prior_deviation": 0.0}, "prior_deviation"),
-        ({"measurement_deviation": -1.0}, "measurement_deviation"),
-        ({"process_deviation": np.nan}, "process_deviation"),
+        ({"prior_std": 0.0}, "prior_std"),
+        ({"measurement_std": -1.0}, "measurement_std"),
+        ({"process_std": np.nan}, "process_std"),
         ({"spread": 0.0}, "spread"),
         ({"forgetting_factor": 1.01}, "forgetting_factor"),
         ({"square_root": "qr"}, "square_root"),
@@ -164,11 +164,11 @@ def test_wrong_settings_are_named(options, named):
 
 
 def test_wrong_shapes_are_named():
-    with pytest.raises(ShapeError, match="measurement_deviation"):
-        learner_of(measurement_deviation=[1.0, 1.0, 1.0])
+    with pytest.raises(ShapeError, match="measurement_std"):
+        learner_of(measurement_std=[1.0, 1.0, 1.0])
     with pytest.raises(ShapeError, match="x: expected"):
         learner_of().update(np.zeros(2), np.zeros(2))
     with pytest.raises(ShapeError, match="y: expected"):
         learner_of().update(np.zeros(3), np.zeros(3))
-    with pytest.raises(ParameterError, match="prior_deviation: expected positive numbers"):
-        pt.CubatureLearner(pt.DenseNetwork(3, (4,), 2), measurement_deviation=1.0)
+    with pytest.raises(ParameterError, match="prior_std: expected positive numbers"):
+        pt.CubatureLearner(pt.DenseNetwork(3, (4,), 2), measurement_std=1.0)

@@ -101,16 +101,16 @@ def test_numbers_are_found_and_kept_in_files(learner, grey, robot, tmp_path):
     y = grey.evaluate(grey.recall(truth, time, x[:, :6])[0], truth)
     noise = 0.01 * y.std(axis=0)
     y = y + noise * np.random.default_rng(1).normal(size=y.shape)
-    student = learner(grey, measurement_deviation=noise)
+    student = learner(grey, measurement_std=noise)
     assert np.allclose(student.variances, 1.0)
     result = stream(student, time, x[:, :6], y, every=3)
     assert result.scores["nmse_second_half_worst"] < 1e-3
     found, expected = grey.estimates(student.weights, student.variances), grey.estimates(truth)
     for one, right in zip(found, expected, strict=True):
-        assert abs(one.value - right.value) < 3 * one.deviation < one.prior_deviation
+        assert abs(one.value - right.value) < 3 * one.std < one.prior_std
     path = result.prediction["parameter_value"]
     assert path.shape == (100, 3) and path[-1, 0] == found[0].value
-    assert result.scores["parameter_deviation"]["lags.rate[0]"] == found[0].deviation
+    assert result.scores["parameter_std"]["lags.rate[0]"] == found[0].std
     model = load_model(save_model(tmp_path / "m.json", model_of(student)))
     again = compare(model, time, x[:, :6], y)
     assert again.scores["parameter_value"] == result.scores["parameter_value"]
@@ -131,7 +131,7 @@ def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), estimate, pt.AddedMass(robot, AIR, factor=0.8))
     assert grey.needs_acceleration and grey.explains_added_mass
     assert samples(flight, grey, robot=robot)[1].shape == (501, 9)
-    learner = pt.ExtendedLearner(grey, measurement_deviation=1e-4)
+    learner = pt.ExtendedLearner(grey, measurement_std=1e-4)
     result = pt.identify(flight, learner, every=5, robot=robot)
     right = {"wing.mass": 0.005, "wing[1].chord": 0.1, "added_mass.factor": 1.0}
     for name, value in result.scores["parameter_value"].items():
@@ -163,7 +163,7 @@ def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
     weights = grey.initial(3)
     physics = pt.QuasiSteady(robot, AIR).batch.generalized_force(x[:, :3], x[:, 3:])
     assert np.allclose(grey.evaluate(x, weights), physics, rtol=1e-12, atol=1e-15)
-    learner = pt.ExtendedLearner(grey, prior_deviation=0.5, measurement_deviation=1e-3)
+    learner = pt.ExtendedLearner(grey, prior_std=0.5, measurement_std=1e-3)
     assert learner.variances[0] == 1.0
     assert learner.variances[1:] == pytest.approx(0.25 / beside.fan_in)
     stream(learner, time, x, 1.3 * physics + 0.01, every=2)
@@ -177,8 +177,8 @@ def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
     row, points = x[5], moved + 0.1 * np.random.default_rng(0).normal(size=(5, grey.size))
     values = grey.values(grey.encode_one(row), points)
     assert np.allclose(values, [grey(row, point) for point in points], rtol=1e-12)
-    with pytest.raises(ParameterError, match="prior_deviation"):
-        pt.ExtendedLearner(grey, measurement_deviation=1e-3)
+    with pytest.raises(ParameterError, match="prior_std"):
+        pt.ExtendedLearner(grey, measurement_std=1e-3)
 
 
 class Faded(Network):
@@ -254,9 +254,9 @@ def test_it_is_made_again(grey, log):
 
 
 def test_wandering_is_said_in_own_units(grey):
-    assert grey.deviations({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
+    assert grey.stds({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
     with pytest.raises(ParameterError, match="wandering"):
-        grey.deviations({"section.profile_drag": 0.1})
+        grey.stds({"section.profile_drag": 0.1})
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_memory_moves_with_the_weights(network, weights, log):
 def test_learners_take_it(kind, network, log):
     time, state = log
     options = {} if kind is pt.ExtendedLearner else {"spread": 1.7}
-    learner = kind(network, prior_deviation=1.0, measurement_deviation=0.01, **options)
+    learner = kind(network, prior_std=1.0, measurement_std=0.01, **options)
     truth = network.initial(9)
     y = network.evaluate(network.recall(truth, time, state)[0], truth)
     found = stream(learner, time, state, y, every=2)

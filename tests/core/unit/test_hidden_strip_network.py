@@ -166,7 +166,7 @@ def test_what_it_cannot_be_is_refused(robot):
 def test_streams_and_comparisons_recall(network, weights, log, kind):
     time, state = log
     y = network.evaluate(recalled(network, weights, time, state), weights)
-    learner = kind(network, prior_deviation=0.1, measurement_deviation=1e-3 * np.abs(y).max())
+    learner = kind(network, prior_std=0.1, measurement_std=1e-3 * np.abs(y).max())
     before = compare(learner, time, state, y).prediction["prediction"].values
     found = stream(learner, time, state, y, every=2).prediction["prediction"].values
     assert np.abs(found - y)[-5:].max() < 0.5 * np.abs(before - y)[-5:].max()

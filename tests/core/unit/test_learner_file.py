@@ -21,7 +21,7 @@ from patagium.live import AutoSave
 
 def learner_of(hidden: tuple[int, ...] = (4,), **options: Any) -> pt.CubatureLearner:
     network = pt.DenseNetwork(3, hidden, 2)
-    setting = {"prior_deviation": 0.5, "measurement_deviation": 0.1, "covariance": "node"}
+    setting = {"prior_std": 0.5, "measurement_std": 0.1, "covariance": "node"}
     return pt.CubatureLearner(network, **setting | options)
 
 
@@ -121,7 +121,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         (lambda h: h["learner"]["network"].update(hidden=[5]), "expected shape"),
         (lambda h: h["learner"].update(covariance="layer"), "expected shape"),
         (lambda h: h["learner"].update(covariance={"rank": 2}), "diagonal"),
-        (lambda h: h["learner"].update(prior_deviation=-1.0), "prior_deviation"),
+        (lambda h: h["learner"].update(prior_std=-1.0), "prior_std"),
         (lambda h: h["state"].pop("count"), "count"),
         (lambda h: h["arrays"].pop("filter_mean"), "filter_root|mean"),
         (lambda h: h["arrays"]["filter_root"].__setitem__(1, [10**6]), "cannot be made again"),
@@ -140,7 +140,7 @@ def test_contents_that_do_not_fit_are_refused(
     ("other", "message"),
     [
         (learner_of((5,)), r"network\.hidden: expected \[5\], found \[4\]"),
-        (learner_of(prior_deviation=0.4), r"prior_deviation: expected 0\.4, found 0\.5"),
+        (learner_of(prior_std=0.4), r"prior_std: expected 0\.4, found 0\.5"),
         (learner_of(covariance="full"), r"covariance: expected 'full', found 'node'"),
         (
             pt.GradientLearner(pt.DenseNetwork(3, (4,), 2), learning_rate=0.1),
@@ -159,16 +159,14 @@ def test_another_learner_than_the_one_asked_for_is_refused(
 
 def test_centers_and_scales_may_differ(tmp_path: Path) -> None:
     scaled = pt.DenseNetwork(3, (4,), 2, input_center=1.0, output_scale=[2.0, 3.0])
-    setting = {"prior_deviation": 0.5, "measurement_deviation": 0.1, "covariance": "node"}
+    setting = {"prior_std": 0.5, "measurement_std": 0.1, "covariance": "node"}
     path = pt.CubatureLearner(scaled, **setting).save(tmp_path / "learner.state")
     again = pt.load_learner(path, like=learner_of())
     assert again.network.describe() == scaled.describe()
 
 
 def test_a_difference_deep_in_a_long_value_is_shown(tmp_path: Path) -> None:
-    one, other = (
-        learner_of(prior_deviation=np.append(np.full(25, 0.5), last)) for last in (0.25, 0.75)
-    )
+    one, other = (learner_of(prior_std=np.append(np.full(25, 0.5), last)) for last in (0.25, 0.75))
     path = one.save(tmp_path / "learner.state")
     with pytest.raises(LogError, match=r"expected \.\.\.[0., 5]*, 0\.75.* found \.\.\..*0\.25"):
         pt.load_learner(path, like=other)
@@ -257,7 +255,7 @@ def test_a_clock_goes_on_unless_it_is_restarted(kind: str, tmp_path: Path) -> No
     learner: Resumable = {
         "filter": learner_of(),
         "gradient": pt.GradientLearner(base, learning_rate=0.1),
-        "linear": pt.LinearLearner(base, prior_deviation=1.0, measurement_deviation=0.1),
+        "linear": pt.LinearLearner(base, prior_std=1.0, measurement_std=0.1),
     }[kind]
     learner.update([1, 0, 0], [1, 1], 5.0)
     again = pt.load_learner(learner.save(tmp_path / "learner.state"))

@@ -33,7 +33,7 @@ def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> Table
 
 def learner(table: Table) -> pt.CubatureLearner:
     return pt.CubatureLearner(
-        network_for(table, (4,)), prior_deviation=0.5, measurement_deviation=0.02, spread=0.5
+        network_for(table, (4,)), prior_std=0.5, measurement_std=0.02, spread=0.5
     )
 
 

@@ -50,7 +50,7 @@ def record(tmp_path: Path) -> Any:
 
 def learner(table: Table) -> pt.CubatureLearner:
     return pt.CubatureLearner(
-        network_for(table, (3,)), prior_deviation=0.5, measurement_deviation=0.05, spread=0.5
+        network_for(table, (3,)), prior_std=0.5, measurement_std=0.05, spread=0.5
     )
 
 

@@ -14,7 +14,7 @@ from patagium.learning.model_file import Model, load_model, model_of, save_model
 
 def taught(rng: np.random.Generator, **options: Any) -> pt.CubatureLearner:
     network = pt.DenseNetwork(3, (4,), ("lift", "drag"), input_scale=2.0, output_center=0.1)
-    setting = {"prior_deviation": 0.5, "measurement_deviation": (0.1, 0.3), "spread": 0.2}
+    setting = {"prior_std": 0.5, "measurement_std": (0.1, 0.3), "spread": 0.2}
     learner = pt.CubatureLearner(network, **setting, **options)
     for x in rng.normal(size=(30, 3)):
         learner.update(x, [x[0], x[1] * x[2]])
@@ -77,18 +77,16 @@ def test_a_structured_covariance_is_kept_as_it_is(
 
 def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> None:
     learner = taught(rng, noise_estimation=pt.NoiseEstimation(memory=10))
-    deviation = model_of(learner).measurement_deviation
-    np.testing.assert_array_equal(deviation, learner.measurement_deviation)
-    assert np.abs(deviation - [0.1, 0.3]).max() > 0.01
+    std = model_of(learner).measurement_std
+    np.testing.assert_array_equal(std, learner.measurement_std)
+    assert np.abs(std - [0.1, 0.3]).max() > 0.01
 
 
 def test_a_linear_learner_keeps_one_block_an_output(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
     base = pt.DenseNetwork(3, (), ("lift", "drag"))
-    learner = pt.LinearLearner(
-        base, prior_deviation=1.0, measurement_deviation=0.1, features=6, seed=2
-    )
+    learner = pt.LinearLearner(base, prior_std=1.0, measurement_std=0.1, features=6, seed=2)
     for x in rng.normal(size=(20, 3)):
         learner.update(x, [x[0], x[1] * x[2]])
     model = load_model(save_model(tmp_path / "model.json", learner))
@@ -100,7 +98,7 @@ def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Gener
     network = pt.DenseNetwork(40, (500,), 2)
     for covariance in ("node", pt.LowRank(4)):
         learner = pt.CubatureLearner(
-            network, prior_deviation=0.5, measurement_deviation=0.1, covariance=covariance
+            network, prior_std=0.5, measurement_std=0.1, covariance=covariance
         )
         model = load_model(save_model(tmp_path / "model.json", learner))
         assert (tmp_path / "model.json").stat().st_size < 12e6  # n^2 numbers: 3.7 GB

@@ -11,7 +11,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.dynamics.poses import poses_at
-from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
+from patagium.errors import ParameterError, ShapeError
 from patagium.live.record import StreamFile
 from patagium.live.sender import flight_packets
 from patagium.report.views import flight_overview
@@ -224,24 +224,6 @@ bodies:
         load_robot_text(written)
 
 
-def test_starts_that_cannot_be_are_refused(pair):
-    robot = pair[1]
-    fly = {"duration": 1e-3, "time_step": 5e-4}
-    gait, aero = pt.gaits.still(robot), pt.QuasiSteady(robot)
-    with pytest.raises(ParameterError, match=r"quaternion of length 1, found 'one of 2'"):
-        pt.simulate(robot, aero, gait, q=robot.coordinates() * 2, **fly)
-    with pytest.raises(ShapeError, match=r"q: expected shape \(9,\), found \(8,\)"):
-        pt.simulate(robot, aero, gait, q=np.zeros(8), **fly)
-    with pytest.raises(ParameterError, match=r"glider with a quaternion, found 'glider'"):
-        pt.simulate(robot, pt.QuasiSteady(pair[0]), gait, **fly)
-    with pytest.raises(ParameterError, match=r"Euler angles, as published, found 'quaternion'"):
-        pt.simulate_published(
-            robot, aero, frequency=5.0, amplitude=0.3, duration=1.0, time_step=1e-3
-        )
-    with pytest.raises(ShapeError, match=r"\(9,\)"):
-        aero.generalized_force(np.zeros(8), np.zeros(8))
-
-
 def test_a_flight_has_a_dimension_for_q(flight, pair, tmp_path):
     robot = pair[1]
     assert flight.q.dims == ("time", "coordinate") and flight.v.dims == ("time", "dof")
@@ -302,14 +284,14 @@ def test_a_learner_learns_a_flight(flight):
     from patagium.simulation import robot_of
 
     network = pt.StripNetwork(robot_of(flight), hidden=(4,))
-    learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=1e-3)
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-3)
     result = pt.identify(flight, learner, every=4)
     assert result.scores["nmse"]["z"] < 0.1
 
 
 def test_a_flight_is_replayed(flight, pair, tmp_path):
     network = pt.StripNetwork(pair[1], hidden=(4,))
-    learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=1e-3)
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-3)
     page = replay(flight, tmp_path / "f.html", predicted=learner).read_text()
     assert "qw" in page and "nan" not in page.lower().split("<script")[0]
     position, rotation = poses_at(pair[1], flight.q.values)
@@ -339,9 +321,7 @@ def test_packets_hold_q_as_it_is(flight, pair, tmp_path):
     assert packets.shape == (50, 34)
     network = pt.StripNetwork(robot, hidden=(4,))
     pipelines = [
-        pt.Pipeline(
-            pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=1e-3), robot
-        )
+        pt.Pipeline(pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-3), robot)
         for _ in range(2)
     ]
     pipelines[1]._chain = None
@@ -382,3 +362,17 @@ def test_the_command_line_flies_straight_up(pair, tmp_path, capsys):
     assert say("check", str(path), "--json")[0] == 0
     code, answer = say(*words)
     assert code == 2 and "--attitude quaternion" in answer.err
+
+
+def test_starts_that_cannot_be_are_refused(pair):
+    robot = pair[1]
+    fly = {"duration": 1e-3, "time_step": 5e-4}
+    gait, aero = pt.gaits.still(robot), pt.QuasiSteady(robot)
+    with pytest.raises(ParameterError, match=r"quaternion of length 1, found 'one of 2'"):
+        pt.simulate(robot, aero, gait, q=robot.coordinates() * 2, **fly)
+    with pytest.raises(ShapeError, match=r"q: expected shape \(9,\), found \(8,\)"):
+        pt.simulate(robot, aero, gait, q=np.zeros(8), **fly)
+    with pytest.raises(ParameterError, match=r"glider with a quaternion, found 'glider'"):
+        pt.simulate(robot, pt.QuasiSteady(pair[0]), gait, **fly)
+    with pytest.raises(ShapeError, match=r"\(9,\)"):
+        aero.generalized_force(np.zeros(8), np.zeros(8))

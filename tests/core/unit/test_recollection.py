@@ -10,7 +10,7 @@ from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.recollection import Observed, Recollection
 from patagium.learning.models.structure import blocks_of
 from patagium.learning.stream import stream
-from patagium.learning.tuning.foresight import foresee
+from patagium.learning.tuning.foresight import predict
 
 
 class Lag(Network):
@@ -68,7 +68,7 @@ def test_an_update_moves_what_is_remembered_along_its_slopes():
 
 
 def test_a_stream_recalls_with_the_weights_it_has():
-    """Weights change at every used sample; what was foreseen follows from them by hand."""
+    """Weights change at every used sample; what was predicted follows from them by hand."""
 
     class Clerk:
         network, variances, time_per_update, events = LAG, None, 0.0, {}
@@ -108,7 +108,7 @@ def test_what_lies_between_used_samples_is_foreseen_with():
 
     log = Observed(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
     y = np.arange(1.0, 5.0)[:, None]
-    foresee(Clerk(), log, y, y > 0)
+    predict(Clerk(), log, y, y > 0)
     assert np.array_equal(seen, LAG.recall(WEIGHTS, TIME, SIGNAL)[0][::5])
     part = log.part(1, 3)
     assert part.used.tolist() == [0, 5] and np.array_equal(part.time, TIME[5:11])

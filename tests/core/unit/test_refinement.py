@@ -12,7 +12,7 @@ TIME = np.arange(60) * 0.01
 
 
 def learned(network, x, y, **options):
-    learner = pt.ExtendedLearner(network, prior_deviation=1.0, measurement_deviation=0.1, **options)
+    learner = pt.ExtendedLearner(network, prior_std=1.0, measurement_std=0.1, **options)
     stream(learner, TIME, x, y, every=2)
     return learner
 
@@ -51,6 +51,6 @@ def test_of_another_the_cost_is_minimal():
     spread = np.sqrt(np.diagonal(model.covariance))
     for shift in np.diag(0.2 * spread):
         assert cost(model.weights + shift) > best < cost(model.weights - shift)
-    assert model.measurement_deviation == pytest.approx([0.1])
+    assert model.measurement_std == pytest.approx([0.1])
     with pytest.raises(ShapeError, match="y"):
         refine(learner, TIME, x, y[:-1])

@@ -159,7 +159,7 @@ def test_comparison_draws_every_estimate_in_every_panel() -> None:
 def test_comparison_is_scaled_by_the_truth() -> None:
     time = np.linspace(0.0, 1.0, 30)
     figure = figures.comparison(
-        time, time, {"ran away": 1e6 * time}, names=["x"], units=["N"], deviation=np.ones(30)
+        time, time, {"ran away": 1e6 * time}, names=["x"], units=["N"], std=np.ones(30)
     )
     assert figure.axes[0].get_ylim()[1] < 2.0
 
@@ -196,7 +196,7 @@ def test_innovation_figure_has_a_panel_more_than_outputs(tmp_path: Path) -> None
     time = np.linspace(0.0, 1.0, 20)
     figure = figures.innovation_and_covariance(
         time, np.ones((20, 2)), np.exp(-time), names=["x", "y"], units=["N", "N"],
-        expected_deviation=np.ones((20, 2)),
+        expected_std=np.ones((20, 2)),
     )  # fmt: skip
     assert len(figure.axes) == 3
     assert figure.axes[-1].get_yscale() == "log"

@@ -8,7 +8,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError
 
-TOLD = {"prior_deviation": 0.5, "measurement_deviation": 0.1, "spread": 3**0.5}
+TOLD = {"prior_std": 0.5, "measurement_std": 0.1, "spread": 3**0.5}
 
 
 @pytest.fixture(params=["compiled", "fallback"])
@@ -96,9 +96,9 @@ def test_nothing_finite_or_not_stops_a_screened_learner(engine, rng):
         x[rng.integers(2)] = rng.choice([*odd, 0.1])
         y[rng.integers(2)] = rng.choice([*odd, 0.1])
         learner.update(x, y, rng.choice([None, *odd]))
-    assert np.isfinite(learner.weights).all() and np.isfinite(learner.measurement_deviation).all()
+    assert np.isfinite(learner.weights).all() and np.isfinite(learner.measurement_std).all()
     assert np.linalg.eigvalsh(learner.covariance).min() > 0
-    assert (learner.measurement_deviation > 0).all()
+    assert (learner.measurement_std > 0).all()
 
 
 @pytest.mark.parametrize("start", [0.1, 3.0])
@@ -109,13 +109,13 @@ def test_noise_is_found_channel_by_channel(structure, start, rng):
     learner = learner_of(
         network,
         covariance=structure,
-        measurement_deviation=start,
+        measurement_std=start,
         noise_estimation=pt.NoiseEstimation(300),
     )
     for x in rng.normal(size=(4000, 2)):
         learner.update(x, network(x, teacher) + true * rng.normal(size=3))
     # 300 samples give a deviation to 1 / sqrt(600) = 4 %; three of these
-    np.testing.assert_allclose(learner.measurement_deviation, true, rtol=0.12)
+    np.testing.assert_allclose(learner.measurement_std, true, rtol=0.12)
 
 
 def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
@@ -125,12 +125,12 @@ def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
     teacher, share = network.initial(3), 0.2
     learner = pt.CubatureLearner(
         network,
-        prior_deviation=0.3,
-        measurement_deviation=0.02,
+        prior_std=0.3,
+        measurement_std=0.02,
         spread=3**0.5,
         noise_estimation=pt.NoiseEstimation(500),
     )
-    deviations = []
+    stds = []
     for _ in range(3000):
         speed = rng.choice([1.0, 4.0])
         x = np.concatenate([0.2 * rng.normal(size=robot.dof), 0.3 * rng.normal(size=robot.dof)])
@@ -138,10 +138,8 @@ def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
         load = np.linalg.norm(network.encode_one(x).readout, axis=1)
         _, covariance = learner.predict(x)
         learner.update(x, network(x, teacher) + share * load * rng.normal(size=2))
-        deviations.append(np.append(np.sqrt(np.diag(covariance)) / (share * load), speed))
-    slow, fast = (
-        np.median([d[:2] for d in deviations[2000:] if d[2] == v], axis=0) for v in (1.0, 4.0)
-    )
+        stds.append(np.append(np.sqrt(np.diag(covariance)) / (share * load), speed))
+    slow, fast = (np.median([d[:2] for d in stds[2000:] if d[2] == v], axis=0) for v in (1.0, 4.0))
     np.testing.assert_allclose(fast, 1.0, rtol=0.15)  # 250 fast samples: 5 %, and the weights
     assert (slow < 4.0).all()  # one deviation for both would be 10 times too large here
 
@@ -149,20 +147,20 @@ def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: pt.Screening(outlier_deviation=1.0),
-        lambda: pt.Screening(outlier_deviation=np.nan),
+        lambda: pt.Screening(outlier_std=1.0),
+        lambda: pt.Screening(outlier_std=np.nan),
         lambda: pt.Screening(stuck_samples=1),
         lambda: pt.NoiseEstimation(5),
         lambda: pt.NoiseEstimation(10.5),
     ],
 )
 def test_settings_out_of_range_are_refused(wrong):
-    with pytest.raises(ParameterError, match="outlier_deviation|stuck_samples|memory"):
+    with pytest.raises(ParameterError, match="outlier_std|stuck_samples|memory"):
         wrong()
 
 
 def test_settings_are_described():
     learner = learner_of(screening=pt.Screening(), noise_estimation=pt.NoiseEstimation(50))
     told = learner.describe()
-    assert told["screening"] == {"outlier_deviation": 5.0, "stuck_samples": 50}
+    assert told["screening"] == {"outlier_std": 5.0, "stuck_samples": 50}
     assert told["noise_estimation"] == {"memory": 50}

@@ -295,7 +295,7 @@ def test_a_robot_by_quaternion_shows_the_same() -> None:
 
 
 def test_attitude_noise_turns_about_the_frames_own_axes() -> None:
-    camera = S.MotionCapture(body="body", rate=50.0, attitude_deviation=(0.0, 0.0, 0.01))
+    camera = S.MotionCapture(body="body", rate=50.0, attitude_std=(0.0, 0.0, 0.01))
     flight = at_rest(20.0, (0.0, 0.5, 0.3))
     log = pt.sense(flight, [camera])
     shown = from_quaternion(log["motioncapture"]["quaternion"].values)

@@ -131,7 +131,7 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
         smooth_chain(time, values[:5], 1.0, 1.0)
     with pytest.raises(ParameterError, match="order"):
         smooth_chain(time, values, 1.0, 1.0, order=7)
-    with pytest.raises(ParameterError, match="deviation"):
+    with pytest.raises(ParameterError, match="std"):
         smooth_chain(time, values, 0.0, 1.0)
     with pytest.raises(LogError, match="to advance"):
         smooth_chain(time[::-1], values, 1.0, 1.0)

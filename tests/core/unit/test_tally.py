@@ -11,10 +11,10 @@ from patagium.live.pipeline import Records
 from patagium.live.tally import Tally
 
 
-def records_of(y, guess, deviation, *, outcome=0.0, left_out=0.0, nanoseconds=1e4):
+def records_of(y, guess, std, *, outcome=0.0, left_out=0.0, nanoseconds=1e4):
     rest = np.zeros((len(y), 4))
     rest[:, 1], rest[:, 2], rest[:, 3] = outcome, left_out, nanoseconds
-    return Records(np.hstack([guess, deviation, y, rest]))
+    return Records(np.hstack([guess, std, y, rest]))
 
 
 @pytest.fixture
@@ -25,11 +25,11 @@ def samples(rng):
 
 
 def test_with_a_long_memory_it_is_the_score_of_all(samples):
-    y, guess, deviation = samples
+    y, guess, std = samples
     tally = Tally(3, 1e9)
     for start in range(0, 4000, 333):
         part = slice(start, start + 333)
-        tally.add(records_of(y[part], guess[part], deviation[part]))
+        tally.add(records_of(y[part], guess[part], std[part]))
     # a weight fades by 4e-6 over the samples
     np.testing.assert_allclose(tally.nmse, normalized_error(y, guess), rtol=1e-4)
     assert tally.nmse_mean == pytest.approx(np.nanmean(normalized_error(y, guess)), rel=1e-4)
@@ -38,9 +38,9 @@ def test_with_a_long_memory_it_is_the_score_of_all(samples):
 
 
 def test_blocks_do_not_matter(samples):
-    y, guess, deviation = samples
+    y, guess, std = samples
     whole, single = Tally(3, 50.0), Tally(3, 50.0)
-    whole.add(records_of(y, guess, deviation))
+    whole.add(records_of(y, guess, std))
     for k in range(4000):
         single.add(records_of(*(a[k : k + 1] for a in samples)))
     np.testing.assert_allclose(single.nmse, whole.nmse, rtol=1e-9)  # rounding of 4000 steps
@@ -48,23 +48,23 @@ def test_blocks_do_not_matter(samples):
 
 
 def test_a_short_memory_forgets(samples):
-    y, guess, deviation = samples
+    y, guess, std = samples
     tally = Tally(3, 100.0)
-    tally.add(records_of(y[:2000], guess[:2000] + 10.0, deviation[:2000]))
+    tally.add(records_of(y[:2000], guess[:2000] + 10.0, std[:2000]))
     assert tally.nmse_mean > 1 and tally.coverage == 0.0
-    tally.add(records_of(y[2000:], guess[2000:], deviation[2000:]))
+    tally.add(records_of(y[2000:], guess[2000:], std[2000:]))
     assert tally.nmse_mean < 0.02 and tally.coverage > 0.9
     assert tally.coverage_in_all < 0.6
 
 
 def test_what_was_left_out_or_not_foreseen_does_not_score(samples):
-    y, guess, deviation = (a.copy() for a in samples)
+    y, guess, std = (a.copy() for a in samples)
     guess[::2] = np.nan
     outcome = np.where(np.arange(4000) % 2, Outcome.COMPLETED, Outcome.NOT_FINITE)
     y[1::4, 1] = 1e9
     left_out = np.where(np.arange(4000) % 4 == 1, 2.0, 0.0)
     tally = Tally(3, 1e9)
-    tally.add(records_of(y, guess, deviation, outcome=outcome, left_out=left_out))
+    tally.add(records_of(y, guess, std, outcome=outcome, left_out=left_out))
     assert tally.nmse[1] == pytest.approx(normalized_error(y[3::4], guess[3::4])[1], rel=1e-3)
     assert (tally.samples, tally.learned, tally.failed) == (4000, 2000, 2000)
 

@@ -79,7 +79,7 @@ def learner(
     inputs: int, outputs: tuple[str, ...], scale: float | tuple[float, ...] = 10.0
 ) -> pt.CubatureLearner:
     network = pt.DenseNetwork(inputs, (6,), outputs, input_scale=scale, output_scale=0.2)
-    return pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=2e-3, spread=1.7)
+    return pt.CubatureLearner(network, prior_std=0.3, measurement_std=2e-3, spread=1.7)
 
 
 def test_identify_streams_a_flight_and_evaluate_does_not_teach(flight: xr.Dataset) -> None:
@@ -134,9 +134,7 @@ def test_a_load_cell_is_a_linear_function_of_the_strip_forces(flight: xr.Dataset
     network = pt.StripNetwork(robot, (4,), measured=balance)
     _, x, y, _ = samples(flight, network)
     np.testing.assert_allclose(y, flight["strip_force"].sum("strip")[:, [0, 2]], atol=1e-14)
-    learner = pt.CubatureLearner(
-        network, prior_deviation=0.3, measurement_deviation=1e-3, spread=1.7
-    )
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-3, spread=1.7)
     scores = identify(flight, learner, every=1).scores
     assert list(scores["nmse"]) == ["y0", "y1"]
     assert scores["nmse_second_half"]["y1"] < 0.05  # after one beat, four neurons
@@ -146,11 +144,11 @@ def test_a_load_cell_is_a_linear_function_of_the_strip_forces(flight: xr.Dataset
 def test_every_learner_goes_through_the_same_stream(flight: xr.Dataset, kind: str) -> None:
     hidden = () if kind == "linear" else (6,)
     network = pt.DenseNetwork(28, hidden, ("z",), input_scale=10.0, output_scale=0.2)
-    deviations = {"prior_deviation": 0.3, "measurement_deviation": 2e-3}
+    stds = {"prior_std": 0.3, "measurement_std": 2e-3}
     learner = {
-        "extended": lambda: pt.ExtendedLearner(network, **deviations),
+        "extended": lambda: pt.ExtendedLearner(network, **stds),
         "gradient": lambda: pt.GradientLearner(network, learning_rate=0.01),
-        "linear": lambda: pt.LinearLearner(network, features=20, **deviations),
+        "linear": lambda: pt.LinearLearner(network, features=20, **stds),
     }[kind]()
     scores = identify(flight, learner, every=1).scores
     assert scores["outcome"] == "COMPLETED" and scores["updates"] == 251

@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError
 from patagium.learning import CubatureLearner, DenseNetwork, ExtendedLearner, load_settings
-from patagium.learning.tuning.foresight import Foresight, foresee, moving
+from patagium.learning.tuning.foresight import Foresight, moving, predict
 from patagium.learning.tuning.journal import Journal
 from patagium.learning.tuning.knobs import (
     KNOBS,
@@ -49,7 +49,7 @@ def test_learners_take_whatever_the_knobs_say(kind: str) -> None:
         values = values_at(knobs, point)
         learner = LEARNERS[kind](network, **keywords(values))
         assert learner.describe()["covariance"] == values["covariance"]
-        ratio = values["measurement_deviation"][1] / values["measurement_deviation"][0]
+        ratio = values["measurement_std"][1] / values["measurement_std"][0]
         assert ratio == pytest.approx(2.0, rel=0.01)  # three digits
 
 
@@ -96,22 +96,22 @@ def test_search_is_fixed_by_its_seed_and_refuses_too_few_trials() -> None:
 def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Generator) -> None:
     network = DenseNetwork(2, (3,), 2)
     x, y = rng.standard_normal((20, 2)), rng.standard_normal((20, 2))
-    settings = {"prior_deviation": 0.5, "measurement_deviation": [0.3, 0.7], "spread": 1.0}
+    settings = {"prior_std": 0.5, "measurement_std": [0.3, 0.7], "spread": 1.0}
     learner = CubatureLearner(network, **settings)  # type: ignore[arg-type]
     density, inside = np.empty((20, 2)), np.empty((20, 2))
     for k in range(20):
         mean, covariance = learner.predict(x[k])
-        deviation = np.sqrt(np.diagonal(covariance))
-        density[k] = norm.logpdf(y[k], mean, deviation)
-        inside[k] = np.abs(y[k] - mean) <= norm.ppf(0.975) * deviation
+        std = np.sqrt(np.diagonal(covariance))
+        density[k] = norm.logpdf(y[k], mean, std)
+        inside[k] = np.abs(y[k] - mean) <= norm.ppf(0.975) * std
         learner.update(x[k], y[k])
     both = np.ones((20, 2), bool)
-    gave = foresee(CubatureLearner(network, **settings), x, y, both)  # type: ignore[arg-type]
+    gave = predict(CubatureLearner(network, **settings), x, y, both)  # type: ignore[arg-type]
     assert gave.log_likelihood == pytest.approx(density.sum(), rel=1e-9)  # rounding
     assert gave.log_likelihood_second_half == pytest.approx(density[10:].sum(), rel=1e-9)
     assert gave.coverage_second_half == pytest.approx(inside[10:].mean())
     first = both & [True, False]
-    one = foresee(CubatureLearner(network, **settings), x, y, first)  # type: ignore[arg-type]
+    one = predict(CubatureLearner(network, **settings), x, y, first)  # type: ignore[arg-type]
     assert one.log_likelihood == pytest.approx(density[:, 0].sum(), rel=1e-9)
 
 
@@ -135,9 +135,9 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
         network=SimpleNamespace(inputs=1, measured_inputs=1),
         weights=np.zeros(1),
     )
-    gave = foresee(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
-    mean, deviation = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
-    left_out = norm.logpdf(3.0, mean, deviation)
+    gave = predict(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
+    mean, std = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
+    left_out = norm.logpdf(3.0, mean, std)
     expected = norm.logpdf(0.5) + left_out + norm.logpdf(0.1)
     assert gave.log_likelihood == pytest.approx(expected, rel=1e-12)  # rounding
 
@@ -149,7 +149,7 @@ def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:
     network = SimpleNamespace(inputs=1, measured_inputs=1)
     learner = SimpleNamespace(update=update, count=0, network=network, weights=np.zeros(1))
     y = np.ones((4, 1))
-    gave = foresee(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
+    gave = predict(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
     assert (gave.score, gave.outcome) == (-inf, Outcome.COVARIANCE_LOST)
     assert "the covariance is lost" in gave.reason
 
@@ -186,7 +186,7 @@ def test_a_journal_of_another_question_is_refused(tmp_path: Path) -> None:
 SETTINGS = """\
 every: 10
 network: {kind: dense, hidden: [3]}
-learner: {prior_deviation: 0.5, measurement_deviation: [0.1, 0.2], covariance: {rank: 2}}
+learner: {prior_std: 0.5, measurement_std: [0.1, 0.2], covariance: {rank: 2}}
 """
 
 
@@ -196,7 +196,7 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
     settings = load_settings(path)
     learner = settings.made(DenseNetwork(2, (3,), 2))
     assert learner.describe()["covariance"] == {"rank": 2}
-    assert learner.describe()["measurement_deviation"] == [0.1, 0.2]
+    assert learner.describe()["measurement_std"] == [0.1, 0.2]
     assert load_settings(settings.save(tmp_path / "again.yaml")) == settings
     assert isinstance(settings, Settings)
 
@@ -212,9 +212,9 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
             "network.kind: Input should be 'strip', 'hidden_strip', 'flow', 'hidden_flow' or",
         ),
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
-        ("covariance", "covarance", "learner: covarance: expected one of prior_deviation, "),
-        ("prior_deviation: 0.5, ", "", "learner: prior_deviation: expected, but not there"),
-        (": 0.5", ": wide", "prior_deviation: expected a number such as 3.0e-4"),
+        ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
+        ("prior_std: 0.5, ", "", "learner: prior_std: expected, but not there"),
+        (": 0.5", ": wide", "prior_std: expected a number such as 3.0e-4"),
         ("{rank: 2}", "square", 'covariance: expected "full", "layer", "node"'),
         ("covariance: {rank: 2}", "noise_estimation: {span: 9}", "noise_estimation: expected one"),
         (SETTINGS, "a: b: c", "expected YAML"),

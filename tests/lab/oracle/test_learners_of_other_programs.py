@@ -17,7 +17,7 @@ from patagium_lab.rivals.weight_rival import WeightRival
 NETWORK = pt.DenseNetwork(
     3, (4,), 2, input_center=0.2, input_scale=1.5, output_center=[1, -1], output_scale=[2, 3]
 )
-ASSUMED = {"prior_deviation": 0.5, "measurement_deviation": [0.1, 0.2], "forgetting_factor": 0.98}
+ASSUMED = {"prior_std": 0.5, "measurement_std": [0.1, 0.2], "forgetting_factor": 0.98}
 
 
 def samples(rng, count=8):
@@ -28,13 +28,13 @@ def samples(rng, count=8):
 def agree(rival: WeightRival, learner, rng, tolerance: float) -> None:
     for x, y in samples(rng):
         expected = np.sqrt(np.diagonal(learner.predict(x)[1]))
-        np.testing.assert_allclose(rival.deviation(x), expected, rtol=tolerance)
+        np.testing.assert_allclose(rival.std(x), expected, rtol=tolerance)
         learner.update(x, y)
         rival.update(x, y)
         np.testing.assert_allclose(rival.weights, learner.weights, atol=tolerance)
         np.testing.assert_allclose(rival.covariance, learner.covariance, atol=tolerance)
         np.testing.assert_allclose(
-            rival.foresee(x[None])[0], NETWORK(x, learner.weights), atol=10 * tolerance
+            rival.predict(x[None])[0], NETWORK(x, learner.weights), atol=10 * tolerance
         )  # an output moves by its scale with a weight
 
 
@@ -67,7 +67,7 @@ def test_rebayes_low_rank_filter_is_ours_while_its_rank_suffices(rng):
     learner = pt.ExtendedLearner(NETWORK, covariance=pt.LowRank(4), **assumed)
     for x, y in samples(rng, 2):  # two samples of two outputs fill four columns
         expected = np.sqrt(np.diagonal(learner.predict(x)[1]))
-        np.testing.assert_allclose(rival.deviation(x), expected, rtol=1e-8)
+        np.testing.assert_allclose(rival.std(x), expected, rtol=1e-8)
         learner.update(x, y)
         rival.update(x, y)
         np.testing.assert_allclose(rival.weights, learner.weights, atol=1e-8)
@@ -78,13 +78,13 @@ import numpy as np, patagium as pt
 from patagium_lab.rivals.pytagi_network import PytagiNetwork
 rng = np.random.default_rng(0)
 network = pt.DenseNetwork(3, (8,), 2, output_scale=[2, 3])
-rival = PytagiNetwork(network, gain=1.0, measurement_deviation=[0.1, 0.2])
+rival = PytagiNetwork(network, gain=1.0, measurement_std=[0.1, 0.2])
 x = rng.normal(size=(400, 3))
 y = x @ rng.normal(size=(3, 2))
-before = np.mean((rival.foresee(x) - y) ** 2)
+before = np.mean((rival.predict(x) - y) ** 2)
 for one, measured in zip(x, y):
     rival.update(one, measured)
-assert np.mean((rival.foresee(x) - y) ** 2) < before / 5
+assert np.mean((rival.predict(x) - y) ** 2) < before / 5
 assert rival.deviation(x[0]).shape == (2,) and (rival.deviation(x[0]) > [0.099, 0.199]).all()
 """
 

@@ -17,7 +17,7 @@ def test_algorithm_1_learns_the_same_weights(activation, rng):
     network = pt.DenseNetwork(
         3, (5, 4), 2, activation, input_scale=2.0, output_center=[1, 2], output_scale=[3, 1]
     )
-    learner = pt.CubatureLearner(network, prior_deviation=0.5, measurement_deviation=0.1)
+    learner = pt.CubatureLearner(network, prior_std=0.5, measurement_std=0.1)
     rival = Algorithm1(network, 0.5 / np.sqrt(network.fan_in), np.full(2, 0.01))
     for _ in range(30):
         x, y = rng.normal(size=3), rng.normal(size=2)

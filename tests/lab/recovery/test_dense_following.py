@@ -32,8 +32,8 @@ def flow_learner(covariance):
     network = pt.FlowNetwork(pt.load_robot("aerobat"))
     return pt.CubatureLearner(
         network,
-        prior_deviation=1.0,
-        measurement_deviation=0.01 * network.force_scale(5.0),
+        prior_std=1.0,
+        measurement_std=0.01 * network.force_scale(5.0),
         spread=3**0.5,
         covariance=covariance,
         **MEMORY,
@@ -52,7 +52,7 @@ def test_blocks_of_neurons_foresee_10_ms_and_no_worse_than_the_full_covariance(f
 def test_flow_is_better_seen_than_coordinates(flight):
     mean, worst, *_ = ahead(flight, flow_learner("node"))
     known = make_network(SUBJECTS["corrected"], "inputs")  # scaled by known ranges
-    told = {"prior_deviation": 1.0, "measurement_deviation": 0.001 * known.output_scale, **MEMORY}
+    told = {"prior_std": 1.0, "measurement_std": 0.001 * known.output_scale, **MEMORY}
     squares = pt.LinearLearner(known, features=28, **told)  # as many neurons, held at random
     squares_mean, squares_worst, *_ = ahead(flight, squares)
     assert mean < squares_mean / 1.5  # .44 measured

@@ -13,7 +13,7 @@ def test_two_deviations_hold_the_truth_as_often_as_they_should(one_wing):
     far = np.abs([one.distances(one.refined) for one in found])
     assert (far <= 2).sum() >= 25
     scores = recovery_scores(found)
-    spread = scores["refined"]["deviation_over_prior"]
+    spread = scores["refined"]["std_over_prior"]
     assert set(spread) == set(PRIORS) and max(spread.values()) < 0.95  # all are learned
     assert spread["lags.rate[1]"] < 0.3 and spread["lags.lift[1]"] < 0.3
     assert 0.9 < scores["coverage_of_forces"] < 0.99

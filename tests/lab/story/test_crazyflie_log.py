@@ -43,7 +43,7 @@ def test_the_one_gap_is_stated(table: Table) -> None:
 def test_taking_off_is_learned_and_holding_a_sample_is_the_bar(table: Table) -> None:
     start = table.where(slice(14_000, 19_000))
     learner = CubatureLearner(
-        network_for(start, (8,)), prior_deviation=0.5, measurement_deviation=1.0, spread=1.7
+        network_for(start, (8,)), prior_std=0.5, measurement_std=1.0, spread=1.7
     )
     dense = identify_table(start, learner, every=1, horizons={"1s": 1.0}).scores
     assert dense["outcome"] == "COMPLETED"
@@ -121,12 +121,12 @@ def test_a_rotors_lag_is_found(table: Table) -> None:
     y = network.evaluate(recalled, truth) + 0.1 * np.random.default_rng(0).standard_normal(
         (4000, 1)
     )
-    learner = ExtendedLearner(network, prior_deviation=0.5, measurement_deviation=0.1)
+    learner = ExtendedLearner(network, prior_std=0.5, measurement_std=0.1)
     memory = Recollection(network, flight.time, flight.x, flight.gaps)
     for k in range(4000):
         before = learner.weights
         learner.update(memory.upto(k + 1, before)[-1], y[k])
         memory.heed(learner.weights - before)
     # the network beside may take up part: within three deviations as the filter states them
-    deviation = np.sqrt(learner.variances[0])
-    assert abs(learner.weights[0] - truth[0]) < 3 * deviation < 0.6
+    std = np.sqrt(learner.variances[0])
+    assert abs(learner.weights[0] - truth[0]) < 3 * std < 0.6

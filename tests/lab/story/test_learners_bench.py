@@ -17,7 +17,7 @@ from patagium_lab.learners.bench import run_learners
 from patagium_lab.learners.course import flight_course, load_course, log_course
 from patagium_lab.learners.entries import ENTRIES, SPANS, HeldSample, entries_of, entry
 from patagium_lab.learners.page import write_learners
-from patagium_lab.learners.race import Foreseen, RacePlan, draws, follow, race, search
+from patagium_lab.learners.race import Predicted, RacePlan, draws, follow, race, search
 
 PLAN = RacePlan(after=(0.02, 0.04), tuning=0.08, draws=4, limit=5.0, twin_limit=0.5)
 LOG = Path(__file__).parents[3].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"
@@ -102,7 +102,7 @@ def test_the_search_takes_the_best_of_its_draws(course):
     plan, node = replace(PLAN, draws=8), entry("node")
 
     def error(setting, part):
-        span = Foreseen(part / 2, part, ("short",))
+        span = Predicted(part / 2, part, ("short",))
         follow(node, course, setting, [span], np.inf, plan.seed)
         return span.errors(course.heard)["short"]
 
@@ -125,7 +125,7 @@ def test_everybody_draws_within_the_same_spans():
     assert draws(("prior",), 5, 0) != draws(("prior",), 5, 1)
 
 
-def test_errors_are_those_of_the_samples_foreseen(course):
+def test_errors_are_those_of_the_samples_predicted(course):
     result = race(entry("persistence"), course, {}, float("nan"), PLAN)
     begin = round(0.04 / course.step)
     used = np.arange(begin, round((0.04 + course.beat) / course.step), course.every)
@@ -160,7 +160,7 @@ def test_the_log_is_a_course_without_strips():
     assert len(course.gaps) == 1 and 13 < course.clock[-1] < 14.5  # two flights, their pause cut
     gap = course.gaps[0]
     begin = course.clock[gap] - 0.02
-    span = Foreseen(begin, begin + 0.04, ("short",))
+    span = Predicted(begin, begin + 0.04, ("short",))
     follow(entry("persistence"), course, {}, [span], np.inf, 0)
     assert len(span.truth["short"]) < 40  # no window crosses the pause
 

@@ -43,9 +43,7 @@ class Subject(NamedTuple):
 def subject(tmp_path_factory: pytest.TempPathFactory) -> Subject:
     flight = corrected_flight(2.0)
     network = pt.StripNetwork(pt.load_robot("aerobat"), hidden=(8, 8))
-    learner = pt.CubatureLearner(
-        network, prior_deviation=0.3, measurement_deviation=3e-4, spread=1.7
-    )
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7)
     result = pt.identify(flight, learner, every=100)
     page = tmp_path_factory.mktemp("replay") / "flight.html"
     return Subject(flight, result, pt.replay(flight, page, predicted=result.learner))
@@ -144,27 +142,27 @@ def test_a_network_without_strips_shows_force_and_moment_of_the_whole(
     flight = subject.flight.isel(time=slice(0, 2000, 5))
     robot = pt.load_robot("aerobat")
     network = pt.DenseNetwork(robot.state_size, (4,), robot.dof_names)
-    learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=0.01)
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=0.01)
     result = pt.identify(flight, learner, every=10)
     for predicted in (learner, result):
         words = content(pt.replay(flight, tmp_path / "a.html", predicted=predicted))
         arrows = words["arrows"]
         series = {k["name"]: k for k in words["series"] if k["unit"].startswith("N")}
         assert arrows["predicted"] is None and arrows["moment"] is not None
-        total, deviation = numbers(arrows["predicted_total"]), numbers(arrows["deviation"])
+        total, std = numbers(arrows["predicted_total"]), numbers(arrows["std"])
         for k, name in enumerate("xyz"):
             # the same numbers, to single precision
             expected = numbers(series[name]["predicted"])
             np.testing.assert_allclose(total[:, k], expected, rtol=1e-6)
-            said = numbers(series[name]["deviation"])
-            np.testing.assert_allclose(deviation[:, k], said, rtol=1e-6)
-        assert deviation.min() > 0.0099  # no surer than what it learned from
+            said = numbers(series[name]["std"])
+            np.testing.assert_allclose(std[:, k], said, rtol=1e-6)
+        assert std.min() > 0.0099  # no surer than what it learned from
         force, guess = numbers(arrows["moment"]), numbers(arrows["predicted_moment"])
         assert force.shape == guess.shape and np.isfinite(guess).all()
-    checked = result.prediction["predicted_deviation"].sel(output="z")
+    checked = result.prediction["predicted_std"].sel(output="z")
     at = checked["check_time"].values[[20, -1]]
     time = numbers(words["time"])
-    shown = numbers(series["z"]["deviation"])[[int(np.abs(time - t).argmin()) for t in at]]
+    shown = numbers(series["z"]["std"])[[int(np.abs(time - t).argmin()) for t in at]]
     np.testing.assert_allclose(shown, checked.values[[20, -1]], rtol=1e-5)
     assert "95 % intervals" in (tmp_path / "a.html").read_text("utf-8")
 
@@ -176,7 +174,7 @@ def test_what_does_not_fit_is_refused(subject: Subject, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="two samples"):
         pt.replay(short, tmp_path / "a.html", start=1.0)
     other = pt.StripNetwork(pt.load_robot("aerobat-beta"), hidden=(4,))
-    stranger = pt.CubatureLearner(other, prior_deviation=0.3, measurement_deviation=3e-4)
+    stranger = pt.CubatureLearner(other, prior_std=0.3, measurement_std=3e-4)
     with pytest.raises(ShapeError, match="strips of the model"):
         pt.replay(short, tmp_path / "a.html", predicted=stranger)
     assert list(tmp_path.iterdir()) == []

@@ -199,8 +199,8 @@ def test_no_runs_and_no_workers_are_refused() -> None:
 def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None:
     learner = pt.CubatureLearner(
         pt.DenseNetwork(3, (6,), 2),
-        prior_deviation=0.5,
-        measurement_deviation=1e-3,
+        prior_std=0.5,
+        measurement_std=1e-3,
         spread=3**0.5,
         covariance=structure,
         dtype=dtype,

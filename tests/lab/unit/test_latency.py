@@ -21,9 +21,7 @@ pytestmark = pytest.mark.skipif(compiler_name() is None, reason="times compiled 
 def pipeline():
     robot = pt.load_robot("aerobat")
     network = pt.DenseNetwork(28, (2,), robot.dof_names)
-    learner = pt.CubatureLearner(
-        network, prior_deviation=0.3, measurement_deviation=1.0, covariance="node"
-    )
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=1.0, covariance="node")
     return Pipeline(learner, robot)
 
 
@@ -33,7 +31,7 @@ def test_it_learns_the_packets_in_a_circle(pipeline, paced, rng):
     duration, response = call_times(pipeline, packets, 120, paced)
     twin = Pipeline(
         pt.CubatureLearner(
-            pipeline.learner.network, prior_deviation=0.3, measurement_deviation=1.0,
+            pipeline.learner.network, prior_std=0.3, measurement_std=1.0,
             covariance="node",
         ),
         pipeline.robot,

@@ -12,6 +12,7 @@ import patagium as pt
 from patagium.aerodynamics.gust_encounter import strip_winds
 from patagium.dynamics.equations import apparent_force, fluid_energy
 from patagium.errors import ParameterError
+from patagium_lab.published.aerodynamics import Published
 from patagium_lab.published.stepping import simulate_published
 
 GUST = pt.OneMinusCosineGust((0.0, 0.0, 1.5), 0.02, 0.03)
@@ -121,7 +122,7 @@ def test_a_step_too_long_is_told_in_a_gust_that_travels_too(robot):
 def test_models_that_take_one_wind_refuse_a_gust_that_travels(robot):
     published = pt.load_robot("aerobat-published")
     with pytest.raises(ParameterError, match="without a gust that travels"):
-        simulate_published(published, pt.Published(published, pt.Air(gust=SIDEWAYS)), duration=0.01)
+        simulate_published(published, Published(published, pt.Air(gust=SIDEWAYS)), duration=0.01)
 
 
 MODELS = {

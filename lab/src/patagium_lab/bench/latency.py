@@ -166,7 +166,7 @@ def _pipelines() -> tuple[dict[str, Callable[[], Pipeline]], Array]:
     def made(network: Any, noise: float, **options: Any) -> Callable[[], Pipeline]:
         def make() -> Pipeline:
             learner = CubatureLearner(
-                network, prior_deviation=0.3, measurement_deviation=noise, spread=1.7,
+                network, prior_std=0.3, measurement_std=noise, spread=1.7,
                 forgetting_factor=0.9999, **options,
             )  # fmt: skip
             return Pipeline(learner, robot)

@@ -146,7 +146,7 @@ def update_results(robot: Robot) -> Iterator[Result]:
         robot: A machine with strips.
     """
     for name, network in networks(robot).items():
-        setting = {"prior_deviation": 0.3, "measurement_deviation": 0.003, "spread": 3**0.5}
+        setting = {"prior_std": 0.3, "measurement_std": 0.003, "spread": 3**0.5}
         value = _update_time(CubatureLearner(network, **setting), robot)  # type: ignore[arg-type]
         note = "Python call, everything included"
         if isinstance(network, DenseNetwork):
@@ -250,7 +250,7 @@ pt.Dynamics(robot).bias([0.0] * robot.dof, [0.0] * robot.dof)
 air.generalized_force([0.0] * robot.dof, [0.0] * robot.dof)
 pt.simulate(robot, air, gait, duration=1e-3, time_step=1e-4, throw=False)
 network = pt.StripNetwork(robot)
-learner = pt.CubatureLearner(network, prior_deviation=0.3, measurement_deviation=0.003)
+learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=0.003)
 learner.update([0.1] * (2 * robot.dof), [0.0] * robot.dof)
 """
 _UNSTEADY = """

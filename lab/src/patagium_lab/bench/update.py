@@ -56,12 +56,12 @@ def full_covariance_results(robot: Robot) -> Iterator[Result]:
     network = DenseNetwork(2 * n, (20,), robot.dof_names)
     plain = Algorithm1(network, PRIOR / np.sqrt(network.fan_in), np.full(n, NOISE**2))
     learners = {
-        "float64": CubatureLearner(network, prior_deviation=PRIOR, measurement_deviation=NOISE),
+        "float64": CubatureLearner(network, prior_std=PRIOR, measurement_std=NOISE),
         "float32": CubatureLearner(
-            network, prior_deviation=PRIOR, measurement_deviation=NOISE, dtype="float32"
+            network, prior_std=PRIOR, measurement_std=NOISE, dtype="float32"
         ),
         "cholesky": CubatureLearner(
-            network, prior_deviation=PRIOR, measurement_deviation=NOISE, square_root="cholesky"
+            network, prior_std=PRIOR, measurement_std=NOISE, square_root="cholesky"
         ),
     }
     updates = {"plain": plain.update} | {name: one.update for name, one in learners.items()}
@@ -101,7 +101,7 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
     n, structure, found = robot.dof, LowRank(10), []
     for hidden in _HIDDEN:
         network = DenseNetwork(2 * n, (hidden,), robot.dof_names)
-        told = {"prior_deviation": PRIOR, "measurement_deviation": NOISE, "covariance": structure}
+        told = {"prior_std": PRIOR, "measurement_std": NOISE, "covariance": structure}
         double, single = (
             CubatureLearner(network, dtype=dtype, spread=3**0.5, **told)  # type: ignore[arg-type]
             for dtype in ("float64", "float32")

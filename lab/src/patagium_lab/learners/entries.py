@@ -54,11 +54,11 @@ class Entrant(Protocol):
         """Learn one sample, x (n_x,), y (n_y,)."""
         ...
 
-    def foresee(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """y of many x by what is known now, (N, n_y)."""
         ...
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, (n_y,); nan for none."""
         ...
 
@@ -74,11 +74,11 @@ class OurEntrant:
         self.learner = learner
         self.update = learner.update
 
-    def foresee(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """y of many x by the present weights, (N, n_y)."""
         return self.learner.network.evaluate(x, self.learner.weights)
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, (n_y,)."""
         return np.sqrt(np.diagonal(self.learner.predict(x)[1]))
 
@@ -97,11 +97,11 @@ class HeldSample:
         """Hold y."""
         self._held = y
 
-    def foresee(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """The held sample, (N, n_y)."""
         return np.tile(self._held, (len(x), 1))
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """None."""
         return np.full(len(self._held), np.nan)
 
@@ -165,8 +165,8 @@ class Entry:
 def _assumed(course: Course, setting: Setting) -> dict[str, Any]:
     """Prior, noise and memory as filters take them."""
     return {
-        "prior_deviation": setting["prior"],
-        "measurement_deviation": setting["noise"] * course.scale,
+        "prior_std": setting["prior"],
+        "measurement_std": setting["noise"] * course.scale,
         "forgetting_factor": exp(-1.0 / setting["memory"]),
     }
 
@@ -241,8 +241,8 @@ def _rebayes(course: Course, setting: Setting, seed: int) -> Entrant:
     return RebayesLowRank(
         course.network("dense"),
         rank=RANK,
-        prior_deviation=setting["prior"],
-        measurement_deviation=setting["noise"] * course.scale,
+        prior_std=setting["prior"],
+        measurement_std=setting["noise"] * course.scale,
         wandering=setting["wander"],
         seed=seed,
     )
@@ -253,7 +253,7 @@ def _pytagi(course: Course, setting: Setting, seed: int) -> Entrant:
 
     network: Any = course.network("dense")
     noise = setting["noise"] * course.scale
-    return PytagiNetwork(network, gain=setting["gain"], measurement_deviation=noise, seed=seed)
+    return PytagiNetwork(network, gain=setting["gain"], measurement_std=noise, seed=seed)
 
 
 _FILTER = ("prior", "noise", "memory")

@@ -20,7 +20,7 @@ from patagium_lab.learners.entries import SPANS
 Row = dict[str, Any]
 SUMMARY = (
     "Our learners and other programs', on the same flights and the same log, every sample, each "
-    "tuned by the same search: what an update costs, what it foresees, what its interval is worth."
+    "tuned by the same search: what an update costs, what it predicts, what its interval is worth."
 )
 
 
@@ -62,7 +62,7 @@ def _rules(plan: Row) -> list[str]:
     later = ", ".join(f"{t:g}" for t in plan["after"][1:])
     tuning = f"{plan['tuning']:g} s"
     return [
-        "Every learner sees the same samples, 1,000 a second, in order. After each it foresees "
+        "Every learner sees the same samples, 1,000 a second, in order. After each it predicts "
         "the samples until the next (hold), the next 10 ms, and one wingbeat (0.1 s for the "
         "quadrotor), its weights frozen and the true states given. Errors are mean square errors "
         "over the variance of the same samples, mean over the outputs that move from the start, "

@@ -1,6 +1,6 @@
 """A learner along a course: the search of its setting, and its errors as it goes.
 
-Samples are used in order. In a span of the course each hold interval is foreseen by what was
+Samples are used in order. In a span of the course each hold interval is predicted by what was
 known before it, and so are the next 10 ms and the long horizon, weights frozen, true states
 in. Neglected: errors outside of the spans.
 """
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 SHORT = 0.01
 """The short horizon [s]."""
 _MOST = {"hold": 400, "short": 60, "long": 8, "checks": 60}
-"""Foreseen in each span, at most."""
+"""Predicted in each span, at most."""
 _FAILURES = (PatagiumError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
@@ -57,15 +57,15 @@ QUICK = RacePlan(after=(0.05, 0.1, 0.3), tuning=0.1, draws=4, limit=2.0, twin_li
 
 
 @dataclass
-class Foreseen:
-    """What was foreseen in a span.
+class Predicted:
+    """What was predicted in a span.
 
     Attributes:
         begin: Of the span [s].
         end: Of the span [s].
         horizons: Kinds asked for, of "hold", "short", "long".
         truth: Kind to what was measured, each (k, n_y).
-        guess: Kind to what was foreseen, each (k, n_y).
+        guess: Kind to what was predicted, each (k, n_y).
         misses: |y - yhat| in predicted deviations at checks, each (n_y,).
         complete: Whether the learner passed its end.
     """
@@ -122,7 +122,7 @@ def race(
         `errors` (seconds as text to kind to NMSE), `coverage` of its 95 % interval as it is
         and `scaled` by the factor, `samples`, `outcome`.
     """
-    spans = [Foreseen(after, after + course.beat) for after in plan.after]
+    spans = [Predicted(after, after + course.beat) for after in plan.after]
     limit = plan.twin_limit if entry.same else plan.limit
     passage = follow(entry, course, setting, spans, limit, plan.seed)
     misses = [row for span in spans[1:] if span.complete for row in span.misses]
@@ -135,10 +135,10 @@ def race(
     }
 
 
-def _inside(misses: Sequence[Array], course: Course, deviations: float) -> float:
+def _inside(misses: Sequence[Array], course: Course, stds: float) -> float:
     """Share of measurements that many predicted deviations off at most."""
     each = np.array(misses).reshape(-1, course.y.shape[1])[:, course.heard]
-    return float((each <= deviations).mean()) if np.isfinite(each).any() else float("nan")
+    return float((each <= stds).mean()) if np.isfinite(each).any() else float("nan")
 
 
 def search(entry: Entry, course: Course, plan: RacePlan) -> tuple[dict[str, float], float]:
@@ -159,7 +159,7 @@ def search(entry: Entry, course: Course, plan: RacePlan) -> tuple[dict[str, floa
     for part, kept in ((plan.tuning / 4, -(-plan.draws // 4)), (plan.tuning, 1)):
         tried: list[tuple[float, int, dict[str, float], float]] = []
         for setting in settings:
-            span = Foreseen(part / 2, part, ("short",))
+            span = Predicted(part / 2, part, ("short",))
             follow(entry, course, setting, [span], np.inf, plan.seed)
             error = span.errors(course.heard)["short"] if span.complete else np.inf
             tried.append((error, len(tried), setting, _factor(span.misses, course)))
@@ -195,7 +195,7 @@ def follow(
     entry: Entry,
     course: Course,
     setting: Mapping[str, float],
-    spans: Sequence[Foreseen],
+    spans: Sequence[Predicted],
     limit: float,
     seed: int,
 ) -> Passage:
@@ -236,9 +236,9 @@ def follow(
 
 
 class _Asked:
-    """What is foreseen in a span, and after which samples."""
+    """What is predicted in a span, and after which samples."""
 
-    def __init__(self, course: Course, span: Foreseen) -> None:
+    def __init__(self, course: Course, span: Predicted) -> None:
         self.course, self.span = course, span
         used = used_samples(len(course.clock), course.every, course.gaps)
         begins = used[(course.clock[used] >= span.begin) & (course.clock[used] < span.end)]
@@ -266,9 +266,9 @@ class _Asked:
             if index in self.after[kind]:
                 window = slice(index + 1, index + 1 + length)
                 span.truth.setdefault(kind, []).append(course.y[window])
-                span.guess.setdefault(kind, []).append(entrant.foresee(course.x[window]))
+                span.guess.setdefault(kind, []).append(entrant.predict(course.x[window]))
         if index in self.checks:
             ahead = index + course.every
-            error = course.y[ahead] - entrant.foresee(course.x[ahead : ahead + 1])[0]
-            deviation = entrant.deviation(course.x[ahead])
-            span.misses.append(np.abs(error) / deviation)
+            error = course.y[ahead] - entrant.predict(course.x[ahead : ahead + 1])[0]
+            std = entrant.std(course.x[ahead])
+            span.misses.append(np.abs(error) / std)

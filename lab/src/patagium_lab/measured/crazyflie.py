@@ -162,8 +162,8 @@ def _makers(table: Table) -> dict[str, Callable[[], Learner]]:
     network = network_for(table, HIDDEN)
     physics, linear = thrust_network_for(table, HIDDEN), network_for(table, ())
     prior: dict[str, Any] = {
-        "prior_deviation": 0.5,
-        "measurement_deviation": MEASUREMENT_DEVIATION,
+        "prior_std": 0.5,
+        "measurement_std": MEASUREMENT_DEVIATION,
     }
     beside, alone = f"physics and network {HIDDEN}", f"dense network {HIDDEN}"
     return {

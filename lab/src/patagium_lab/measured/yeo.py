@@ -153,9 +153,9 @@ def _candidates(case: YeoCase, baseline: Array) -> dict[str, _Candidate]:
     strips = StripNetwork(robot, HIDDEN, _air(case), measured=lift_balance(robot))
     dense = DenseNetwork(2, HIDDEN, ("lift",), input_scale=FLAP_SCALE, output_scale=0.1)
     state = _state(robot, case, case.flap_angle)
-    blank = {"prior_deviation": 0.5, "measurement_deviation": 0.005, "spread": 3**0.5}
-    cold = {**blank, "prior_deviation": 0.2}
-    warm = {**cold, "measurement_deviation": 0.01, "process_deviation": 0.001}
+    blank = {"prior_std": 0.5, "measurement_std": 0.005, "spread": 3**0.5}
+    cold = {**blank, "prior_std": 0.2}
+    warm = {**cold, "measurement_std": 0.01, "process_std": 0.001}
     flap = state[:, [robot.index("left_plunge"), robot.dof + robot.index("left_plunge")]]
     return {
         "strip network": _Candidate(strips, state, cold),
@@ -174,7 +174,7 @@ def _learn(
         if cycle < cycles - 1:
             _teach(learner, candidate.x, lift)
     checks = [check(learner, k, candidate.x[k], lift[k : k + 1]) for k in range(len(lift))]
-    inside = coverage([c.error for c in checks], [c.deviation for c in checks])
+    inside = coverage([c.error for c in checks], [c.std for c in checks])
     return (
         errors,
         guess,

@@ -167,9 +167,7 @@ def yeo_grey_section(results: Mapping[str, GreyResult]) -> Section:
 
 
 def _learner(grey: GreyBox, memory: int) -> ExtendedLearner:
-    return ExtendedLearner(
-        grey, measurement_deviation=NOISE, noise_estimation=NoiseEstimation(memory)
-    )
+    return ExtendedLearner(grey, measurement_std=NOISE, noise_estimation=NoiseEstimation(memory))
 
 
 def _judged(
@@ -180,8 +178,8 @@ def _judged(
     rows, _ = model.network.recall(model.weights, log.time, log.x)
     told = [model.predict(row) for row in rows[keep]]
     error = log.lift[keep, 0] - [float(mean[0]) for mean, _ in told]
-    deviation = np.sqrt([float(covariance[0, 0]) for _, covariance in told])
-    return float(np.abs(error).mean()), float((np.abs(error) <= 1.96 * deviation).mean())
+    std = np.sqrt([float(covariance[0, 0]) for _, covariance in told])
+    return float(np.abs(error).mean()), float((np.abs(error) <= 1.96 * std).mean())
 
 
 def _error(grey: GreyBox, weights: Array, log: _Log) -> Array:

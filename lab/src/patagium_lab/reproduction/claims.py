@@ -216,13 +216,13 @@ def _confidence(metrics: Metrics) -> Claim:
 
 
 def _noise(metrics: Metrics) -> Claim:
-    deviation = metrics["choices"]["strip_deviation"]
+    std = metrics["choices"]["strip_std"]
     return (
         "Process and measurement noise are zero.",
         "Its script has Q = R = 1e-3.",
         "R = 0 makes the innovation covariance singular. Here R stands for what the network "
-        f"cannot represent: {_text(deviation['published'])} N a strip published, "
-        f"{_text(deviation['corrected'])} N corrected; Q is zero. Dense networks forget instead, "
+        f"cannot represent: {_text(std['published'])} N a strip published, "
+        f"{_text(std['corrected'])} N corrected; Q is zero. Dense networks forget instead, "
         f"to a share 1/e in {_text(metrics['choices']['memory'])} s or "
         f"{_text(metrics['choices']['least_memory'])} samples.",
     )

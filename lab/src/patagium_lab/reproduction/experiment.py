@@ -267,14 +267,14 @@ def _draw(
 
 
 def _replay(out: Path, name: str, flight: xr.Dataset, runs: list[Run]) -> str:
-    """A flight in three dimensions, with the forces that a strip network foresaw, if one did."""
+    """A flight in three dimensions, with the forces that a strip network predicted, if one did."""
     best = subjects.STRIPS.get(name, ("",))[0]
     found = [
         Identification(run.scores, run.record, run.model)
         for run in runs
         if (run.trial.flight, run.trial.network) == (name, best) and run.record is not None
     ]
-    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as foreseen" * bool(found))
+    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as predicted" * bool(found))
     predicted = found[0] if found else None
     return replay(flight, out / f"{name}.html", predicted=predicted, title=title).name
 
@@ -297,10 +297,8 @@ def _choices() -> dict[str, Any]:
     """Every number a person chose, for the report."""
     return {
         "spread": subjects.SPREAD,
-        "weight_deviation": subjects.WEIGHT_DEVIATION,
-        "strip_deviation": {
-            name: subject.strip_deviation for name, subject in subjects.SUBJECTS.items()
-        },
+        "weight_std": subjects.WEIGHT_DEVIATION,
+        "strip_std": {name: subject.strip_std for name, subject in subjects.SUBJECTS.items()},
         "coefficient_scale": {
             name: subject.coefficient_scale for name, subject in subjects.SUBJECTS.items()
         },

@@ -55,7 +55,7 @@ class Subject:
         name: Key of the flight.
         robot: Preset whose geometry the strip network knows.
         strip_force: Size of the air's force on a strip [N].
-        strip_deviation: What a strip's force may be wrong by and still fit: sensors, and air
+        strip_std: What a strip's force may be wrong by and still fit: sensors, and air
             that the network cannot represent [N].
         coefficient_scale: Size of the section coefficients.
         envelope: Coordinate to the span it moves in [m, rad].
@@ -66,7 +66,7 @@ class Subject:
     name: str
     robot: str
     strip_force: float
-    strip_deviation: float
+    strip_std: float
     coefficient_scale: float
     envelope: dict[str, Span] = field(repr=False)
     rates: dict[str, Span] = field(repr=False)
@@ -84,7 +84,7 @@ SUBJECTS = {
         name="published",
         robot="aerobat-published",
         strip_force=25.0,
-        strip_deviation=0.01,
+        strip_std=0.01,
         coefficient_scale=10.0,
         envelope={
             "x": (0.0, 150.0),
@@ -103,7 +103,7 @@ SUBJECTS = {
         name="corrected",
         robot="aerobat",
         strip_force=0.05,
-        strip_deviation=1e-4,
+        strip_std=1e-4,
         coefficient_scale=4.0,
         envelope={"x": (0.0, 8.0)}
         | _both(plunge=(-2.0, 1.0), elbow=(-1.5, 1.5), feather=(-0.6, 0.6)),
@@ -241,15 +241,15 @@ def make_learner(
     strip = isinstance(model, StripNetwork)
     lever = lever_arms(load_robot(subject.robot))
     if strip:
-        deviation, forget = subject.strip_deviation * lever, 1.0
+        std, forget = subject.strip_std * lever, 1.0
         prior = WEIGHT_DEVIATION * np.sqrt(model.fan_in)
     else:
-        deviation = setting.noise * subject.strip_force * lever
+        std = setting.noise * subject.strip_force * lever
         forget = _forgetting(interval, setting.memory)
         prior = setting.prior
     filtering = {
-        "prior_deviation": prior,
-        "measurement_deviation": deviation,
+        "prior_std": prior,
+        "measurement_std": std,
         "forgetting_factor": forget,
         "seed": seed,
     }

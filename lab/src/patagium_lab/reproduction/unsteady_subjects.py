@@ -70,8 +70,8 @@ def _strip_rotation(robot: Robot, interval: float, seed: int) -> Learner:
 def _hidden(robot: Robot, interval: float, seed: int) -> Learner:
     return ExtendedLearner(
         HiddenStripNetwork(robot),
-        prior_deviation=HIDDEN_PRIOR,
-        measurement_deviation=STRIP_DEVIATION["hidden"] * lever_arms(robot),
+        prior_std=HIDDEN_PRIOR,
+        measurement_std=STRIP_DEVIATION["hidden"] * lever_arms(robot),
         seed=seed,
     )
 
@@ -92,8 +92,8 @@ def _grey(robot: Robot, interval: float, seed: int) -> Learner:
     }
     return ExtendedLearner(
         GreyBox(model, estimate, start="still"),
-        prior_deviation=1.0,
-        measurement_deviation=STRIP_DEVIATION["grey"] * lever_arms(robot),
+        prior_std=1.0,
+        measurement_std=STRIP_DEVIATION["grey"] * lever_arms(robot),
         seed=seed,
     )
 
@@ -103,20 +103,20 @@ def _dense(robot: Robot, interval: float, seed: int) -> Learner:
     return CubatureLearner(
         network,
         spread=SPREAD,
-        prior_deviation=DENSE_PRIOR,
-        measurement_deviation=DENSE_NOISE * network.force_scale(CRUISE.speed),
+        prior_std=DENSE_PRIOR,
+        measurement_std=DENSE_NOISE * network.force_scale(CRUISE.speed),
         forgetting_factor=exp(-min(interval / DENSE_MEMORY, 1.0 / DENSE_LEAST_MEMORY)),
         seed=seed,
     )
 
 
-def _filtered(network: StripNetwork, deviation: float, seed: int) -> Learner:
+def _filtered(network: StripNetwork, std: float, seed: int) -> Learner:
     """A cubature filter that never forgets, for a network of strips."""
     return CubatureLearner(
         network,
         spread=SPREAD,
-        prior_deviation=WEIGHT_DEVIATION * network.fan_in**0.5,
-        measurement_deviation=deviation * lever_arms(network.robot),
+        prior_std=WEIGHT_DEVIATION * network.fan_in**0.5,
+        measurement_std=std * lever_arms(network.robot),
         seed=seed,
     )
 

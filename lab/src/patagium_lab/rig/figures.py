@@ -106,9 +106,9 @@ def force_figure(
     names = [name for name in SHOWN if name in robot.dof_names]
     columns = [robot.index(name) for name in names]
     shown = time > time[-1] - BEATS * plan.beat
-    deviation = np.full_like(one.prediction, np.nan)
-    deviation[one.checked] = one.deviation
-    band = _filled(time, deviation)[shown][:, columns]
+    std = np.full_like(one.prediction, np.nan)
+    std[one.checked] = one.std
+    band = _filled(time, std)[shown][:, columns]
     figure = comparison(
         time[shown],
         true_force(flight, time)[shown][:, columns],
@@ -119,7 +119,7 @@ def force_figure(
         names=names,
         units=[SHOWN[name] for name in names],
         truth_name="true",
-        deviation=band,
+        std=band,
         columns=2,
     )
     caption = (

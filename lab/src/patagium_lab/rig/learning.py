@@ -50,7 +50,7 @@ class SourceRun:
         samples: The forces as they were measured.
         prediction: Of each sample before it was learned, (N, n) [N, N m].
         checked: Samples whose interval was looked at, (C,).
-        deviation: Predicted there, of the force and not of its measurement, (C, n).
+        std: Predicted there, of the force and not of its measurement, (C, n).
         model: File of the learner.
         scores: Of the stream, against what was measured.
         seconds: It took [s].
@@ -59,7 +59,7 @@ class SourceRun:
     samples: ForceSamples
     prediction: Array
     checked: NDArray[np.int64]
-    deviation: Array
+    std: Array
     model: Path
     scores: dict[str, float]
     seconds: float
@@ -71,7 +71,7 @@ class LogRun:
 
     Attributes:
         shifts: How late the stamps of each instrument are, as found [s].
-        shift_deviations: As they were stated [s].
+        shift_stds: As they were stated [s].
         motion: As it was estimated, without its covariance, and u1 of the motors.
         whole_air: Force of the air by the load cell, added mass included.
         runs: By source.
@@ -79,7 +79,7 @@ class LogRun:
     """
 
     shifts: dict[str, float]
-    shift_deviations: dict[str, float]
+    shift_stds: dict[str, float]
     motion: xr.Dataset
     whole_air: ForceSamples
     runs: dict[str, SourceRun]
@@ -109,7 +109,7 @@ def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogRun:
     torque = np.nan_to_num(motor_forces(log, motion, MOTORS).values)
     return LogRun(
         dict(shifts.seconds),
-        dict(shifts.deviation),
+        dict(shifts.std),
         motion.drop_vars("covariance").assign(u1=(("time", "dof"), torque)),
         load_cell_force(motion, mount),
         runs,
@@ -151,8 +151,8 @@ def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
     """
     return ExtendedLearner(
         HiddenStripNetwork(robot, air=air),
-        prior_deviation=PRIOR,
-        measurement_deviation=STRIP_DEVIATION * lever_arms(robot),
+        prior_std=PRIOR,
+        measurement_std=STRIP_DEVIATION * lever_arms(robot),
         noise_estimation=NoiseEstimation(NOISE_MEMORY),
     )
 
@@ -163,8 +163,8 @@ def _learned(plan: RigPlan, samples: ForceSamples, air: Air, model: Path) -> Sou
     result = identify(samples, learner, every=plan.every)
     record = result.prediction
     checked = np.searchsorted(record["time"].values, record["check_time"].values)
-    whole = record["predicted_deviation"].values ** 2
-    stated = np.nan_to_num(samples.deviation[checked]) ** 2
+    whole = record["predicted_std"].values ** 2
+    stated = np.nan_to_num(samples.std[checked]) ** 2
     return SourceRun(
         samples,
         record["prediction"].values,

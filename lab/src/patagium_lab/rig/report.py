@@ -128,7 +128,7 @@ def _clocks(metrics: Metrics) -> Section:
             clock["instrument"],
             1e3 * clock["true"],
             1e3 * clock["found"],
-            1e3 * clock["deviation"],
+            1e3 * clock["std"],
             1e3 * clock["error"],
         ]
         for row in metrics["noise"]

@@ -74,7 +74,7 @@ def clock_rows(sensors: Sequence[Sensor], run: LogRun) -> list[dict[str, Any]]:
             "instrument": name,
             "true": late[name],
             "found": found,
-            "deviation": run.shift_deviations[name],
+            "std": run.shift_stds[name],
             "error": found - late[name],
         }
         for name, found in run.shifts.items()
@@ -140,7 +140,7 @@ def _source_scores(
     error = normalized_error(truth[late], run.prediction[late])[heard]
     checked = run.checked >= count // 2
     apart = truth[run.checked[checked]] - run.prediction[run.checked[checked]]
-    inside = coverage(apart, run.deviation[checked], heard)[heard]
+    inside = coverage(apart, run.std[checked], heard)[heard]
     return {
         "measured_worst": measured_error(flight, run.samples),
         "measured": list(run.samples.measured),

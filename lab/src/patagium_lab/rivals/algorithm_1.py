@@ -25,7 +25,7 @@ class Algorithm1:
 
     Args:
         network: Whose weights are estimated.
-        deviation: Standard deviations of the weights to begin with, (n,).
+        std: Standard deviations of the weights to begin with, (n,).
         noise: Variances of the measurement, R, (n_y,).
 
     Attributes:
@@ -33,9 +33,9 @@ class Algorithm1:
         covariance: P, (n, n).
     """
 
-    def __init__(self, network: DenseNetwork, deviation: Array, noise: Array) -> None:
+    def __init__(self, network: DenseNetwork, std: Array, noise: Array) -> None:
         self.mean: Array = network.initial(0)
-        self.covariance: Array = np.diag(deviation**2)
+        self.covariance: Array = np.diag(std**2)
         self._network, self._measurement_noise = network, np.diag(noise)
         self._process_noise = np.zeros((network.size, network.size))
 

@@ -61,7 +61,7 @@ class DynamaxExtended(WeightRival):
         self._mean, self._covariance = self._step(self._mean, self._covariance, x, y)
         self._covariance.block_until_ready()
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
         slope = self.network.linearized(self.network.encode_one(x), self.weights)[1]
         spread = slope @ self.covariance @ slope.T / self.forgetting_factor

@@ -51,7 +51,7 @@ class FilterpyCubature(WeightRival):
         self._filter.sigmas_f = self._points(self._filter.P)
         self._filter.update(y[:, None], hx_args=(self.encoded(x),))
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
         from filterpy.kalman.CubatureKalmanFilter import ckf_transform
 

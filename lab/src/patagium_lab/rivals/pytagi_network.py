@@ -25,7 +25,7 @@ class PytagiNetwork:
     Args:
         network: The dense network whose shape and scales it takes.
         gain: Scales the deviation of weights and biases before any sample.
-        measurement_deviation: Of the measurement, scalar or (n_y,), in the unit of y.
+        measurement_std: Of the measurement, scalar or (n_y,), in the unit of y.
         seed: Of the weights to start from.
 
     Raises:
@@ -33,7 +33,7 @@ class PytagiNetwork:
     """
 
     def __init__(
-        self, network: DenseNetwork, *, gain: float, measurement_deviation: ArrayLike, seed: int = 0
+        self, network: DenseNetwork, *, gain: float, measurement_std: ArrayLike, seed: int = 0
     ) -> None:
         if not isinstance(network, DenseNetwork):
             raise ParameterError("network", "a dense network", network)
@@ -48,8 +48,8 @@ class PytagiNetwork:
         self._net = nn.Sequential(*layers)
         self._net.set_threads(1)
         self._updater = nn.OutputUpdater(self._net.device)
-        deviation = np.asarray(measurement_deviation, float) / network.output_scale
-        self._noise = (deviation**2).astype(np.float32)
+        std = np.asarray(measurement_std, float) / network.output_scale
+        self._noise = (std**2).astype(np.float32)
 
     def update(self, x: Array, y: Array) -> None:
         """Learn one sample, x (n_x,), y (n_y,)."""
@@ -64,13 +64,13 @@ class PytagiNetwork:
         self._net.backward()
         self._net.step()
 
-    def foresee(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """y of many x by the present weights, (N, n_y)."""
         # one by one: larger batches than those it was taught with corrupt its memory
         found = np.array([np.array(self._net(one)[0], float) for one in self._scaled(x)])
         return np.asarray(self.network.output_center + self.network.output_scale * found)
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
         _, variance = self._net(self._scaled(x))
         total = np.asarray(variance, float) + self._noise

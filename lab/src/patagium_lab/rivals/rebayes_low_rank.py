@@ -51,7 +51,7 @@ class RebayesLowRank(WeightRival):
         self._belief = self._step(self._belief, x, y, *self._model)
         self._belief.mean.block_until_ready()
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
         covariance = self._density(self._belief, x, *self._model)
         return np.asarray(np.sqrt(np.diagonal(np.asarray(covariance))))

@@ -54,7 +54,7 @@ class StoneSoupCubature(WeightRival):
         self._state = self._updater.update(SingleHypothesis(self._predicted(), seen))
         type(self._updater).predict_measurement.cache_clear()  # it would keep 128 covariances
 
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
         found = self._updater.predict_measurement(self._predicted(), self._model(x))
         return np.asarray(np.sqrt(np.diagonal(np.array(found.covar, float))))

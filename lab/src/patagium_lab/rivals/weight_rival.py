@@ -25,8 +25,8 @@ class WeightRival(ABC):
 
     Args:
         network: The network whose weights are learned.
-        prior_deviation: Of each weight before any sample, divided by sqrt(fan-in).
-        measurement_deviation: Of the measurement, scalar or (n_y,), in the unit of y.
+        prior_std: Of each weight before any sample, divided by sqrt(fan-in).
+        measurement_std: Of the measurement, scalar or (n_y,), in the unit of y.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
         seed: Of the weights to start from.
 
@@ -38,8 +38,8 @@ class WeightRival(ABC):
         self,
         network: DenseNetwork,
         *,
-        prior_deviation: float,
-        measurement_deviation: ArrayLike,
+        prior_std: float,
+        measurement_std: ArrayLike,
         forgetting_factor: float = 1.0,
         seed: int = 0,
     ) -> None:
@@ -47,9 +47,9 @@ class WeightRival(ABC):
             raise ParameterError("network", "a dense network", network)
         self.network, self.forgetting_factor = network, forgetting_factor
         self.start = network.initial(seed)
-        self.prior_variance = prior_deviation**2 / network.fan_in
-        deviation = np.broadcast_to(np.asarray(measurement_deviation, float), (network.outputs,))
-        self.noise = np.diag(deviation**2)
+        self.prior_variance = prior_std**2 / network.fan_in
+        std = np.broadcast_to(np.asarray(measurement_std, float), (network.outputs,))
+        self.noise = np.diag(std**2)
 
     @property
     @abstractmethod
@@ -61,10 +61,10 @@ class WeightRival(ABC):
         """Learn one sample, x (n_x,), y (n_y,)."""
 
     @abstractmethod
-    def deviation(self, x: Array) -> Array:
+    def std(self, x: Array) -> Array:
         """Predicted standard deviation of a measurement at x, noise included, (n_y,)."""
 
-    def foresee(self, x: Array) -> Array:
+    def predict(self, x: Array) -> Array:
         """y of many x by the present weights, (N, n_y)."""
         return self.network.evaluate(x, self.weights)
 

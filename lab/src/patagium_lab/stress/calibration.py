@@ -57,8 +57,8 @@ def flight_calibration(noise: float, duration: float = DURATION) -> dict[str, An
     network = make_network(subject, "strip")
     learner = CubatureLearner(
         network,
-        prior_deviation=WEIGHT_DEVIATION * np.sqrt(network.fan_in),
-        measurement_deviation=subject.strip_deviation * lever_arms(load_robot(subject.robot)),
+        prior_std=WEIGHT_DEVIATION * np.sqrt(network.fan_in),
+        measurement_std=subject.strip_std * lever_arms(load_robot(subject.robot)),
         spread=SPREAD,
         noise_estimation=NoiseEstimation(600),
     )
@@ -81,8 +81,8 @@ def log_calibration(path: str | Path) -> dict[str, Any]:
     table = in_flight(read_table(path, crazyflie_mapping()))
     learner = CubatureLearner(
         network_for(table, HIDDEN),
-        prior_deviation=0.5,
-        measurement_deviation=MEASUREMENT_DEVIATION,
+        prior_std=0.5,
+        measurement_std=MEASUREMENT_DEVIATION,
         spread=SPREAD,
         prior_share=1e-5,
         noise_estimation=NoiseEstimation(300),

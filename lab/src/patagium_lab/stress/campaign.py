@@ -80,13 +80,13 @@ class Course(NamedTuple):
     Attributes:
         feed: Samples as they are measured.
         truth: What there was to measure, (N, n_y).
-        deviation: Of the noise, (n_y,).
+        std: Of the noise, (n_y,).
         size: Deviation of what there was to measure, (n_y,).
     """
 
     feed: Feed
     truth: Array
-    deviation: Array
+    std: Array
     size: Array
 
 
@@ -178,7 +178,7 @@ def run_fault(pilot: Pilot, fault: Fault, draw: np.random.Generator) -> dict[str
     """
     course, twin, learner = course_of(pilot.seed), undisturbed(pilot), learner_of(pilot)
     learner.resume(twin.state)
-    faulted = fault(draw, course.feed, int(draw.integers(FIRST, LAST)), course.deviation)
+    faulted = fault(draw, course.feed, int(draw.integers(FIRST, LAST)), course.std)
     end = faulted.last + SETTLING + WINDOW
     kept = np.flatnonzero(faulted.feed.sample < end)[FIRST:]
     flown = fly(learner, faulted.feed.taken(kept), course)
@@ -238,9 +238,9 @@ def course_of(seed: int) -> Course:
     every = training_data(corrected_flight(SAMPLES * EVERY * TIME_STEP))
     stamps, x, truth = (part[:-1:EVERY] for part in every)
     size = truth.std(axis=0)
-    deviation = NOISE * np.maximum(size, 1e-3 * size.max())
-    noise = deviation * np.random.default_rng(seed).normal(size=truth.shape)
-    return Course(Feed(stamps, x, truth + noise, np.arange(SAMPLES)), truth, deviation, size)
+    std = NOISE * np.maximum(size, 1e-3 * size.max())
+    noise = std * np.random.default_rng(seed).normal(size=truth.shape)
+    return Course(Feed(stamps, x, truth + noise, np.arange(SAMPLES)), truth, std, size)
 
 
 def learner_of(pilot: Pilot) -> CubatureLearner:
@@ -255,8 +255,8 @@ def learner_of(pilot: Pilot) -> CubatureLearner:
     network = StripNetwork(robot, (6,), activation="tanh") if strip else dense_network((3,))
     return CubatureLearner(
         network,
-        prior_deviation=0.5,
-        measurement_deviation=0.05 * subject.strip_force * lever,
+        prior_std=0.5,
+        measurement_std=0.05 * subject.strip_force * lever,
         spread=SPREAD,
         dtype=pilot.dtype,
         seed=pilot.seed,

@@ -208,8 +208,8 @@ def filter_learner(
     subject = SUBJECTS["corrected"]
     return CubatureLearner(
         dense_network(hidden),
-        prior_deviation=0.5,
-        measurement_deviation=0.05 * subject.strip_force * lever_arms(load_robot("aerobat")),
+        prior_std=0.5,
+        measurement_std=0.05 * subject.strip_force * lever_arms(load_robot("aerobat")),
         spread=SPREAD,
         covariance="node",
         prior_share=prior_share,

@@ -119,8 +119,8 @@ def _turning(network: DenseNetwork, x: Array, turns: Array) -> Array:
 def _learner(network: DenseNetwork, dtype: Precision, share: float) -> CubatureLearner:
     return CubatureLearner(
         network,
-        prior_deviation=0.5,
-        measurement_deviation=_NOISE,
+        prior_std=0.5,
+        measurement_std=_NOISE,
         spread=SPREAD,
         dtype=dtype,
         covariance="node",

@@ -70,14 +70,14 @@ class Faulted(NamedTuple):
 Fault = Callable[[np.random.Generator, Feed, int, Array], Faulted]
 
 
-def not_a_number(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def not_a_number(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Channels that are NaN or infinite for a while, one of them or all.
 
     Args:
         draw: Where lengths and places come from.
         feed: The clean samples.
         begin: First sample touched.
-        deviation: Of the measurement, (n_y,).
+        std: Of the measurement, (n_y,).
     """
     end = begin + _length(draw)
     channels = _channels(draw, feed.y.shape[1])
@@ -88,7 +88,7 @@ def not_a_number(draw: np.random.Generator, feed: Feed, begin: int, deviation: A
     return Faulted(feed, {"missing": values.size, "blind": blind}, {}, end - 1)
 
 
-def no_input(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def no_input(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Inputs that are NaN or infinite for a while; see `not_a_number`.
 
     All but the position, which a strip network does not look at: it learns without it.
@@ -99,23 +99,23 @@ def no_input(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array
     return Faulted(feed, {"bad_inputs": end - begin}, {}, end - 1)
 
 
-def spikes(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def spikes(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Single measurements off by a hundred deviations, or by numbers beyond all reason.
 
     Of every ten samples one is hit at most, in a channel that is not silent. A hundred deviations
-    of 2 % noise are two of the signal: what a poor network foresees no better than that, it
+    of 2 % noise are two of the signal: what a poor network predicts no better than that, it
     cannot call an outlier. See `not_a_number` for the arguments.
     """
     count = int(draw.integers(1, LONGEST // 10))
     feed = _copy(feed)
     samples = begin + 10 * np.arange(count) + draw.integers(10, size=count)
-    channels = draw.choice(np.flatnonzero(deviation > 0.01 * deviation.max()), count)
+    channels = draw.choice(np.flatnonzero(std > 0.01 * std.max()), count)
     size = draw.choice([100.0, 100.0, CLEAR, 1e4, 1e30, 1e300], count)
-    feed.y[samples, channels] += size * draw.choice([-1.0, 1.0], count) * deviation[channels]
+    feed.y[samples, channels] += size * draw.choice([-1.0, 1.0], count) * std[channels]
     return Faulted(feed, {}, {"outliers": int((size >= CLEAR).sum())}, int(samples[-1]))
 
 
-def input_spikes(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def input_spikes(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Single inputs off by up to their whole range, or beyond all reason; see `spikes`."""
     count = int(draw.integers(1, LONGEST // 10))
     feed = _copy(feed)
@@ -126,7 +126,7 @@ def input_spikes(draw: np.random.Generator, feed: Feed, begin: int, deviation: A
     return Faulted(feed, {}, {}, int(samples[-1]))
 
 
-def stuck(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def stuck(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Channels that repeat one value; see `not_a_number`."""
     end = begin + int(draw.integers(STUCK_SAMPLES + 1, LONGEST))
     channels = _channels(draw, feed.y.shape[1])
@@ -137,14 +137,14 @@ def stuck(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -
     return Faulted(feed, {"stuck": left_out * len(channels), "blind": blind}, {}, end - 1)
 
 
-def gap(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def gap(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Samples that never come; see `not_a_number`."""
     end = begin + _length(draw)
     kept = np.delete(np.arange(len(feed.time)), np.arange(begin, end))
     return Faulted(feed.taken(kept), {}, {}, end - 1)
 
 
-def duplicates(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def duplicates(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Samples that come twice or more, with their stamps; see `not_a_number`."""
     end = begin + _length(draw)
     times = np.ones(len(feed.time), np.int64)
@@ -154,7 +154,7 @@ def duplicates(draw: np.random.Generator, feed: Feed, begin: int, deviation: Arr
     return Faulted(feed.taken(order), {"duplicates": extra}, {}, end - 1)
 
 
-def out_of_order(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def out_of_order(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """Samples that come a few places later, by when they are late; see `not_a_number`."""
     count = int(draw.integers(1, LONGEST // 10))
     order = np.arange(len(feed.time))
@@ -165,7 +165,7 @@ def out_of_order(draw: np.random.Generator, feed: Feed, begin: int, deviation: A
     return Faulted(feed.taken(order), {"late": count}, {}, last)
 
 
-def clock_jump(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def clock_jump(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """A clock that jumps, ahead or back, for good or for one sample; see `not_a_number`."""
     feed = _copy(feed)
     jump = float(draw.choice([1e-3, 1.0, 1e9]) * draw.uniform(1, 2))
@@ -184,7 +184,7 @@ def clock_jump(draw: np.random.Generator, feed: Feed, begin: int, deviation: Arr
     return Faulted(feed, {"late": 1, "clock_resets": 0}, {}, begin)
 
 
-def storm(draw: np.random.Generator, feed: Feed, begin: int, deviation: Array) -> Faulted:
+def storm(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
     """All of it at once, at random; see `not_a_number`."""
     end, feed = begin + _length(draw), _copy(feed)
     odd = np.array([np.nan, np.inf, -np.inf, 1e308, -1e200, 1e30, 1e-320, 0.0])

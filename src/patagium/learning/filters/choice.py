@@ -20,41 +20,39 @@ from patagium.learning.models.structure import LowRank
 Array = NDArray[np.float64]
 
 
-def cubature_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+def cubature_filter(setting: FilterSetting, mean: Array, std: Array) -> WeightFilter:
     """A cubature filter whose weights start independent.
 
     Args:
         setting: What it is made of.
         mean: Weights, (n,).
-        deviation: Their standard deviations, (n,).
+        std: Their standard deviations, (n,).
     """
     if isinstance(setting.structure, LowRank):
-        return restore_low_rank(setting, mean, independent(setting, deviation))
+        return restore_low_rank(setting, mean, independent(setting, std))
     if setting.structure == "node":
-        roots = [np.diag(deviation[block]) for block in setting_blocks(setting)]
+        roots = [np.diag(std[block]) for block in setting_blocks(setting)]
         return restore_nodes(setting, mean, roots)
-    return restore(setting, mean, np.diag(deviation))
+    return restore(setting, mean, np.diag(std))
 
 
-def extended_filter(setting: FilterSetting, mean: Array, deviation: Array) -> WeightFilter:
+def extended_filter(setting: FilterSetting, mean: Array, std: Array) -> WeightFilter:
     """The same with the network linear around its weights.
 
     Args:
         setting: What it is made of.
         mean: Weights, (n,).
-        deviation: Their standard deviations, (n,).
+        std: Their standard deviations, (n,).
     """
     if isinstance(setting.structure, LowRank):
-        return restore_low_rank(setting, mean, independent(setting, deviation), linear=True)
-    return restore_extended(setting, mean, np.diag(deviation))
+        return restore_low_rank(setting, mean, independent(setting, std), linear=True)
+    return restore_extended(setting, mean, np.diag(std))
 
 
-def independent(setting: FilterSetting, deviation: Array) -> Precision:
+def independent(setting: FilterSetting, std: Array) -> Precision:
     """The inverse of a diagonal covariance, with columns of zeros."""
-    rank = (
-        min(setting.structure.rank, len(deviation)) if isinstance(setting.structure, LowRank) else 0
-    )
-    return Precision(1.0 / deviation**2, np.zeros((len(deviation), rank)))
+    rank = min(setting.structure.rank, len(std)) if isinstance(setting.structure, LowRank) else 0
+    return Precision(1.0 / std**2, np.zeros((len(std), rank)))
 
 
 def restore_nodes(

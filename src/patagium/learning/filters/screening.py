@@ -51,12 +51,12 @@ class Screening:
     """How far a sample is believed.
 
     A channel whose innovation e is further off than c predicted deviations, c =
-    `outlier_deviation`, has its noise raised until e is c deviations: its pull on the weights
+    `outlier_std`, has its noise raised until e is c deviations: its pull on the weights
     falls with 1 / e. One that moved before and repeats one value for `stuck_samples` samples is
     left out until it moves again; one that never moved is believed.
 
     Args:
-        outlier_deviation: c, at least 2: of Gaussian innovations one in 1.7e6 is beyond 5.
+        outlier_std: c, at least 2: of Gaussian innovations one in 1.7e6 is beyond 5.
         stuck_samples: Samples of one value before a channel is left out; more than a coarse
             sensor repeats itself in slow motion.
 
@@ -68,12 +68,12 @@ class Screening:
         criterion, J. Geodesy 88.
     """
 
-    outlier_deviation: float = 5.0
+    outlier_std: float = 5.0
     stuck_samples: int = 50
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.outlier_deviation) and self.outlier_deviation >= 2):
-            raise ParameterError("outlier_deviation", "at least 2", self.outlier_deviation)
+        if not (isfinite(self.outlier_std) and self.outlier_std >= 2):
+            raise ParameterError("outlier_std", "at least 2", self.outlier_std)
         if not isinstance(self.stuck_samples, int) or self.stuck_samples < 2:
             raise ParameterError("stuck_samples", "an integer of at least 2", self.stuck_samples)
 
@@ -87,7 +87,7 @@ class NoiseEstimation:
     is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
     towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
     b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
-    moves by that share. Both stay positive. `measurement_deviation` is where it starts, half in
+    moves by that share. Both stay positive. `measurement_std` is where it starts, half in
     each: rather too large than too small, as a covariance that shrank on too small a noise opens
     by forgetting only.
 
@@ -139,7 +139,7 @@ class Screen:
         change_detection: ChangeDetection | None = None,
     ) -> None:
         channels = len(noise)
-        self.limit = inf if screening is None else screening.outlier_deviation
+        self.limit = inf if screening is None else screening.outlier_std
         self.stuck_samples = 0 if screening is None else screening.stuck_samples
         self.share = 0.0 if noise_estimation is None else 1.0 / noise_estimation.memory
         self.believes = screening is None

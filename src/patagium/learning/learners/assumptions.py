@@ -1,7 +1,7 @@
 """What a filter takes for granted of weights and measurements before it sees a sample.
 
 Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
-the covariance before any sample and Q = diag(process_deviation^2). Neglected: deviations
+the covariance before any sample and Q = diag(process_std^2). Neglected: deviations
 that change with the state.
 """
 
@@ -36,10 +36,10 @@ class Assumptions(NamedTuple):
 
     Attributes:
         network: Whose weights.
-        prior_deviation: Of each weight before any sample, times sqrt(fan-in), (n,); nan where
+        prior_std: Of each weight before any sample, times sqrt(fan-in), (n,); nan where
             the network knows it itself.
-        measurement_deviation: (n_y,) in the unit of y.
-        process_deviation: By which each weight wanders between two samples, (n,).
+        measurement_std: (n_y,) in the unit of y.
+        process_std: By which each weight wanders between two samples, (n,).
         forgetting_factor: Divides the covariance before each sample.
         prior_share: Share of the prior covariance mixed in before each sample.
         covariance: What is kept of it.
@@ -49,9 +49,9 @@ class Assumptions(NamedTuple):
     """
 
     network: Network
-    prior_deviation: Array
-    measurement_deviation: Array
-    process_deviation: Array
+    prior_std: Array
+    measurement_std: Array
+    process_std: Array
     forgetting_factor: float
     prior_share: float
     covariance: Structure
@@ -62,7 +62,7 @@ class Assumptions(NamedTuple):
     @property
     def prior_variance(self) -> Array:
         """Diagonal of P0, (n,)."""
-        own, said = self.network.own_prior, self.prior_deviation**2 / self.network.fan_in
+        own, said = self.network.own_prior, self.prior_std**2 / self.network.fan_in
         return np.where(np.isnan(own), said, own**2)
 
     def setting(self, rule: SpreadRule, dtype: str) -> FilterSetting:
@@ -75,8 +75,8 @@ class Assumptions(NamedTuple):
         return FilterSetting(
             self.network,
             rule,
-            self.measurement_deviation**2,
-            self.process_deviation**2 + self.prior_share * self.prior_variance,
+            self.measurement_std**2,
+            self.process_std**2 + self.prior_share * self.prior_variance,
             self.forgetting_factor / (1.0 - self.prior_share),
             dtype,
             self.covariance,
@@ -89,9 +89,9 @@ class Assumptions(NamedTuple):
         """As JSON-able values."""
         return {
             "network": self.network.describe(),
-            "prior_deviation": _said(self.prior_deviation),
-            "measurement_deviation": compact(self.measurement_deviation),
-            "process_deviation": compact(self.process_deviation),
+            "prior_std": _said(self.prior_std),
+            "measurement_std": compact(self.measurement_std),
+            "process_std": compact(self.process_std),
             "forgetting_factor": self.forgetting_factor,
             "prior_share": self.prior_share,
             "covariance": described_structure(self.covariance),
@@ -103,9 +103,9 @@ class Assumptions(NamedTuple):
 
 def assume(
     network: Network,
-    prior_deviation: ArrayLike | None,
-    measurement_deviation: ArrayLike,
-    process_deviation: ArrayLike,
+    prior_std: ArrayLike | None,
+    measurement_std: ArrayLike,
+    process_std: ArrayLike,
     forgetting_factor: float,
     prior_share: float,
     covariance: Structure,
@@ -123,9 +123,9 @@ def assume(
         raise ParameterError("prior_share", "at least 0 and below 1", prior_share)
     return Assumptions(
         network,
-        _prior(network, prior_deviation),
-        scale_of("measurement_deviation", measurement_deviation, network.outputs),
-        center_of("process_deviation", process_deviation, network.size),
+        _prior(network, prior_std),
+        scale_of("measurement_std", measurement_std, network.outputs),
+        center_of("process_std", process_std, network.size),
         forgetting(forgetting_factor),
         float(prior_share),
         checked_structure(covariance),
@@ -137,9 +137,9 @@ def assume(
 
 def _prior(network: Network, said: ArrayLike | None) -> Array:
     if said is not None:
-        return scale_of("prior_deviation", said, network.size)
+        return scale_of("prior_std", said, network.size)
     if np.isnan(network.own_prior).any():
-        raise ParameterError("prior_deviation", "positive numbers", None)
+        raise ParameterError("prior_std", "positive numbers", None)
     return np.full(network.size, np.nan)
 
 

@@ -32,7 +32,7 @@ class CubatureLearner(FilterLearner):
     """Square-root cubature Kalman filter over the weights of a network.
 
     Before each sample P <- (1 - prior_share) P / forgetting_factor + prior_share P0 + Q,
-    Q = diag(process_deviation^2). The points W +- kappa S e_i, P = S S', give mean and
+    Q = diag(process_std^2). The points W +- kappa S e_i, P = S S', give mean and
     covariance of y and, with a sample,
 
         W <- W + S Z P_yy^-1 (y - mean),    P <- P - S Z P_yy^-1 Z' S'.
@@ -58,12 +58,12 @@ class CubatureLearner(FilterLearner):
 
     Args:
         network: The network whose weights are learned.
-        prior_deviation: Standard deviation of each weight before any sample, divided by
+        prior_std: Standard deviation of each weight before any sample, divided by
             sqrt(fan-in) of its neuron (biases: fan-in 1); scalar or (n,). Weights of which the
             network has its own (`GreyBox`) keep that; None: all have.
-        measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
+        measurement_std: Standard deviation of the measurement, scalar or (n_y,), in
             the unit of y.
-        process_deviation: Standard deviation by which each weight wanders between two
+        process_std: Standard deviation by which each weight wanders between two
             samples, scalar or (n,); not divided by anything.
         spread: kappa, distance of the points in standard deviations; None is sqrt(n), the
             cubature rule; see `spread` for mean and covariance at any other.
@@ -77,7 +77,7 @@ class CubatureLearner(FilterLearner):
         covariance: "full", "layer", "node" or `LowRank(rank)`.
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances of the measurement follow the innovations, from
-            measurement_deviation on; None: it is known.
+            measurement_std on; None: it is known.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -94,9 +94,9 @@ class CubatureLearner(FilterLearner):
         self,
         network: Network,
         *,
-        prior_deviation: ArrayLike | None = None,
-        measurement_deviation: ArrayLike,
-        process_deviation: ArrayLike = 0.0,
+        prior_std: ArrayLike | None = None,
+        measurement_std: ArrayLike,
+        process_std: ArrayLike = 0.0,
         spread: float | None = None,
         square_root: SquareRoot = "transform",
         dtype: Precision = "float64",
@@ -116,9 +116,9 @@ class CubatureLearner(FilterLearner):
             raise ParameterError("covariance", '"full" with square_root="cholesky"', covariance)
         assumptions = assume(
             network,
-            prior_deviation,
-            measurement_deviation,
-            process_deviation,
+            prior_std,
+            measurement_std,
+            process_std,
             forgetting_factor,
             prior_share,
             covariance,
@@ -128,11 +128,11 @@ class CubatureLearner(FilterLearner):
         )
         setting = assumptions.setting(spread_rule(network.size, spread), dtype)
         self._setting, self._square_root, self._seed = setting, square_root, seed
-        mean, deviation = network.initial(seed), np.sqrt(assumptions.prior_variance)
+        mean, std = network.initial(seed), np.sqrt(assumptions.prior_variance)
         weight_filter = (
-            CholeskyFilter(setting, mean, np.diag(deviation))
+            CholeskyFilter(setting, mean, np.diag(std))
             if square_root == "cholesky"
-            else cubature_filter(setting, mean, deviation)
+            else cubature_filter(setting, mean, std)
         )
         super().__init__(assumptions, weight_filter)
 

@@ -35,12 +35,12 @@ class ExtendedLearner(FilterLearner):
 
     Args:
         network: The network whose weights are learned.
-        prior_deviation: Standard deviation of each weight before any sample, divided by
+        prior_std: Standard deviation of each weight before any sample, divided by
             sqrt(fan-in) of its neuron (biases: fan-in 1); scalar or (n,). Weights of which the
             network has its own (`GreyBox`) keep that; None: all have.
-        measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
+        measurement_std: Standard deviation of the measurement, scalar or (n_y,), in
             the unit of y.
-        process_deviation: Standard deviation by which each weight wanders between two
+        process_std: Standard deviation by which each weight wanders between two
             samples, scalar or (n,); not divided by anything.
         seed: Seed of the weights to start from.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
@@ -49,7 +49,7 @@ class ExtendedLearner(FilterLearner):
         covariance: "full", "layer", "node" or `LowRank(rank)`.
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances of the measurement follow the innovations, from
-            measurement_deviation on; None: it is known.
+            measurement_std on; None: it is known.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -65,9 +65,9 @@ class ExtendedLearner(FilterLearner):
         self,
         network: Network,
         *,
-        prior_deviation: ArrayLike | None = None,
-        measurement_deviation: ArrayLike,
-        process_deviation: ArrayLike = 0.0,
+        prior_std: ArrayLike | None = None,
+        measurement_std: ArrayLike,
+        process_std: ArrayLike = 0.0,
         seed: int = 0,
         forgetting_factor: float = 1.0,
         prior_share: float = 0.0,
@@ -78,9 +78,9 @@ class ExtendedLearner(FilterLearner):
     ) -> None:
         assumptions = assume(
             network,
-            prior_deviation,
-            measurement_deviation,
-            process_deviation,
+            prior_std,
+            measurement_std,
+            process_std,
             forgetting_factor,
             prior_share,
             covariance,
@@ -89,8 +89,8 @@ class ExtendedLearner(FilterLearner):
             change_detection,
         )
         setting = assumptions.setting(spread_rule(network.size, None), "float64")
-        deviation = np.sqrt(assumptions.prior_variance)
-        weight_filter = extended_filter(setting, network.initial(seed), deviation)
+        std = np.sqrt(assumptions.prior_variance)
+        weight_filter = extended_filter(setting, network.initial(seed), std)
         super().__init__(assumptions, weight_filter)
         self._seed = seed
 

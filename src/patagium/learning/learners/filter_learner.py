@@ -100,7 +100,7 @@ class FilterLearner(Saved):
         return self._filter.screen.events
 
     @property
-    def measurement_deviation(self) -> Array:
+    def measurement_std(self) -> Array:
         """Of the measurement, (n_y,) in the unit of y: as given, or as estimated by now."""
         return np.sqrt(self._filter.screen.variances)
 
@@ -119,12 +119,12 @@ class FilterLearner(Saved):
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         return self._stopwatch.median
 
-    def predict(self, x: ArrayLike, deviation: ArrayLike | None = None) -> tuple[Array, Array]:
+    def predict(self, x: ArrayLike, std: ArrayLike | None = None) -> tuple[Array, Array]:
         """Measurement at x before it is made, as `update` would see it.
 
         Args:
             x: Input, (n_x,).
-            deviation: Of this measurement on top of `measurement_deviation`, (n_y,); see `update`.
+            std: Of this measurement on top of `measurement_std`, (n_y,); see `update`.
 
         Returns:
             Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
@@ -138,7 +138,7 @@ class FilterLearner(Saved):
         if not np.isfinite(sample).all():
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         try:
-            with self._noisier(deviation):
+            with self._noisier(std):
                 mean, covariance = self._filter.predict(sample)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
@@ -151,7 +151,7 @@ class FilterLearner(Saved):
         x: ArrayLike,
         y: ArrayLike,
         time: float | None = None,
-        deviation: ArrayLike | None = None,
+        std: ArrayLike | None = None,
     ) -> Array:
         """Learn one sample, or what of it can be used.
 
@@ -162,7 +162,7 @@ class FilterLearner(Saved):
             x: Input, (n_x,).
             y: Measurement, (n_y,).
             time: Of the sample [s]; None: not known, and it comes after the one before.
-            deviation: Of this measurement on top of `measurement_deviation` (as given or as
+            std: Of this measurement on top of `measurement_std` (as given or as
                 estimated), whose square it adds to, (n_y,) in the unit of y; None for none, NaN
                 where y is missing.
 
@@ -181,7 +181,7 @@ class FilterLearner(Saved):
         screen = self._filter.screen
         screen.numbers[0] = np.nan if time is None else time
         try:
-            with self._noisier(deviation):
+            with self._noisier(std):
                 outcome, prediction = self._filter.update(sample, measured)
         except MatrixLost as lost:  # between two samples
             raise diverged(lost.outcome, self.count, sample, measured) from None
@@ -193,15 +193,15 @@ class FilterLearner(Saved):
         self._stopwatch.add(perf_counter_ns() - started)
         return np.where(screen.left_out, np.nan, measured - prediction.mean)
 
-    def _noisier(self, deviation: ArrayLike | None) -> AbstractContextManager[None]:
+    def _noisier(self, std: ArrayLike | None) -> AbstractContextManager[None]:
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
-        if deviation is None:
+        if std is None:
             return nullcontext()
-        added, shape = np.asarray(deviation, float), self._filter.screen.stated.shape
+        added, shape = np.asarray(std, float), self._filter.screen.stated.shape
         if added.shape != shape:
-            raise ShapeError("deviation", shape, added.shape)
+            raise ShapeError("std", shape, added.shape)
         if (added < 0).any() or np.isinf(added).any():
-            raise ParameterError("deviation", "zero or more", added.tolist())
+            raise ParameterError("std", "zero or more", added.tolist())
         return self._filter.screen.noisier(np.nan_to_num(added) ** 2)
 
     @property

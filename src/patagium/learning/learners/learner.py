@@ -159,7 +159,7 @@ def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged
         Outcome.COVARIANCE_LOST: "the covariance is no longer positive definite",
     }[outcome]
     remedy = {
-        Outcome.NOT_FINITE: "lower prior_deviation or the spread, or scale inputs and outputs",
+        Outcome.NOT_FINITE: "lower prior_std or the spread, or scale inputs and outputs",
         Outcome.COVARIANCE_LOST: outcome.remedy,
     }[outcome]
     return FilterDiverged(

@@ -51,8 +51,8 @@ class LinearLearner(Saved):
 
     Args:
         network: A DenseNetwork without hidden layers: inputs, outputs and their scales.
-        prior_deviation: Standard deviation of each weight before any sample.
-        measurement_deviation: Standard deviation of the measurement, scalar or (n_y,), in
+        prior_std: Standard deviation of each weight before any sample.
+        measurement_std: Standard deviation of the measurement, scalar or (n_y,), in
             the unit of y; its mean over the outputs, in their scales, weighs all of them.
         features: Number of random softplus features; 0: linear in the inputs.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
@@ -70,22 +70,22 @@ class LinearLearner(Saved):
         self,
         network: DenseNetwork,
         *,
-        prior_deviation: float,
-        measurement_deviation: ArrayLike,
+        prior_std: float,
+        measurement_std: ArrayLike,
         features: int = 0,
         forgetting_factor: float = 1.0,
         seed: int = 0,
     ) -> None:
         self._network = LinearNetwork(network, features, seed)
-        self._prior = positive("prior_deviation", prior_deviation)
-        self._deviation = scale_of("measurement_deviation", measurement_deviation, network.outputs)
+        self._prior = positive("prior_std", prior_std)
+        self._std = scale_of("measurement_std", measurement_std, network.outputs)
         self._forgetting = forgetting(forgetting_factor)
-        self._variance = float(np.mean((self._deviation / network.output_scale) ** 2))
+        self._variance = float(np.mean((self._std / network.output_scale) ** 2))
         count = self._network.perceptron.widths[0] + 1
         self._slopes = np.zeros((count, network.outputs))
         self._spread = np.eye(count) * self._prior**2
         self._stopwatch = Stopwatch()
-        self._screen = Screen(self._deviation**2)
+        self._screen = Screen(self._std**2)
 
     @property
     def network(self) -> LinearNetwork:
@@ -144,7 +144,7 @@ class LinearLearner(Saved):
         scale = self._network.output_scale
         spread = float(features @ self._spread @ features) / self._forgetting
         mean = self._network.output_center + scale * (features @ self._slopes)
-        return mean, np.diag(spread * scale**2 + self._deviation**2)
+        return mean, np.diag(spread * scale**2 + self._std**2)
 
     def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
         """Learn one sample.
@@ -188,8 +188,8 @@ class LinearLearner(Saved):
         return {
             "kind": "linear",
             "network": self._network.describe(),
-            "prior_deviation": self._prior,
-            "measurement_deviation": self._deviation.tolist(),
+            "prior_std": self._prior,
+            "measurement_std": self._std.tolist(),
             "forgetting_factor": self._forgetting,
         }
 

@@ -45,8 +45,8 @@ class FlowNetwork(WingNetwork):
 
     Nothing is scaled by a flight: at another speed, heading or attitude the perceptron sees
     and says the same. x is the state [q, v], y the generalized force of the air. A learner
-    that follows every sample of a flapping flight does well with prior_deviation 1,
-    measurement_deviation 0.01 force_scale(speed), and a memory of one wingbeat or two.
+    that follows every sample of a flapping flight does well with prior_std 1,
+    measurement_std 0.01 force_scale(speed), and a memory of one wingbeat or two.
 
     Args:
         robot: The machine; its numbers are taken as they are.

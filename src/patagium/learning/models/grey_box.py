@@ -35,7 +35,7 @@ from patagium.learning.models.physical import (
     changed_air,
     numbers_of,
     physical_parameters,
-    process_deviations,
+    process_stds,
 )
 from patagium.learning.models.structure import Indices
 
@@ -60,7 +60,7 @@ class GreyBox(Network):
     A weight counts prior deviations of its parameter, or of its logarithm if it cannot be zero
     or less (`PhysicalParameter`): all start at zero, with a deviation of one whatever a learner
     is told, and a process deviation of .01 is a hundredth of the prior's. A learner's
-    `prior_deviation` is that of the network beside, whose last layer starts at zero.
+    `prior_std` is that of the network beside, whose last layer starts at zero.
 
     Lags z follow the flow by `wash.lag_step` from sample to sample; x as the learner sees it
     goes on with [z, vec dz/dW, W], which `recall` finds.
@@ -292,7 +292,7 @@ class GreyBox(Network):
         each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
-    def deviations(self, wandering: Mapping[str, float], beside: float = 0.0) -> Array:
+    def stds(self, wandering: Mapping[str, float], beside: float = 0.0) -> Array:
         """A learner's process deviation from those of parameters in their own units, (n,).
 
         Args:
@@ -303,7 +303,7 @@ class GreyBox(Network):
         Raises:
             ParameterError: If a name is not learned.
         """
-        own = process_deviations(self.parameters, wandering)
+        own = process_stds(self.parameters, wandering)
         return np.append(own, np.full(self.size - self._count, beside))
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
@@ -354,7 +354,7 @@ class GreyBox(Network):
 
     @property
     def _estimate(self) -> dict[str, float]:
-        return {parameter.name: parameter.deviation for parameter in self.parameters}
+        return {parameter.name: parameter.std for parameter in self.parameters}
 
     @property
     def _count(self) -> int:

@@ -68,7 +68,7 @@ class HiddenStripNetwork(RecallingNetwork):
     the logarithms of lags, .1 for the lift slope's, .15 and .05 for the stall's. x is
     [q, v, z, vec S, W_m], of which [q, v] is measured and `recall` finds the rest.
 
-    A deviation of the measurement of .003 N times `lever_arms`, prior_deviation .1 and spread
+    A deviation of the measurement of .003 N times `lever_arms`, prior_std .1 and spread
     1.7 did well for flapping flights of a small robot, free and mounted.
 
     Args:

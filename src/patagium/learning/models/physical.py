@@ -56,17 +56,17 @@ class Estimate(NamedTuple):
         name: Such as `section.lift_slope`, or `left_wing[0].chord`.
         unit: Of the numbers.
         value: Most probable.
-        deviation: Standard deviation; NaN where the learner has none.
+        std: Standard deviation; NaN where the learner has none.
         prior: Value before any sample.
-        prior_deviation: Standard deviation before any sample.
+        prior_std: Standard deviation before any sample.
     """
 
     name: str
     unit: str
     value: float
-    deviation: float
+    std: float
     prior: float
-    prior_deviation: float
+    prior_std: float
 
 
 class PhysicalParameter(NamedTuple):
@@ -77,12 +77,12 @@ class PhysicalParameter(NamedTuple):
     Attributes:
         name: Such as `section.lift_slope`, or `left_wing[0].chord`.
         prior: Value before any sample, in `unit`.
-        deviation: Standard deviation before any sample, in `unit`.
+        std: Standard deviation before any sample, in `unit`.
     """
 
     name: str
     prior: float
-    deviation: float
+    std: float
 
     @property
     def unit(self) -> str:
@@ -97,7 +97,7 @@ class PhysicalParameter(NamedTuple):
     @property
     def scale(self) -> float:
         """What a weight is multiplied by: the deviation of the parameter or of its logarithm."""
-        return self.deviation / self.prior if self.positive else self.deviation
+        return self.std / self.prior if self.positive else self.std
 
     def estimate(self, weight: float, variance: float = float("nan")) -> Estimate:
         """What a weight says, linear in its deviation.
@@ -112,7 +112,7 @@ class PhysicalParameter(NamedTuple):
         else:
             value, slope = self.prior + weight * self.scale, self.scale
         spread = slope * float(np.sqrt(variance))
-        return Estimate(self.name, self.unit, value, spread, self.prior, self.deviation)
+        return Estimate(self.name, self.unit, value, spread, self.prior, self.std)
 
 
 def unit_of(name: str) -> str:
@@ -168,22 +168,20 @@ def physical_parameters(
     if not estimate:
         raise ParameterError("estimate", "parameters by name, with prior deviations", estimate)
     found = []
-    for name, deviation in estimate.items():
+    for name, std in estimate.items():
         if name not in numbers:
             raise ParameterError("estimate", _known(name, numbers, robot), name)
-        if not (isfinite(deviation) and deviation > 0):
+        if not (isfinite(std) and std > 0):
             expected = f"a positive prior deviation [{unit_of(name)}]"
-            raise ParameterError(name, expected, deviation)
-        parameter = PhysicalParameter(name, float(numbers[name]), float(deviation))
+            raise ParameterError(name, expected, std)
+        parameter = PhysicalParameter(name, float(numbers[name]), float(std))
         if parameter.positive and parameter.prior <= 0:
             raise ParameterError(name, "a value above zero to start from", parameter.prior)
         found.append(parameter)
     return tuple(found)
 
 
-def process_deviations(
-    parameters: Sequence[PhysicalParameter], wandering: Mapping[str, float]
-) -> Array:
+def process_stds(parameters: Sequence[PhysicalParameter], wandering: Mapping[str, float]) -> Array:
     """Deviations by which weights of parameters wander, from those in their own units.
 
     Args:
@@ -197,7 +195,7 @@ def process_deviations(
     for name in wandering:
         if name not in names:
             raise ParameterError("wandering", f"one of {', '.join(names)}", name)
-    return np.array([wandering.get(one.name, 0.0) / one.deviation for one in parameters])
+    return np.array([wandering.get(one.name, 0.0) / one.std for one in parameters])
 
 
 def changed_air(

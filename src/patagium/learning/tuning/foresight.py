@@ -1,4 +1,4 @@
-"""How well a learner foresaw the samples it was taught: the likelihood of its innovations.
+"""How well a learner predicted the samples it was taught: the likelihood of its innovations.
 
 With e = y - mean the innovation of an output and s^2 its variance, both said before the
 sample was used,
@@ -6,7 +6,7 @@ sample was used,
     log L = sum over samples and outputs of -1/2 (e^2 / s^2 + log s^2 + log 2 pi):
 
 the density the learner gave beforehand to each number it then saw. It punishes errors, and
-deviations too small or too large for them. An output that stands still is foreseen by any
+deviations too small or too large for them. An output that stands still is predicted by any
 deviation, the smaller the better: where it does (`moving`) it is left out, lest a robot on the
 ground decide how it is to learn in flight. Neglected: correlation of the outputs (with it, on a
 flight without noise, the likelihood goes to directions in which P_yy is all but singular, and
@@ -39,7 +39,7 @@ STILL = 0.02
 
 @dataclass(frozen=True)
 class Foresight:
-    """What a learner foresaw of samples.
+    """What a learner predicted of samples.
 
     Attributes:
         log_likelihood: Of all samples; minus infinity if the learner diverged.
@@ -78,9 +78,9 @@ def moving(y: Array) -> Chosen:
     center = truth.sum(axis=0) / np.maximum(count, 1)
     size = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
     truth = np.where(measured, y - center, 0.0)
-    deviation = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
-    alive = deviation > SILENT_RATIO * size.max(initial=0.0)
-    truth = truth / np.where(alive, deviation, 1.0)
+    std = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
+    alive = std > SILENT_RATIO * size.max(initial=0.0)
+    truth = truth / np.where(alive, std, 1.0)
     span = max(len(y) // STRETCHES, 2)
     share, mean, square = (
         uniform_filter1d(values, span, axis=0)
@@ -90,10 +90,10 @@ def moving(y: Array) -> Chosen:
     return np.asarray(alive & measured & (local > STILL**2))
 
 
-def foresee(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chosen) -> Foresight:
-    """Teach a learner samples, and see how well it foresaw each.
+def predict(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chosen) -> Foresight:
+    """Teach a learner samples, and see how well it predicted each.
 
-    An output that was measured, and that the learner left out, is taken for foreseen by its
+    An output that was measured, and that the learner left out, is taken for predicted by its
     mean and variance alone: leaving out is no way to a better score.
 
     Args:

@@ -121,8 +121,8 @@ def _noise_estimation(plain: dict[str, Any] | None) -> NoiseEstimation | None:
 
 
 KNOBS: tuple[Knob, ...] = (
-    Level("prior_deviation", 0.03, 3.0),
-    Level("measurement_deviation", 1e-5, 1.0),
+    Level("prior_std", 0.03, 3.0),
+    Level("measurement_std", 1e-5, 1.0),
     Level("spread", 0.3, 4.0, learners=("cubature",)),
     Level("forgetting_factor", 1e-5, 0.1, below_one=True, off=1.0),
     Level("prior_share", 1e-7, 0.01, off=0.0),
@@ -145,7 +145,7 @@ def knobs_for(
         structures: Covariances to try, plain.
     """
     changed: dict[str, dict[str, Any]] = {
-        "measurement_deviation": {"unit": tuple(unit)},
+        "measurement_std": {"unit": tuple(unit)},
         "covariance": {"values": tuple(structures)},
     }
     return tuple(

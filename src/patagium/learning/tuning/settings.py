@@ -64,7 +64,7 @@ class LearnerSettings(BaseModel):
             if name not in known:
                 raise ValueError(f"{name}: expected one of {', '.join(known)}")
             known[name].check(value)
-        for name in ("prior_deviation", "measurement_deviation"):
+        for name in ("prior_std", "measurement_std"):
             if name not in self.values:
                 raise ValueError(f"{name}: expected, but not there")
         return self

@@ -1,4 +1,4 @@
-"""Settings of a learner chosen by what it foresees: no hand in it, no truth looked up.
+"""Settings of a learner chosen by what it predicts: no hand in it, no truth looked up.
 
 Each trial teaches a new learner the used samples of a flight and takes the likelihood of its
 innovations over the second half (`foresight`): what it has come to, not how it began. `search`
@@ -26,7 +26,7 @@ from patagium.learning.identify import samples
 from patagium.learning.models.network import Network
 from patagium.learning.models.recollection import Observed
 from patagium.learning.schedule import used_samples
-from patagium.learning.tuning.foresight import Foresight, foresee, moving
+from patagium.learning.tuning.foresight import Foresight, moving, predict
 from patagium.learning.tuning.journal import Journal, described_foresight
 from patagium.learning.tuning.knobs import Choice, Knob, LearnerKind, knobs_for, values_at
 from patagium.learning.tuning.pool import in_any_order, pool
@@ -60,7 +60,7 @@ class Trial:
     Attributes:
         hidden: Neurons of each hidden layer of the network.
         values: Knobs of the learner, plain.
-        foresight: What it foresaw.
+        foresight: What it predicted.
     """
 
     hidden: tuple[int, ...]
@@ -76,7 +76,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuned:
-    """The settings that foresaw a flight best.
+    """The settings that predicted a flight best.
 
     Attributes:
         best: They, as a file holds them.
@@ -120,7 +120,7 @@ def tune(
     source: str = "",
     progress: Progress | None = None,
 ) -> Tuned:
-    """The settings of a learner that foresee a flight best, by the innovation likelihood.
+    """The settings of a learner that predict a flight best, by the innovation likelihood.
 
     The answer depends on the seed, not on the number of processes.
 
@@ -296,9 +296,9 @@ class _Task:
 
     def _unit(self) -> list[float]:
         """Deviation of each output; of those that never move, the middle of the others."""
-        deviation = np.nanstd(self.y, axis=0)
-        deviation[~(deviation > 1e-9 * deviation.max())] = np.median(deviation[self.heard])
-        return [float(one) for one in deviation]
+        std = np.nanstd(self.y, axis=0)
+        std[~(std > 1e-9 * std.max())] = np.median(std[self.heard])
+        return [float(one) for one in std]
 
 
 class _Count:
@@ -325,7 +325,7 @@ def _try(
 ) -> Foresight:
     """One trial, in a worker."""
     rows, learner = slice(*span), make_learner(network, kind, seed, values)
-    return foresee(learner, log.part(*span), y[rows], scored[rows])
+    return predict(learner, log.part(*span), y[rows], scored[rows])
 
 
 def _used(

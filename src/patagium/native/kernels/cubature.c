@@ -98,7 +98,7 @@ static void moments(cubature *f, double *remainder, double *work) {
 int cubature_predict(cubature *f) {
   visit(f);
   moments(f, f->small, f->small + f->stride * f->stride);
-  return foreseen(f);
+  return predicted(f);
 }
 
 /* Learn one sample. */

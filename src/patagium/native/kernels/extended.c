@@ -184,7 +184,7 @@ static void visit(extended *e) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-static int foresee(cubature *f) {
+static int predict(cubature *f) {
   const int m = f->outputs, stride = f->stride;
   visit((extended *)f);
   memset(f->small, 0, sizeof(double) * stride * stride);
@@ -197,13 +197,13 @@ static int foresee(cubature *f) {
       for (int b = 0; b < f->blocks; b++) *sum += gram_of(f, b)[k * stride + l];
     }
   }
-  return foreseen(f);
+  return predicted(f);
 }
 
-int extended_predict(extended *e) { return foresee(&e->filter); }
+int extended_predict(extended *e) { return predict(&e->filter); }
 
 /* Learn one sample. */
-int extended_update(extended *e) { return learn_sample(&e->filter, foresee); }
+int extended_update(extended *e) { return learn_sample(&e->filter, predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int extended_lanes(void) { return WIDTH; }

@@ -1,8 +1,8 @@
-/* From sensor packets to what a learner foresaw of them, one after the other.
+/* From sensor packets to what a learner predicted of them, one after the other.
  *
  * A packet is [time, q, v, a, u1], q of as many numbers as there are coordinates, the others of
  * dof numbers each. Inverse dynamics makes x and y of it, memory
- * the rest of x where there is one, the filter foresees y, learns it, and one record a packet says how that went:
+ * the rest of x where there is one, the filter predicts y, learns it, and one record a packet says how that went:
  *
  *     [prediction, its deviation, measurement: outputs each; nis, outcome, left out, nanoseconds].
  *
@@ -59,11 +59,11 @@ static int learn(pipeline *p, const double *packet) {
 
 static void write_record(const pipeline *p, int outcome, double *record) {
   const int m = p->outputs;
-  const int foreseen = outcome != BAD_INPUT && outcome != LATE && outcome != DUPLICATE;
+  const int predicted = outcome != BAD_INPUT && outcome != LATE && outcome != DUPLICATE;
   double left_out = 0;
   for (int k = 0; k < m; k++) {
-    record[k] = foreseen ? p->mean[k] : NAN;
-    record[m + k] = foreseen ? sqrt(p->covariance[k * m + k]) : NAN;
+    record[k] = predicted ? p->mean[k] : NAN;
+    record[m + k] = predicted ? sqrt(p->covariance[k * m + k]) : NAN;
     if (outcome == COMPLETED && p->left_out[k]) left_out += ldexp(1, k);
   }
   memcpy(record + 2 * m, p->y, sizeof(double) * m);

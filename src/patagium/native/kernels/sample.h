@@ -1,6 +1,6 @@
 /* What a sample does to mean and root once slopes of y are known: what it is worth, the steps
  * of all columns, the new root, the new mean. For all filters of weights with a root by panels;
- * they differ in how they foresee y. The returned integers are Outcomes.
+ * they differ in how they predict y. The returned integers are Outcomes.
  */
 #ifndef PATAGIUM_SAMPLE_H
 #define PATAGIUM_SAMPLE_H
@@ -30,7 +30,7 @@ static double *gram_of(const cubature *f, int block) {
 }
 
 /* Whether the moments of y are numbers. */
-static int foreseen(const cubature *f) {
+static int predicted(const cubature *f) {
   double sum = 0;
   for (int k = 0; k < f->outputs * f->outputs; k++) sum += f->covariance[k];
   for (int k = 0; k < f->outputs; k++) sum += f->predicted[k];
@@ -106,13 +106,13 @@ static void screen_moments(cubature *f) {
   }
 }
 
-/* Learn one sample, which `foresee` predicts: moments of y and slopes. */
-static int learn_sample(cubature *f, int (*foresee)(cubature *)) {
+/* Learn one sample, which `predict` predicts: moments of y and slopes. */
+static int learn_sample(cubature *f, int (*predict)(cubature *)) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
   const int refused = admit(f->screen);
   if (refused) return refused;
-  if (foresee(f) != COMPLETED) return unseen(f);
+  if (predict(f) != COMPLETED) return unseen(f);
   if (!in_range(f)) return NOT_FINITE;
   const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
   if (!kept) return BLIND;

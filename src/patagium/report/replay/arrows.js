@@ -80,7 +80,7 @@ class Forces {
       ...make("moment", "predicted_moment", true, arrows.center, 1, 1.3, 2),
     ];
     this.scratch = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
-    if (arrows.deviation && arrows.predicted_total) {
+    if (arrows.std && arrows.predicted_total) {
       const look = { color: guess, transparent: true, opacity: 0.22, depthWrite: false };
       this.interval = new THREE.Mesh(new THREE.SphereGeometry(1, 16, 10), new THREE.MeshBasicMaterial(look));
       this.interval.renderOrder = 2;
@@ -125,7 +125,7 @@ class Forces {
     const { arrows } = this.flight, [point, force, half] = this.scratch, scale = this.scales.total;
     this.flight.mix(arrows.center, 3, 0, 3, at, point);
     this.flight.mix(arrows.predicted_total, 3, 0, 3, at, force);
-    this.flight.mix(arrows.deviation, 3, 0, 3, at, half);
+    this.flight.mix(arrows.std, 3, 0, 3, at, half);
     this.interval.position.set(...point.map((value, k) => value + scale * force[k]));
     const axes = half.map((value) => Math.max(INTERVAL * scale * value, 1e-9));
     this.interval.scale.set(...axes);

@@ -16,7 +16,7 @@ class Flight {
       Object.entries(content.arrows).map(([name, value]) => [name, value && unpack(value)]));
     this.series = content.series.map((one) => ({
       ...one, values: unpack(one.values), predicted: one.predicted && unpack(one.predicted),
-      deviation: one.deviation && unpack(one.deviation),
+      std: one.std && unpack(one.std),
     }));
     this.frames = this.time.length;
     this.begin = this.time[0];

@@ -103,8 +103,8 @@ class Plot {
     pen.beginPath();
     pen.rect(left, top, width, height);
     pen.clip();
-    const { values, predicted, deviation } = this.series, [truth, guess] = this.flight.colors;
-    if (deviation) this.band(pen, predicted, deviation, guess);
+    const { values, predicted, std } = this.series, [truth, guess] = this.flight.colors;
+    if (std) this.band(pen, predicted, std, guess);
     this.curve(pen, values, truth, 1.5);
     if (predicted) this.curve(pen, predicted, guess, 1.5, [4, 2.5]);
     pen.restore();
@@ -127,13 +127,13 @@ class Plot {
   }
 
   // Where a prediction says the value is, 95 times in 100.
-  band(pen, values, deviation, color) {
+  band(pen, values, std, color) {
     const { flight, span } = this, { left, width: wide } = this.area;
     const first = flight.locate(span[0]).frame, last = flight.locate(span[1]).next;
     const along = (i) => left + (wide * (flight.time[i] - span[0])) / (span[1] - span[0] || 1);
     pen.beginPath();
-    for (let i = first; i <= last; i++) pen.lineTo(along(i), this.height(values[i] + INTERVAL * deviation[i]));
-    for (let i = last; i >= first; i--) pen.lineTo(along(i), this.height(values[i] - INTERVAL * deviation[i]));
+    for (let i = first; i <= last; i++) pen.lineTo(along(i), this.height(values[i] + INTERVAL * std[i]));
+    for (let i = last; i >= first; i--) pen.lineTo(along(i), this.height(values[i] - INTERVAL * std[i]));
     pen.fillStyle = color;
     pen.globalAlpha = 0.22;
     pen.fill();

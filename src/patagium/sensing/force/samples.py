@@ -56,7 +56,7 @@ class ForceSamples:
         return np.hstack([self.q, self.v])
 
     @property
-    def deviation(self) -> Array:
+    def std(self) -> Array:
         """Of the force, (N, n) [N, N m]; NaN where it was not measured."""
         return np.asarray(np.sqrt(np.einsum("nii->ni", self.covariance)))
 

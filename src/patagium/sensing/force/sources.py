@@ -82,12 +82,12 @@ def motor_forces(
     machine = log.robot if robot is None else robot
     columns = [machine.index(joint) for joint in joint_names(sensor.joints, machine)]
     force = np.asarray(log[name]["current"].values) * sensor.force_per_current
-    found = _at(log[name], force, sensor.sample_deviation, motion, shift)
+    found = _at(log[name], force, sensor.sample_std, motion, shift)
     shape = (len(motion["time"]), machine.dof)
     values, variance = np.full(shape, np.nan), np.zeros(shape)
     values[:, columns] = found.values
-    constant = (sensor.offset_deviation * sensor.force_per_current) ** 2
-    scale = sensor.torque_constant_deviation**2
+    constant = (sensor.offset_std * sensor.force_per_current) ** 2
+    scale = sensor.torque_constant_std**2
     variance[:, columns] = found.variance + constant + scale * found.values**2
     return Measured(values, variance)
 
@@ -108,7 +108,7 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
     if not isinstance(cell, LoadCell):
         raise ParameterError("name", "a load cell of the log", name)
     shown = np.asarray(log[name]["wrench"].values, float)
-    found = _at(log[name], shown, cell.sample_deviation, motion, shift)
+    found = _at(log[name], shown, cell.sample_std, motion, shift)
     constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
     talk = np.zeros((6, 6)) if cell.cross_talk is None else np.asarray(cell.cross_talk) ** 2
     return Wrench(
@@ -324,13 +324,13 @@ def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
 
 
 def _at(
-    reading: xr.Dataset, values: Array, deviation: Array | float, motion: xr.Dataset, shift: float
+    reading: xr.Dataset, values: Array, std: Array | float, motion: xr.Dataset, shift: float
 ) -> Measured:
     """A signal smoothed at the times of a motion."""
     stamps = np.asarray(reading["time"].values, float) - shift
     times = np.asarray(motion["time"].values, float)
     smoother: Smoother = Kalman(order=3)
     least = _LEAST * np.maximum(np.std(values, axis=0), 1e-9)
-    spread = np.maximum(np.asarray(deviation, float), least)
+    spread = np.maximum(np.asarray(std, float), least)
     found = smoother.smooth(stamps, values, spread, times)
     return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0])

@@ -79,7 +79,7 @@ def added_covariance(order: int, step: float) -> Array:
 def smooth_chain(
     time: ArrayLike,
     values: ArrayLike,
-    deviation: ArrayLike,
+    std: ArrayLike,
     density: ArrayLike,
     *,
     order: int = 4,
@@ -92,7 +92,7 @@ def smooth_chain(
     Args:
         time: Increasing, (N,) [s].
         values: Measured coordinates, (N, B); NaN where one was not measured.
-        deviation: Of their noise, (B,) or one for all, or (N, B).
+        std: Of their noise, (B,) or one for all, or (N, B).
         density: Of the white noise that drives each, (B,) or one for all [unit^2/s^(2m-1)].
         order: m.
         filtered: Whether to stop before the smoother: given the measurements so far.
@@ -102,7 +102,7 @@ def smooth_chain(
         ParameterError: If order, deviation or density cannot be.
         LogError: If time does not advance, or a coordinate was never measured.
     """
-    stamps, y, noise, drive = _checked(time, values, deviation, density, order)
+    stamps, y, noise, drive = _checked(time, values, std, density, order)
     unit = float(np.median(np.diff(stamps)))  # time in steps: entries of like size
     run = _Pass(stamps / unit, y, noise, drive * unit ** (2 * order - 1), order)
     run.forwards()
@@ -112,9 +112,7 @@ def smooth_chain(
     return Chain(state * scale, covariance * np.outer(scale, scale), likelihood, run.normalized)
 
 
-def likely_density(
-    time: ArrayLike, values: ArrayLike, deviation: ArrayLike, *, order: int = 4
-) -> Array:
+def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order: int = 4) -> Array:
     """Density of the driving noise that makes the measurements most likely, (B,).
 
     A grid over 22 powers of ten, refined about its best; all at once.
@@ -122,7 +120,7 @@ def likely_density(
     Args:
         time: Increasing, (N,) [s].
         values: Measured coordinates, (N, B); NaN where one was not measured.
-        deviation: Of their noise, (B,) or one for all; above zero.
+        std: Of their noise, (B,) or one for all; above zero.
         order: m.
 
     Raises:
@@ -130,7 +128,7 @@ def likely_density(
         ParameterError: If order or deviation cannot be.
         LogError: If time does not advance, or a coordinate was never measured.
     """
-    stamps, y, noise, _ = _checked(time, values, deviation, 1.0, order)
+    stamps, y, noise, _ = _checked(time, values, std, 1.0, order)
     count = y.shape[1]
     unit = float(np.median(np.diff(stamps)))
     best = np.log10(noise.mean(axis=0)) - (2 * order - 1) * np.log10(unit)
@@ -241,7 +239,7 @@ def _solve(matrices: Array, right: Array) -> Array:
 
 
 def _checked(
-    time: ArrayLike, values: ArrayLike, deviation: ArrayLike, density: ArrayLike, order: int
+    time: ArrayLike, values: ArrayLike, std: ArrayLike, density: ArrayLike, order: int
 ) -> tuple[Array, Array, Array, Array]:
     stamps, y = np.asarray(time, float), np.asarray(values, float)
     if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
@@ -254,9 +252,9 @@ def _checked(
     silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
     if len(silent):
         raise LogError(f"values: expected measurements in column {silent[0]}, found none")
-    spread = np.broadcast_to(np.asarray(deviation, float), y.shape)
+    spread = np.broadcast_to(np.asarray(std, float), y.shape)
     drive = np.broadcast_to(np.asarray(density, float), y.shape[1:])
-    for name, array in (("deviation", spread), ("density", drive)):
+    for name, array in (("std", spread), ("density", drive)):
         if not (np.isfinite(array).all() and (array > 0).all()):
             raise ParameterError(name, "positive numbers", float(np.min(array)))
     return stamps, y, spread**2, np.array(drive)

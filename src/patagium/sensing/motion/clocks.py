@@ -1,7 +1,7 @@
 """What the stamps of sensors are late against each other: clocks and delays, from motion alone.
 
-Inertial units are foreseen from encoders and cameras that see the same bodies; each of those is
-moved in time until they are foreseen best, a maximum of the likelihood with noise and biases of
+Inertial units are predicted from encoders and cameras that see the same bodies; each of those is
+moved in time until they are predicted best, a maximum of the likelihood with noise and biases of
 every axis unknown. Only the sum of delay and clock offset can be seen. Neglected: drift. Load cells
 and motors are not asked: where the motion is one sine, a delay and a drag look alike.
 """
@@ -39,12 +39,12 @@ class Shifts:
 
     Args:
         seconds: By name of the sensor; zero of the reference [s].
-        deviation: Of each, if errors were white; zero of the reference [s].
+        std: Of each, if errors were white; zero of the reference [s].
         unlinked: Sensors that nothing ties to the reference.
     """
 
     seconds: dict[str, float]
-    deviation: dict[str, float]
+    std: dict[str, float]
     unlinked: tuple[str, ...]
 
 
@@ -79,7 +79,7 @@ def estimate_shifts(
     if not units:
         raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
     search = _Search(machine, streams, units, largest, smoother or Kalman())
-    seconds, deviation = search.run()
+    seconds, std = search.run()
     unlinked = tuple(s.name for s in streams if s.name not in seconds)
     chosen = units[0].name if reference is None else reference
     if chosen not in seconds:
@@ -87,8 +87,8 @@ def estimate_shifts(
     zero = seconds[chosen]
     moved = {name: value - zero for name, value in seconds.items()}
     # the error of the reference's own shift is in all others
-    of_zero = deviation[chosen]
-    spread = {name: float(np.hypot(value, of_zero)) for name, value in deviation.items()}
+    of_zero = std[chosen]
+    spread = {name: float(np.hypot(value, of_zero)) for name, value in std.items()}
     return Shifts(moved, spread | {chosen: 0.0}, unlinked)
 
 
@@ -108,7 +108,7 @@ class _Track:
 
 
 class _Search:
-    """Shifts that make inertial units foreseen best, one sensor at a time."""
+    """Shifts that make inertial units predicted best, one sensor at a time."""
 
     def __init__(
         self,
@@ -139,9 +139,9 @@ class _Search:
             free = [name for name in (unit.name, *seen) if name not in late]
             if not tied or not free:
                 continue
-            found, deviation = self._fit(unit, late, free)
+            found, std = self._fit(unit, late, free)
             late |= found
-            spread |= deviation
+            spread |= std
         return late, spread
 
     def _in_order(self) -> list[Stream]:
@@ -186,9 +186,9 @@ class _Search:
         best = minimize(misfit, best, method="Nelder-Mead", options=options).x
         bend = _curvature(misfit, best) * len(times) / 2
         variance = np.diagonal(np.linalg.pinv(bend, hermitian=True))
-        deviation = np.sqrt(np.maximum(variance, 0.0))
+        std = np.sqrt(np.maximum(variance, 0.0))
         return dict(zip(free, best.tolist(), strict=True)), dict(
-            zip(free, deviation.tolist(), strict=True)
+            zip(free, std.tolist(), strict=True)
         )
 
     def _samples(self, unit: Stream) -> tuple[Array, Array]:

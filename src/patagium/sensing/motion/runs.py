@@ -140,10 +140,8 @@ def _smooth_alone(
         grid, rows = merged(s.time, times)
         values = np.full((len(grid), len(alone)), np.nan)
         values[np.searchsorted(grid, s.time)] = s.rows[:, picked]
-        deviation = s.channel.deviation
-        found = smooth_chain(
-            grid, values, deviation, density[place], order=order, filtered=filtered
-        )
+        std = s.channel.std
+        found = smooth_chain(grid, values, std, density[place], order=order, filtered=filtered)
         for i in range(3):
             levels[:, i, place] = found.state[rows, :, i]
             for j in range(3):
@@ -224,14 +222,14 @@ def start(motion_filter: MotionFilter, streams: Sequence[Stream]) -> Belief:
         attitude = from_quaternion(row[3:]).as_matrix() @ guessed.T
         place, _, _ = camera.channel.frame.pose(Motion(levels, attitude))
         levels[0, list(base.place)] += row[:3] - place
-    biases = [s.channel.bias_deviation for s in streams if s.channel.biases]
+    biases = [s.channel.bias_std for s in streams if s.channel.biases]
     owed = [
         np.sqrt(motion_filter.density * _MEMORY ** (2 * (order - 1 - k) + 1)) for k in range(order)
     ]
     least = np.zeros((order, 1))
     least[:3, 0] = UNKNOWN
-    deviation = np.concatenate([np.maximum(owed, least).ravel(), *biases])
-    return Belief(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(deviation))
+    std = np.concatenate([np.maximum(owed, least).ravel(), *biases])
+    return Belief(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(std))
 
 
 def by_smoother(robot: Robot, streams: Sequence[Stream], times: Array, smoother: Smoother) -> Found:
@@ -300,7 +298,7 @@ def smoothed_stream(robot: Robot, stream: Stream, times: Array, smoother: Smooth
     """
     channel, base = stream.channel, base_of(robot)
     if isinstance(channel, EncoderChannel):
-        found = smoother.smooth(stream.time, stream.rows, channel.deviation, times)
+        found = smoother.smooth(stream.time, stream.rows, channel.std, times)
         return Part(tuple(channel.columns), found.state, found.covariance, None)
     if isinstance(channel, CaptureChannel) and base is not None:
         place, turn, attitude = _smooth_base(stream, times, smoother)
@@ -318,14 +316,14 @@ def _smooth_base(
     if not isinstance(channel, CaptureChannel) or not channel.frame.on_base:
         raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
     seen = np.isfinite(camera.rows).all(axis=1)
-    deviation = np.sqrt(channel.variance)
-    place = smoother.smooth(camera.time[seen], camera.rows[seen, :3], deviation[:3], times)
+    std = np.sqrt(channel.variance)
+    place = smoother.smooth(camera.time[seen], camera.rows[seen, :3], std[:3], times)
     mount = Rotation.from_matrix(channel.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
     parts = shown.as_quat()
     flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
     parts[1:] *= flips[:, None]
-    angle = float(deviation[3:].mean())
+    angle = float(std[3:].mean())
     turned = smoother.smooth(camera.time[seen], parts, angle / 2, times)
     length = np.linalg.norm(turned.state[:, :, 0], axis=1)[:, None, None]
     four = turned.state / length

@@ -46,7 +46,7 @@ class Channel(Protocol):
 
     biases: bool
     bias_walk: Array
-    bias_deviation: Array
+    bias_std: Array
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Samples of a reading, (N, k)."""
@@ -62,7 +62,7 @@ class Channel(Protocol):
 class _NoBias:
     biases = False
     bias_walk: Array = np.zeros(0)
-    bias_deviation: Array = np.zeros(0)
+    bias_std: Array = np.zeros(0)
 
 
 class EncoderChannel(_NoBias):
@@ -75,7 +75,7 @@ class EncoderChannel(_NoBias):
 
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
-        self.deviation = max(sensor.sample_deviation, FLOOR["rad"])
+        self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
 
@@ -89,7 +89,7 @@ class EncoderChannel(_NoBias):
         """Residual, slope and variance of what was shown."""
         seen = np.isfinite(observation.values)
         residual = observation.values - motion.levels[0, self.columns]
-        variance = np.full(int(seen.sum()), self.deviation**2)
+        variance = np.full(int(seen.sum()), self.std**2)
         return residual[seen], self._slope[seen], variance
 
 
@@ -106,16 +106,16 @@ class ImuChannel:
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
         forces = np.maximum(
-            np.hypot(sensor.accelerometer_deviation, sensor.accelerometer_step / np.sqrt(12)),
+            np.hypot(sensor.accelerometer_std, sensor.accelerometer_step / np.sqrt(12)),
             FLOOR["m/s^2"],
         )
         rates = np.maximum(
-            np.hypot(sensor.gyroscope_deviation, sensor.gyroscope_step / np.sqrt(12)),
+            np.hypot(sensor.gyroscope_std, sensor.gyroscope_step / np.sqrt(12)),
             FLOOR["rad/s"],
         )
         self.variance = np.concatenate([forces, rates]) ** 2
         floors = np.repeat([FLOOR["m/s^2"], FLOOR["rad/s"]], 3)
-        self.bias_deviation: Array = np.maximum(
+        self.bias_std: Array = np.maximum(
             np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3), floors
         )
         self.bias_walk: Array = np.repeat([sensor.accelerometer_walk, sensor.gyroscope_walk], 3)
@@ -144,8 +144,8 @@ class CaptureChannel(_NoBias):
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
-        place = np.maximum(sensor.position_deviation, FLOOR["m"])
-        turn = np.maximum(sensor.attitude_deviation, FLOOR["rad"])
+        place = np.maximum(sensor.position_std, FLOOR["m"])
+        turn = np.maximum(sensor.attitude_std, FLOOR["rad"])
         self.variance = np.concatenate([place, turn]) ** 2
 
     def rows(self, reading: xr.Dataset) -> Array:

@@ -37,7 +37,7 @@ class Smoother(Protocol):
     """A way from measured coordinates to rates and accelerations."""
 
     def smooth(
-        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
         """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
         ...
@@ -66,19 +66,19 @@ class Kalman:
             raise ParameterError("density", "a positive number", self.density)
 
     def smooth(
-        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
         """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
         density = self.density
         drive = (
-            likely_density(time, values, deviation, order=self.order)
+            likely_density(time, values, std, order=self.order)
             if density is None
             else np.full(values.shape[1], density)
         )
         grid, rows = merged(time, time if at is None else at)
         known = np.full((len(grid), values.shape[1]), np.nan)
         known[np.searchsorted(grid, time)] = values
-        found = smooth_chain(grid, known, deviation, drive, order=self.order)
+        found = smooth_chain(grid, known, std, drive, order=self.order)
         return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
 
 
@@ -100,7 +100,7 @@ class Spline:
             raise ParameterError("knot_step", "a positive number of seconds", self.knot_step)
 
     def smooth(
-        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
         """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
         degree = 5
@@ -109,7 +109,7 @@ class Spline:
         spans = max(1, round((end - begin) / self.knot_step))
         inner = np.linspace(begin, end, spans + 1)
         knots = np.concatenate([[begin] * degree, inner, [end] * degree])
-        spread = np.broadcast_to(np.asarray(deviation, float), values.shape[1:])
+        spread = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         rows = [_basis(knots, times, degree, k) for k in range(3)]
         state = np.empty((len(times), values.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
@@ -147,11 +147,11 @@ class SavitzkyGolay:
             raise ParameterError("degree", "an integer of at least 2", self.degree)
 
     def smooth(
-        self, time: Array, values: Array, deviation: ArrayLike, at: Array | None = None
+        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
         """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
         times = time if at is None else at
-        spread = np.broadcast_to(np.asarray(deviation, float), values.shape[1:])
+        spread = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         state = np.empty((len(times), values.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
         half = self.window / 2

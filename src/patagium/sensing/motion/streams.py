@@ -135,7 +135,7 @@ def drive_of(robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, o
     for columns in by_stream.values():
         stream = seen[columns[0]][0]
         values = stream.rows[:, [seen[i][1] for i in columns]]
-        drive[columns] = _likely(stream, values, _deviation(stream), order)
+        drive[columns] = _likely(stream, values, _std(stream), order)
     base = base_of(robot)
     if base is not None:
         drive[[*base.place, *base.turn]] = _drive_of_base(streams, order)
@@ -154,29 +154,29 @@ def _drive_of_base(streams: Sequence[Stream], order: int) -> Array:
     if camera is None:
         return np.full(6, np.nan)
     place, turn = captured(camera)
-    deviation = np.sqrt(getattr(camera.channel, "variance", np.full(6, np.nan)))
-    found[0, :3] = _likely(camera, place, deviation[:3], order)
-    found[0, 3:] = _likely(camera, turn, np.full(3, deviation[3:].mean()), order)
+    std = np.sqrt(getattr(camera.channel, "variance", np.full(6, np.nan)))
+    found[0, :3] = _likely(camera, place, std[:3], order)
+    found[0, 3:] = _likely(camera, turn, np.full(3, std[3:].mean()), order)
     for s in streams:
         if isinstance(s.channel, ImuChannel) and s.channel.frame.on_base:
-            deviation = np.sqrt(s.channel.variance)
+            std = np.sqrt(s.channel.variance)
             to_body = s.channel.frame.mount**2
             attitude = from_quaternion(camera.rows[np.isfinite(camera.rows).all(axis=1), 3:])
             mount = getattr(camera.channel, "frame").mount  # noqa: B009
             to_world = np.mean((attitude.as_matrix() @ mount.T) ** 2, axis=0)
-            forces = _likely(s, s.rows[:, :3], deviation[:3], order - 2)
+            forces = _likely(s, s.rows[:, :3], std[:3], order - 2)
             found[1, :3] = to_world @ to_body @ forces
-            found[1, 3:] = to_body @ _likely(s, s.rows[:, 3:], deviation[3:], order - 1)
+            found[1, 3:] = to_body @ _likely(s, s.rows[:, 3:], std[3:], order - 1)
     return np.asarray(np.nanmax(found, axis=0))
 
 
-def _likely(stream: Stream, values: Array, deviation: ArrayLike, order: int) -> Array:
+def _likely(stream: Stream, values: Array, std: ArrayLike, order: int) -> Array:
     kept = slice(0, _MOST_FOR_LIKELIHOOD)
-    return likely_density(stream.time[kept], values[kept], deviation, order=order)
+    return likely_density(stream.time[kept], values[kept], std, order=order)
 
 
-def _deviation(stream: Stream) -> float:
-    return float(getattr(stream.channel, "deviation", np.nan))
+def _std(stream: Stream) -> float:
+    return float(getattr(stream.channel, "std", np.nan))
 
 
 def captured(camera: Stream) -> tuple[Array, Array]:

@@ -85,12 +85,12 @@ class Imu(Sensor):
             raise ParameterError("body", "the name of a body", self.body)
 
     @property
-    def accelerometer_deviation(self) -> Array:
+    def accelerometer_std(self) -> Array:
         """Deviation of the noise of a sample of the specific force, (3,) [m/s^2]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.accelerometer_density, float))
 
     @property
-    def gyroscope_deviation(self) -> Array:
+    def gyroscope_std(self) -> Array:
         """Deviation of the noise of a sample of the angular rate, (3,) [rad/s]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.gyroscope_density, float))
 
@@ -106,7 +106,7 @@ class Imu(Sensor):
         ):
             truth = motion.specific_force if part == "accelerometer" else motion.angular_velocity
             bias = self._bias(part, len(times), rng)
-            white = getattr(self, f"{part}_deviation") * rng.standard_normal((len(times), 3))
+            white = getattr(self, f"{part}_std") * rng.standard_normal((len(times), 3))
             shown = limited(truth + bias + white, getattr(self, f"{part}_range"))
             measured[quantity] = Signal(
                 ("axis",), units, stepped(shown, getattr(self, f"{part}_step"))

@@ -35,23 +35,23 @@ class Encoder(Sensor):
         clock_drift: What it gains in a second [s/s].
         joints: Names of the coordinates; () for all that are actuated.
         resolution: One count [rad, m]; 0 for none.
-        deviation: Of the noise before counting [rad, m].
-        zero_deviation: Of the error of each zero, constant in a log [rad, m].
+        std: Of the noise before counting [rad, m].
+        zero_std: Of the error of each zero, constant in a log [rad, m].
     """
 
     joints: tuple[str, ...] = ()
     resolution: float = noise()
-    deviation: float = noise()
-    zero_deviation: float = noise()
+    std: float = noise()
+    zero_std: float = noise()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", names("joints", self.joints))
         super().__post_init__()
 
     @property
-    def sample_deviation(self) -> float:
+    def sample_std(self) -> float:
         """Of a sample: noise and the rounding to counts, not the zero's error [rad, m]."""
-        return float(np.hypot(self.deviation, self.resolution / np.sqrt(12.0)))
+        return float(np.hypot(self.std, self.resolution / np.sqrt(12.0)))
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
         """What it shows of a scene at given times, (N,) [s]."""
@@ -59,8 +59,8 @@ class Encoder(Sensor):
         places = scene.robot.coordinate_indices
         columns = [places[scene.robot.index(name)] for name in joints]
         truth = scene.coordinates(times)[0][:, columns]
-        zero = self.zero_deviation * rng.standard_normal(len(joints))
-        white = self.deviation * rng.standard_normal(truth.shape)
+        zero = self.zero_std * rng.standard_normal(len(joints))
+        white = self.std * rng.standard_normal(truth.shape)
         shown = stepped(truth + zero + white, self.resolution)
         return Reading(
             {"position": Signal(("joint",), "m or rad", shown)},
@@ -85,10 +85,10 @@ class MotorCurrent(Sensor):
         joints: Names of the coordinates; () for all that are actuated.
         torque_constant: k, torque of the motor for a current [N m/A].
         gear_ratio: Turns of the motor for one of the joint.
-        deviation: Of the noise of the current [A].
+        std: Of the noise of the current [A].
         resolution: One count [A]; 0 for none.
-        offset_deviation: Of the error at no current, constant in a log [A].
-        torque_constant_deviation: Of the true constants, relative to the one stated.
+        offset_std: Of the error at no current, constant in a log [A].
+        torque_constant_std: Of the true constants, relative to the one stated.
         range: Where it saturates [A]; None where it does not.
         bandwidth: Of a low-pass of first order [Hz]; None where there is none.
     """
@@ -96,10 +96,10 @@ class MotorCurrent(Sensor):
     joints: tuple[str, ...] = ()
     torque_constant: float
     gear_ratio: float = 1.0
-    deviation: float = noise()
+    std: float = noise()
     resolution: float = noise()
-    offset_deviation: float = noise()
-    torque_constant_deviation: float = noise()
+    offset_std: float = noise()
+    torque_constant_std: float = noise()
     range: float | None = None
     bandwidth: float | None = None
 
@@ -118,9 +118,9 @@ class MotorCurrent(Sensor):
         return self.gear_ratio * self.torque_constant
 
     @property
-    def sample_deviation(self) -> float:
+    def sample_std(self) -> float:
         """Of the force of a joint by one sample [N m]: noise and the rounding to counts."""
-        current = np.hypot(self.deviation, self.resolution / np.sqrt(12.0))
+        current = np.hypot(self.std, self.resolution / np.sqrt(12.0))
         return float(self.force_per_current * current)
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
@@ -129,9 +129,9 @@ class MotorCurrent(Sensor):
         columns = [scene.robot.index(name) for name in joints]
         force = scene.signal("u1", times, self.bandwidth, "motor currents")[:, columns]
         sharp = scene.signal("u1", times, None, "motor currents")[:, columns]
-        error = self.torque_constant_deviation * rng.standard_normal(len(joints))
-        offset = self.offset_deviation * rng.standard_normal(len(joints))
-        white = self.deviation * rng.standard_normal(force.shape)
+        error = self.torque_constant_std * rng.standard_normal(len(joints))
+        offset = self.offset_std * rng.standard_normal(len(joints))
+        white = self.std * rng.standard_normal(force.shape)
         true = sharp / self.force_per_current
         current = force / (self.force_per_current * (1.0 + error))
         shown = stepped(limited(current + offset + white, self.range), self.resolution)

@@ -29,7 +29,7 @@ from patagium.sensing.sensors.sensor import (
 )
 from patagium.simulation.flight import WRENCH
 
-_PER_AXIS = ("force_deviation", "moment_deviation", "force_bias", "moment_bias")
+_PER_AXIS = ("force_std", "moment_std", "force_bias", "moment_bias")
 _STEPS = ("force_step", "moment_step")
 _RANGES = ("force_range", "moment_range")
 
@@ -52,8 +52,8 @@ class LoadCell(Sensor):
         body: Body that carries it; None: it stands at the world's origin, in world axes.
         position: Of its origin from that of the body, body axes, (3,) [m].
         orientation: Its axes to body axes, (3, 3).
-        force_deviation: Of the noise of a sample, (3,) or one for all [N].
-        moment_deviation: Of the noise of a sample, (3,) or one for all [N m].
+        force_std: Of the noise of a sample, (3,) or one for all [N].
+        moment_std: Of the noise of a sample, (3,) or one for all [N m].
         force_bias: Deviation of the constant error, (3,) or one for all [N].
         moment_bias: Deviation of the constant error, (3,) or one for all [N m].
         cross_talk: What each component adds to each, (6, 6) [1, m, 1/m]; None for nothing.
@@ -73,8 +73,8 @@ class LoadCell(Sensor):
     body: str | None = None
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
     orientation: Axes = UPRIGHT
-    force_deviation: float | tuple[float, ...] = noise()
-    moment_deviation: float | tuple[float, ...] = noise()
+    force_std: float | tuple[float, ...] = noise()
+    moment_std: float | tuple[float, ...] = noise()
     force_bias: float | tuple[float, ...] = noise()
     moment_bias: float | tuple[float, ...] = noise()
     cross_talk: Axes | None = None
@@ -120,9 +120,9 @@ class LoadCell(Sensor):
         return cell
 
     @property
-    def sample_deviation(self) -> Array:
+    def sample_std(self) -> Array:
         """Of a sample: noise and the rounding to counts, (6,) [N, N m]."""
-        white = np.concatenate([self.force_deviation, self.moment_deviation])
+        white = np.concatenate([self.force_std, self.moment_std])
         step = np.concatenate([self.force_step, self.moment_step])
         return np.asarray(np.hypot(white, step / np.sqrt(12.0)))
 
@@ -135,7 +135,7 @@ class LoadCell(Sensor):
         if self.cross_talk is not None:
             seen = seen + seen @ np.asarray(self.cross_talk).T
         bias = self._pair("bias") * rng.standard_normal(6)
-        white = self._pair("deviation") * rng.standard_normal(seen.shape)
+        white = self._pair("std") * rng.standard_normal(seen.shape)
         shown = stepped(limited(seen + bias + white, self._limit()), self._pair("step"))
         return Reading(
             {"wrench": Signal(("component",), "N or N m", shown)},

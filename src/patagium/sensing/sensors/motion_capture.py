@@ -47,8 +47,8 @@ class MotionCapture(Sensor):
         body: Name of the body that carries the markers.
         position: Of the frame from the body's origin, body axes, (3,) [m].
         orientation: The frame's axes to body axes, (3, 3).
-        position_deviation: Of the noise, (3,) or one for all world axes [m].
-        attitude_deviation: Of the noise, (3,) or one for all of the frame's axes [rad].
+        position_std: Of the noise, (3,) or one for all world axes [m].
+        attitude_std: Of the noise, (3,) or one for all of the frame's axes [rad].
         dropout: Share of frames that are lost, below 1.
         dropout_length: Mean length of a run of lost frames [s]; 0: each is lost by itself.
 
@@ -60,15 +60,15 @@ class MotionCapture(Sensor):
     body: str
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
     orientation: Axes = UPRIGHT
-    position_deviation: float | tuple[float, ...] = noise()
-    attitude_deviation: float | tuple[float, ...] = noise()
+    position_std: float | tuple[float, ...] = noise()
+    attitude_std: float | tuple[float, ...] = noise()
     dropout: float = 0.0
     dropout_length: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", vector("position", self.position))
         object.__setattr__(self, "orientation", axes("orientation", self.orientation))
-        for name in ("position_deviation", "attitude_deviation"):
+        for name in ("position_std", "attitude_std"):
             object.__setattr__(self, name, vector(name, getattr(self, name)))
         if not 0 <= finite("dropout", self.dropout) < 1:
             raise ParameterError("dropout", "at least 0 and below 1", self.dropout)
@@ -84,8 +84,8 @@ class MotionCapture(Sensor):
             self.body, np.asarray(self.position), np.asarray(self.orientation), times
         )
         count = len(times)
-        moved = np.asarray(self.position_deviation) * rng.standard_normal((count, 3))
-        turned = np.asarray(self.attitude_deviation) * rng.standard_normal((count, 3))
+        moved = np.asarray(self.position_std) * rng.standard_normal((count, 3))
+        turned = np.asarray(self.attitude_std) * rng.standard_normal((count, 3))
         attitude = Rotation.from_matrix(motion.rotation)
         shown = attitude * Rotation.from_rotvec(turned)
         lost = self._lost(count, rng)[:, None]

@@ -117,7 +117,7 @@ def as5600(
         joints=joints,
         rate=_at_most(rate, 1 / 150e-6),
         resolution=2 * math.pi / 4096,
-        deviation=_AS5600_NOISE[settling] * _DEGREE,
+        std=_AS5600_NOISE[settling] * _DEGREE,
     )
 
 
@@ -168,8 +168,8 @@ def prime_x_13(body: str, rate: float = 240.0) -> MotionCapture:
         body=body,
         rate=_at_most(rate, 240.0),
         delay=4.2e-3,
-        position_deviation=0.20e-3,
-        attitude_deviation=0.5 * _DEGREE,
+        position_std=0.20e-3,
+        attitude_std=0.5 * _DEGREE,
     )
 
 
@@ -207,8 +207,8 @@ def ina226(
         torque_constant=torque_constant,
         gear_ratio=gear_ratio,
         resolution=2.5e-6 / shunt,
-        offset_deviation=2.5e-6 / shunt,
-        torque_constant_deviation=0.2e-3,
+        offset_std=2.5e-6 / shunt,
+        torque_constant_std=0.2e-3,
         range=81.92e-3 / shunt,
     )
 

@@ -224,7 +224,7 @@ def _forces(
         spread = np.maximum(0.0, sums.residual / sums.compared - offset**2)
         fact["residual_mean"] = offset.tolist()
         fact["residual_rms"] = np.sqrt(sums.residual / sums.compared).tolist()
-        fact["residual_deviation"] = np.sqrt(spread).tolist()
+        fact["residual_std"] = np.sqrt(spread).tolist()
         fact["acceleration_rms"] = np.sqrt(sums.change / sums.compared).tolist()
         fact["span"] = looked.duration
     return _gravity_findings(name, attitude.column.label, mean), [fact]

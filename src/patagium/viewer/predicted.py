@@ -35,7 +35,7 @@ _ASKED = 241  # times at which a model says how sure it is
 
 
 @dataclass(frozen=True)
-class Foreseen:
+class Prediction:
     """Predicted forces at the times shown.
 
     Attributes:
@@ -43,7 +43,7 @@ class Foreseen:
         generalized: Predicted generalized force, (F, k) [N, N m].
         strips: Predicted force on each strip, world axes, (F, n_strips, 3) [N], or None.
         words: How they were predicted.
-        deviation: Of the generalized force, noise of the measurement included, (F, k)
+        std: Of the generalized force, noise of the measurement included, (F, k)
             [N, N m]; None where it is not known.
     """
 
@@ -51,10 +51,12 @@ class Foreseen:
     generalized: Array
     strips: Array | None
     words: str
-    deviation: Array | None = None
+    std: Array | None = None
 
 
-def foresee(flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Frames) -> Foreseen:
+def predict_flight(
+    flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Frames
+) -> Prediction:
     """Predicted forces of a flight.
 
     Args:
@@ -79,7 +81,7 @@ def foresee(flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Fram
     return replace(kept, strips=strips, words=words)
 
 
-def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Foreseen:
+def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Prediction:
     record = result.prediction
     time = np.asarray(flight["time"].values, float)
     found = np.asarray(record["time"].values, float)
@@ -89,7 +91,7 @@ def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Foresee
         raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
     names = tuple(str(name) for name in record["output"].values)
     values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
-    return Foreseen(
+    return Prediction(
         names, values, None, "before the sample was used", _checked(record, time[frames])
     )
 
@@ -97,7 +99,7 @@ def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Foresee
 def _checked(record: xr.Dataset, time: Array) -> Array | None:
     """Predicted deviations between the times at which an identification kept them."""
     checks = np.asarray(record["check_time"].values, float)
-    kept = np.asarray(record["predicted_deviation"].transpose("check_time", "output").values, float)
+    kept = np.asarray(record["predicted_std"].transpose("check_time", "output").values, float)
     return _between(checks, kept, time)
 
 
@@ -108,7 +110,7 @@ def _between(known: Array, values: Array, time: Array) -> Array | None:
     return np.column_stack([np.interp(time, known, column) for column in values.T])
 
 
-def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Foreseen:
+def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
     if isinstance(network, _WINGED):
@@ -117,7 +119,7 @@ def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> 
         network = _measuring(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)
     seen = Recollection(network, time, x, ()).upto(len(time), model.weights)[frames]
-    return Foreseen(
+    return Prediction(
         tuple(network.output_names),
         network.evaluate(seen, model.weights),
         _strip_forces(network, robot, seen, model.weights),

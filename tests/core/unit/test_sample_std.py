@@ -22,10 +22,10 @@ KINDS = {
 }
 
 
-def learner(kind: str, deviation: float | tuple[float, float], **more: object):
+def learner(kind: str, std: float | tuple[float, float], **more: object):
     network = pt.DenseNetwork(3, (5,), OUTPUTS)
     make, options = KINDS[kind]
-    return make(network, prior_deviation=0.5, measurement_deviation=deviation, **options, **more)
+    return make(network, prior_std=0.5, measurement_std=std, **options, **more)
 
 
 def samples(rng: np.random.Generator, count: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +45,7 @@ def test_it_adds_to_the_learners_own_noise(kind, compiler, rng, monkeypatch) -> 
         first, second = one.update(x[k], y[k], None, extra), other.update(x[k], y[k])
         np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(one.weights, other.weights, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(one.measurement_deviation, (0.3, 0.6))  # as it was given
+    np.testing.assert_allclose(one.measurement_std, (0.3, 0.6))  # as it was given
 
 
 @pytest.mark.parametrize("kind", ["cubature", "nodes"])
@@ -61,13 +61,13 @@ def test_it_adds_to_noise_that_is_estimated(kind, rng, monkeypatch) -> None:
             one.update(x[k], y[k], None, size[k])
         taught[compiler] = one
         # half of the samples are of the learner's own noise; a memory of 100: 20 %
-        np.testing.assert_allclose(one.measurement_deviation, 0.3, rtol=0.3)
+        np.testing.assert_allclose(one.measurement_std, 0.3, rtol=0.3)
     weights = [one.weights for one in taught.values()]
     np.testing.assert_allclose(*weights, rtol=1e-6, atol=1e-9)
     deaf = learner(kind, 0.5, noise_estimation=pt.NoiseEstimation(100))
     for k in range(600):
         deaf.update(x[k], y[k])
-    assert (deaf.measurement_deviation > 1.0).all()  # what it is told is not what it finds
+    assert (deaf.measurement_std > 1.0).all()  # what it is told is not what it finds
 
 
 def test_a_sample_without_trust_teaches_nothing(rng) -> None:
@@ -78,7 +78,7 @@ def test_a_sample_without_trust_teaches_nothing(rng) -> None:
     np.testing.assert_allclose(taught.weights, before, atol=1e-9)
 
 
-def test_a_missing_channel_needs_no_deviation(rng) -> None:
+def test_a_missing_channel_needs_no_std(rng) -> None:
     x, _ = samples(rng, 1)
     one, other = learner("cubature", 0.1), learner("cubature", 0.1)
     one.update(x[0], (1.0, np.nan), None, (0.0, np.nan))
@@ -89,7 +89,7 @@ def test_a_missing_channel_needs_no_deviation(rng) -> None:
 def test_what_cannot_be_is_refused(rng) -> None:
     x, y = samples(rng, 1)
     taught = learner("cubature", 0.1)
-    with pytest.raises(ShapeError, match="deviation"):
+    with pytest.raises(ShapeError, match="std"):
         taught.update(x[0], y[0], None, (1.0,))
     with pytest.raises(ParameterError, match="zero or more"):
         taught.update(x[0], y[0], None, (-1.0, 1.0))
@@ -99,9 +99,9 @@ def test_a_stream_hands_it_on(rng) -> None:
     x, y = samples(rng, 40)
     time, extra = np.arange(40.0), np.abs(rng.standard_normal((40, 2)))
     one, other = learner("cubature", 0.1), learner("cubature", 0.1)
-    stream(one, time, x, y, every=2, deviation=extra)
+    stream(one, time, x, y, every=2, std=extra)
     for k in used_samples(40, 2):
         other.update(x[k], y[k], time[k], extra[k])
     np.testing.assert_array_equal(one.weights, other.weights)
-    with pytest.raises(ShapeError, match="deviation"):
-        stream(one, time, x, y, every=2, deviation=extra[:, :1])
+    with pytest.raises(ShapeError, match="std"):
+        stream(one, time, x, y, every=2, std=extra[:, :1])
