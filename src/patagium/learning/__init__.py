@@ -1,7 +1,5 @@
 """Models of the air learned from samples: settings, models, filters, learners, scores, tuning."""
 
-from patagium.learning.filters.change import ChangeDetection
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.identify import evaluate, identify
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.description import learner_from_description
@@ -17,9 +15,9 @@ from patagium.learning.models.hidden import HiddenStripNetwork
 from patagium.learning.models.hidden_flow import HiddenFlowNetwork
 from patagium.learning.models.network import network_from_description
 from patagium.learning.models.strip import StripNetwork
-from patagium.learning.models.structure import LowRank
 from patagium.learning.refinement import refine
 from patagium.learning.result import Identification, load_identification
+from patagium.learning.settings import ChangeDetection, LowRank, NoiseEstimation, Screening
 from patagium.learning.stream import stream
 from patagium.learning.tables import evaluate_table, identify_table, network_for
 from patagium.learning.tuning.settings import Settings, load_settings

@@ -9,9 +9,9 @@ import patagium as pt
 from patagium.errors import Outcome
 from patagium.learning.filters.extended import ExtendedBlockFilter, ExtendedFilter
 from patagium.learning.filters.extended_kernel import ExtendedKernel, restore_extended
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.filters.spread import spread_rule
 from patagium.learning.learners.assumptions import assume
+from patagium.learning.settings import NoiseEstimation, Screening
 from patagium.native import compiler_name
 from patagium.robot import load_robot_text
 

@@ -15,11 +15,8 @@ from patagium.learning.filters.block import BlockFilter, scattered, setting_bloc
 from patagium.learning.filters.kernel import KernelFilter, load_cubature
 from patagium.learning.filters.node import NodeFilter, load_node
 from patagium.learning.filters.spread import spread_rule
-from patagium.learning.models.structure import (
-    blocks_of,
-    described_structure,
-    structure_from,
-)
+from patagium.learning.models.structure import blocks_of, described_structure
+from patagium.learning.settings import structure_from
 
 AGREEMENT = 1e-12  # design.md, decision 4
 ROUNDING = 1e-9  # some thirty samples, two ways of doing the same

@@ -11,7 +11,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.dynamics.poses import poses_at
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
 from patagium.live.record import StreamFile
 from patagium.live.sender import flight_packets
 from patagium.report.views import flight_overview

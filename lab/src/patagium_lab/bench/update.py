@@ -20,7 +20,7 @@ from patagium.learning.filters.low_rank import LowRankFilter, Precision
 from patagium.learning.filters.spread import spread_rule
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.structure import LowRank
+from patagium.learning.settings import LowRank
 from patagium.native import load_kernel
 from patagium.robot.model import Robot
 from patagium_lab.bench.dynamics import random_states

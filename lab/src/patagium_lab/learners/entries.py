@@ -17,13 +17,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.screening import NoiseEstimation
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
-from patagium.learning.models.structure import LowRank
+from patagium.learning.settings import LowRank, NoiseEstimation
 from patagium_lab.learners.course import Course
 
 Array = NDArray[np.float64]

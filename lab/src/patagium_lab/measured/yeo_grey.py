@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine
-from patagium.learning.filters.screening import NoiseEstimation
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.model_file import model_of
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.parameter_paths import parameter_table
+from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.report import Section, Table
 from patagium.robot import Robot, load_robot, load_robot_text

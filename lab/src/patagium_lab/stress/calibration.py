@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.filters.screening import NoiseEstimation
 from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.learning.tables import identify_table, network_for
 from patagium.robot import load_robot

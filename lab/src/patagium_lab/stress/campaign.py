@@ -20,12 +20,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.change import ChangeDetection
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.learners.cubature import CubatureLearner, Precision
 from patagium.learning.learners.file import load_learner
 from patagium.learning.models.strip import StripNetwork
-from patagium.learning.models.structure import LowRank, Structure
+from patagium.learning.settings import (
+    ChangeDetection,
+    LowRank,
+    NoiseEstimation,
+    Screening,
+    Structure,
+)
 from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium_lab.reproduction.flights import corrected_flight

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, DickinsonPolar, QuasiSteady
 from patagium.aerodynamics.polars import Polar
-from patagium.learning.filters.change import ChangeDetection
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium.simulation import mounts, simulate

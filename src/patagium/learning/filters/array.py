@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.filters.change import ChangeDetection
 from patagium.learning.filters.root import MatrixLost, lower_factor, measured_root, with_noise
-from patagium.learning.filters.screening import NoiseEstimation, Screen, Screened, Screening
+from patagium.learning.filters.screening import Screen, Screened
 from patagium.learning.filters.spread import Moments, SpreadRule, moments_of
 from patagium.learning.filters.state import (
     RootState,
@@ -26,7 +25,7 @@ from patagium.learning.filters.state import (
     vector,
 )
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.models.structure import Structure
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening, Structure
 
 Array = NDArray[np.float64]
 _POINTS_AT_ONCE = 256

@@ -9,51 +9,16 @@ Neglected: correlation of innovations in time, which raises more alarms than it 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 from scipy.special import betaincinv
 
-from patagium.errors import ParameterError
+from patagium.learning.settings import ChangeDetection
 
 _RECENT, _BEFORE = 3, 4  # of `numbers`, as in screening.h
 _FILLED, _PLACE, _ALARM = 1, 2, 3  # of `whole`
 _LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
-
-
-@dataclass(frozen=True)
-class ChangeDetection:
-    """When a learner takes its weights for outdated, and how far it opens its covariance.
-
-    Where the innovations are white and Gaussian, a sample raises a false alarm with
-    probability `false_alarm_rate` at most; after an alarm the test starts anew and is silent
-    for window + reference samples.
-
-    Args:
-        false_alarm_rate: Of the test at each sample, between 0 and 1.
-        window: Samples that are tested; a change is found about so many samples after it.
-        reference: Samples before them that they are compared with; a flapping wing's
-            innovations differ over the beat, so that one wingbeat is the least.
-        reopening: Share s of the prior that comes back, P <- (1 - s) P + s P0, 0 < s <= 1.
-
-    Raises:
-        ParameterError: If a number is out of its range.
-    """
-
-    false_alarm_rate: float
-    window: int
-    reference: int
-    reopening: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.false_alarm_rate < 1:
-            raise ParameterError("false_alarm_rate", "between 0 and 1", self.false_alarm_rate)
-        for name, value in (("window", self.window), ("reference", self.reference)):
-            if not isinstance(value, int) or value < 1:
-                raise ParameterError(name, "a positive integer", value)
-        if not (isfinite(self.reopening) and 0 < self.reopening <= 1):
-            raise ParameterError("reopening", "above 0 and at most 1", self.reopening)
 
 
 class ChangeMonitor:

@@ -15,7 +15,7 @@ from patagium.learning.filters.low_rank import Precision
 from patagium.learning.filters.low_rank_kernel import restore_low_rank
 from patagium.learning.filters.node import NodeFilter, load_node
 from patagium.learning.models.perceptron import PerceptronNetwork
-from patagium.learning.models.structure import LowRank
+from patagium.learning.settings import LowRank
 
 Array = NDArray[np.float64]
 

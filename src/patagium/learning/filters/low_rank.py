@@ -34,7 +34,7 @@ from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import vector
 from patagium.learning.models.network import Encoding
-from patagium.learning.models.structure import LowRank
+from patagium.learning.settings import LowRank
 
 Array = NDArray[np.float64]
 _LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits

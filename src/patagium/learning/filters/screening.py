@@ -12,16 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import inf, isfinite, isnan
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import Outcome, ParameterError
-from patagium.learning.filters.change import ChangeDetection, ChangeMonitor
+from patagium.errors import Outcome
+from patagium.learning.filters.change import ChangeMonitor
 from patagium.learning.filters.spread import Moments
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
 
 Array = NDArray[np.float64]
 
@@ -44,69 +44,6 @@ _STAMP, _LAST_STAMP, _LATE_STAMP = 0, 1, 2  # of `numbers`
 _LATE_RUN, _LEARNED = 0, 4  # of `whole`
 _PARTS = ("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last")
 _MARKS = ("still", "moved", "left_out")
-
-
-@dataclass(frozen=True)
-class Screening:
-    """How far a sample is believed.
-
-    A channel whose innovation e is further off than c predicted deviations, c =
-    `outlier_std`, has its noise raised until e is c deviations: its pull on the weights
-    falls with 1 / e. One that moved before and repeats one value for `stuck_samples` samples is
-    left out until it moves again; one that never moved is believed.
-
-    Args:
-        outlier_std: c, at least 2: of Gaussian innovations one in 1.7e6 is beyond 5.
-        stuck_samples: Samples of one value before a channel is left out; more than a coarse
-            sensor repeats itself in slow motion.
-
-    Raises:
-        ParameterError: If a number is out of its range.
-
-    References:
-        Chang (2014), Robust Kalman filtering based on Mahalanobis distance as outlier judging
-        criterion, J. Geodesy 88.
-    """
-
-    outlier_std: float = 5.0
-    stuck_samples: int = 50
-
-    def __post_init__(self) -> None:
-        if not (isfinite(self.outlier_std) and self.outlier_std >= 2):
-            raise ParameterError("outlier_std", "at least 2", self.outlier_std)
-        if not isinstance(self.stuck_samples, int) or self.stuck_samples < 2:
-            raise ParameterError("stuck_samples", "an integer of at least 2", self.stuck_samples)
-
-
-@dataclass(frozen=True)
-class NoiseEstimation:
-    """Variances of the measurement as the innovations show them, channel by channel.
-
-    R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
-    readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
-    is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
-    towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
-    b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
-    moves by that share. Both stay positive. `measurement_std` is where it starts, half in
-    each: rather too large than too small, as a covariance that shrank on too small a noise opens
-    by forgetting only.
-
-    Args:
-        memory: Samples over which it is estimated; a wingbeat or more.
-
-    Raises:
-        ParameterError: If it is no integer of at least 10.
-
-    References:
-        Shumway & Stoffer (1982), An approach to time series smoothing and forecasting using the
-        EM algorithm; Cappé & Moulines (2009), On-line expectation-maximization algorithm.
-    """
-
-    memory: int
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.memory, int) or self.memory < 10:
-            raise ParameterError("memory", "an integer of at least 10", self.memory)
 
 
 class Screened(NamedTuple):

@@ -16,14 +16,8 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.low_rank import Precision
 from patagium.learning.filters.state import packed, symmetric, unpacked
-from patagium.learning.models.structure import (
-    BLOCKS,
-    Indices,
-    Layered,
-    LowRank,
-    Structure,
-    blocks_of,
-)
+from patagium.learning.models.structure import Indices, Layered, blocks_of
+from patagium.learning.settings import BLOCKS, LowRank, Structure
 
 Array = NDArray[np.float64]
 

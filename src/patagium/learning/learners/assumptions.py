@@ -16,16 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.learning.filters.array import FilterSetting
-from patagium.learning.filters.change import ChangeDetection
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.filters.spread import SpreadRule
 from patagium.learning.learners.learner import forgetting
 from patagium.learning.models.network import Network
 from patagium.learning.models.scaling import center_of, scale_of
-from patagium.learning.models.structure import (
+from patagium.learning.models.structure import described_structure
+from patagium.learning.settings import (
+    ChangeDetection,
+    NoiseEstimation,
+    Screening,
     Structure,
     checked_structure,
-    described_structure,
 )
 
 Array = NDArray[np.float64]

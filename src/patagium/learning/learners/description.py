@@ -11,15 +11,13 @@ from os.path import commonprefix
 from typing import TYPE_CHECKING, Any
 
 from patagium.errors import ParameterError
-from patagium.learning.filters.change import ChangeDetection
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import network_from_description
-from patagium.learning.models.structure import structure_from
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening, structure_from
 
 if TYPE_CHECKING:
     from patagium.learning.learners.file import Resumable

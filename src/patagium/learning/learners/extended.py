@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.learning.filters.change import ChangeDetection
 from patagium.learning.filters.choice import extended_filter
-from patagium.learning.filters.screening import NoiseEstimation, Screening
 from patagium.learning.filters.spread import spread_rule
 from patagium.learning.learners.assumptions import assume
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.network import Network
-from patagium.learning.models.structure import Structure
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening, Structure
 
 Array = NDArray[np.float64]
 

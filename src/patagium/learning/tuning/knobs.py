@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.filters.screening import NoiseEstimation
-from patagium.learning.models.structure import structure_from
+from patagium.learning.settings import NoiseEstimation, structure_from
 
 Array = NDArray[np.float64]
 LearnerKind = Literal["cubature", "extended"]

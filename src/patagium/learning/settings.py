@@ -1,0 +1,504 @@
+"""Settings of the filters that learn weights: the only place where they are named.
+
+Each setting has a sentence, a unit, a range and a default. From these records come the arguments
+of the learners, the options of the command line, the search space of `tune`, the YAML file of
+settings, `describe()` and the table in the documentation: nothing else names a setting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass
+from math import inf, isfinite
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from patagium.errors import ParameterError
+
+FILTERS = ("cubature", "extended")
+"""Learners whose weights a filter moves."""
+
+
+@dataclass(frozen=True)
+class LogRange:
+    """Search space of a number, tried over a range of magnitudes.
+
+    Args:
+        low: Least value.
+        high: Largest value.
+        one_minus: Whether the value is one minus the number that is drawn.
+        off: Value that switches the setting off, tried half of the time; None: it is never off.
+        per_output: Whether the number is relative to the standard deviation of each output.
+    """
+
+    low: float
+    high: float
+    one_minus: bool = False
+    off: float | None = None
+    per_output: bool = False
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """Search space of a setting that is one of several values.
+
+    Args:
+        values: Plain values, as a YAML file holds them.
+    """
+
+    values: tuple[Any, ...]
+
+
+class Meaning(NamedTuple):
+    """What a setting is, beside its name, type and default.
+
+    Attributes:
+        text: A phrase with its noun: help of the option and row of the documentation's table.
+        unit: SI unit; "1" for a pure number, "y" for that of the outputs.
+        low: Least value.
+        high: Largest value.
+        above: Whether the value must be above `low`, not only equal to it.
+        below: Whether the value must be below `high`.
+        choices: What a setting that is no number may be.
+        learners: Learners that have it.
+        search: Values that `tune` tries; None: it is not tuned.
+        option: Word of the command line without its dashes, where it is not the name.
+    """
+
+    text: str
+    unit: str = "1"
+    low: float = -inf
+    high: float = inf
+    above: bool = False
+    below: bool = False
+    choices: tuple[Any, ...] = ()
+    learners: tuple[str, ...] = FILTERS
+    search: LogRange | Alternatives | None = None
+    option: str = ""
+
+    def check(self, name: str, value: Any) -> None:
+        """Refuse a value out of range.
+
+        Args:
+            name: Of the setting.
+            value: A number, several, or one of the choices; None is left alone.
+
+        Raises:
+            ParameterError: If it is out of range, no finite number or none of the choices.
+        """
+        if value is None:
+            return
+        if self.choices:
+            if value not in self.choices:
+                raise ParameterError(name, f"one of {', '.join(map(str, self.choices))}", value)
+            return
+        numbers = np.asarray(value, float)
+        under = numbers <= self.low if self.above else numbers < self.low
+        over = numbers >= self.high if self.below else numbers > self.high
+        if (under | over | ~np.isfinite(numbers)).any():
+            raise ParameterError(name, self.range, value)
+
+    @property
+    def range(self) -> str:
+        """Range of the value in words, such as "above 0 and at most 1"."""
+        if self.choices:
+            return ", ".join(map(str, self.choices))
+        words = []
+        if isfinite(self.low):
+            words.append(f"{'above' if self.above else 'at least'} {self.low:g}")
+        if isfinite(self.high):
+            words.append(f"{'below' if self.below else 'at most'} {self.high:g}")
+        return " and ".join(words) or "a finite number"
+
+
+def setting(default: Any, text: str, **meaning: Any) -> Any:
+    """A field of a record of settings.
+
+    Args:
+        default: Its default.
+        text: A phrase with its noun.
+        **meaning: See `Meaning`.
+    """
+    return field(default=default, metadata={"meaning": Meaning(text, **meaning)})
+
+
+def group(kind: type, text: str, **meaning: Any) -> Any:
+    """A field that is a record of settings itself, or None where it is switched off.
+
+    Args:
+        kind: Class of the record.
+        text: A phrase with its noun.
+        **meaning: See `Meaning`.
+    """
+    return field(default=None, metadata={"meaning": Meaning(text, **meaning), "group": kind})
+
+
+def _check_fields(record: Any) -> None:
+    """Refuse numbers out of range in a record whose fields are made by `setting`."""
+    for one in fields(record):
+        value = getattr(record, one.name)
+        if "group" not in one.metadata:
+            one.metadata["meaning"].check(one.name, value)
+        if one.type in ("int", "int | None") and value is not None and type(value) is not int:
+            raise ParameterError(one.name, "a whole number", value)
+
+
+@dataclass(frozen=True)
+class LowRank:
+    """Covariance structure whose inverse is a diagonal plus a product of few columns.
+
+    P^-1 = diag(U) + F F', F (n, rank): the directions learned best, and for the rest each
+    weight by itself. Memory of n (rank + 1) numbers.
+
+    Args:
+        rank: Number of columns.
+
+    Raises:
+        ParameterError: If it is not a positive integer.
+    """
+
+    rank: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.rank, int) or self.rank < 1:
+            raise ParameterError("rank", "a positive integer", self.rank)
+
+
+BLOCKS = ("full", "layer", "node")
+"""Covariance structures of independent blocks of weights."""
+Structure: TypeAlias = Literal["full", "layer", "node"] | LowRank
+Numbers: TypeAlias = float | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Screening:
+    """How far a sample is believed.
+
+    A channel whose innovation e is further off than c predicted standard deviations,
+    c = `outlier_std`, has its noise raised until e is c standard deviations: its pull on the
+    weights falls with 1 / e. One that moved before and repeats one value for `stuck_samples`
+    samples is left out until it moves again; one that never moved is believed.
+
+    Args:
+        outlier_std: c, at least 2: of Gaussian innovations one in 1.7e6 is beyond 5.
+        stuck_samples: Samples of one value before a channel is left out; more than a coarse
+            sensor repeats itself in slow motion.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+
+    References:
+        Chang (2014), Robust Kalman filtering based on Mahalanobis distance as outlier judging
+        criterion, J. Geodesy 88.
+    """
+
+    outlier_std: float = setting(
+        5.0, "Innovations beyond this many predicted standard deviations are down-weighted", low=2.0
+    )
+    stuck_samples: int = setting(
+        50, "Repeated values after which a channel is left out", unit="samples", low=2
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True)
+class NoiseEstimation:
+    """Variances of the measurement as the innovations show them, channel by channel.
+
+    R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
+    readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
+    is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
+    towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
+    b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
+    moves by that share. Both stay positive. `measurement_std` is where it starts, half in
+    each: rather too large than too small, as a covariance that shrank on too small a noise opens
+    by forgetting only.
+
+    Args:
+        memory: Samples over which it is estimated; a wingbeat or more.
+
+    Raises:
+        ParameterError: If it is no integer of at least 10.
+
+    References:
+        Shumway & Stoffer (1982), An approach to time series smoothing and forecasting using the
+        EM algorithm; Cappé & Moulines (2009), On-line expectation-maximization algorithm.
+    """
+
+    memory: int = setting(
+        200,
+        "Memory over which the measurement noise is estimated",
+        unit="samples",
+        low=10,
+        option="noise-memory",
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True)
+class ChangeDetection:
+    """When a learner takes its weights for outdated, and how far it opens its covariance.
+
+    Where the innovations are white and Gaussian, a sample raises a false alarm with
+    probability `false_alarm_rate` at most; after an alarm the test starts anew and is silent
+    for window + reference samples.
+
+    Args:
+        false_alarm_rate: Of the test at each sample, between 0 and 1.
+        window: Samples that are tested; a change is found about so many samples after it.
+        reference: Samples before them that they are compared with; a flapping wing's
+            innovations differ over the beat, so that one wingbeat is the least.
+        reopening: Share s of the prior that comes back, P <- (1 - s) P + s P0, 0 < s <= 1.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+    """
+
+    false_alarm_rate: float = setting(
+        1e-7,
+        "False alarms per sample of the test for changes",
+        low=0.0,
+        above=True,
+        high=1.0,
+        below=True,
+    )
+    window: int = setting(
+        100,
+        "Window of recent samples that is tested for a change",
+        unit="samples",
+        low=1,
+        option="change-window",
+    )
+    reference: int = setting(
+        1000,
+        "Samples before the window that it is compared with, a wingbeat or more",
+        unit="samples",
+        low=1,
+        option="change-reference",
+    )
+    reopening: float = setting(
+        1.0,
+        "Share of the prior covariance that comes back after a change",
+        low=0.0,
+        above=True,
+        high=1.0,
+        option="change-reopening",
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterSettings:
+    """Settings of a filter that learns weights.
+
+    Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
+    the covariance before any sample and Q = diag(process_std^2). Neglected: standard deviations
+    that change with the state.
+
+    Args:
+        prior_std: Standard deviation of each weight before any sample, divided by sqrt(fan-in) of
+            its neuron (biases: fan-in 1); one number or (n,). Weights of which the network has its
+            own (`GreyBox`) keep that; None: all have.
+        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y].
+        process_std: Standard deviation by which each weight wanders between two samples, one
+            number or (n,); not divided by anything.
+        spread: kappa, distance of the cubature points in standard deviations; None is sqrt(n),
+            the cubature rule; see `spread` for mean and covariance at any other.
+        square_root: "transform" carries the square root through the update; "cholesky" is
+            Algorithm 1 of the paper to rounding.
+        dtype: Precision of the square root and of the points, "float64" or "float32"; the
+            weights themselves and the algebra of y are double in both.
+        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        prior_share: Share of the covariance before any sample that is mixed in before each
+            sample, 0 <= share < 1: a memory of 1 / share samples.
+        covariance: Structure of the covariance: "full", "layer", "node" or `LowRank(rank)`.
+        screening: How far samples are believed; None: as they are, if they are numbers.
+        noise_estimation: How the variances of the measurement follow the innovations, from
+            measurement_std on; None: it is known.
+        change_detection: When the covariance is opened anew; None: never.
+
+    Raises:
+        ParameterError: If a number is out of its range, or "cholesky" is not of "full".
+    """
+
+    prior_std: Numbers | None = setting(
+        None,
+        "Standard deviation of each weight before any sample, before division by sqrt(fan-in)",
+        low=0.0,
+        above=True,
+        search=LogRange(0.03, 3.0),
+    )
+    measurement_std: Numbers | None = setting(
+        None,
+        "Standard deviation of the measurement noise: one number, or one for each output",
+        unit="y",
+        low=0.0,
+        above=True,
+        search=LogRange(1e-5, 1.0, per_output=True),
+    )
+    process_std: Numbers = setting(
+        0.0, "Standard deviation by which each weight wanders between two samples", low=0.0
+    )
+    spread: float | None = setting(
+        None,
+        "Cubature point spread, in standard deviations",
+        low=0.0,
+        above=True,
+        learners=("cubature",),
+        search=LogRange(0.3, 4.0),
+    )
+    square_root: str = setting(
+        "transform",
+        "Form of the square root: carried (transform) or factorized at each sample (cholesky)",
+        choices=("transform", "cholesky"),
+        learners=("cubature",),
+    )
+    dtype: str = setting(
+        "float64",
+        "Precision of the covariance's square root",
+        choices=("float64", "float32"),
+        learners=("cubature",),
+    )
+    forgetting_factor: float = setting(
+        1.0,
+        "Factor that divides the covariance before each sample, so that old samples are forgotten",
+        low=0.0,
+        above=True,
+        high=1.0,
+        search=LogRange(1e-5, 0.1, one_minus=True, off=1.0),
+    )
+    prior_share: float = setting(
+        0.0,
+        "Share of the prior covariance that is mixed in before each sample",
+        low=0.0,
+        high=1.0,
+        below=True,
+        search=LogRange(1e-7, 0.01, off=0.0),
+    )
+    covariance: Structure = setting(
+        "full",
+        "Structure of the covariance that is kept: full, layer, node, or a rank such as 20",
+        choices=(),
+        search=Alternatives(("full", "layer", "node")),
+    )
+    screening: Screening | None = group(Screening, "Screening of outliers and stuck channels")
+    noise_estimation: NoiseEstimation | None = group(
+        NoiseEstimation,
+        "Estimation of the measurement noise from the innovations",
+        search=Alternatives((None, {"memory": 50}, {"memory": 200})),
+    )
+    change_detection: ChangeDetection | None = group(
+        ChangeDetection, "Detection of changes, which opens the covariance anew"
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("prior_std", "measurement_std", "process_std"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _plain_numbers(value))
+        for one in fields(self):
+            if one.name != "covariance" and "group" not in one.metadata:
+                one.metadata["meaning"].check(one.name, getattr(self, one.name))
+        checked_structure(self.covariance)
+        if self.square_root == "cholesky" and self.covariance != "full":
+            raise ParameterError(
+                "covariance", '"full" with square_root="cholesky"', self.covariance
+            )
+
+    def describe(self, learner: str = "cubature") -> dict[str, Any]:
+        """Settings as JSON-able values, as a file holds them.
+
+        Args:
+            learner: Kind of the learner; settings of others are left out.
+        """
+        return {
+            one.name: _described(getattr(self, one.name))
+            for one in fields(self)
+            if learner in one.metadata["meaning"].learners
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> FilterSettings:
+        """Inverse of `describe`.
+
+        Args:
+            description: Plain values by name; missing ones take their defaults.
+
+        Raises:
+            ParameterError: If a name is unknown or a value out of range.
+        """
+        known = {one.name: one for one in fields(cls)}
+        for name in description:
+            if name not in known:
+                raise ParameterError("settings", f"names among {', '.join(known)}", name)
+        return cls(**{name: _made(known[name], value) for name, value in description.items()})
+
+
+def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str, Field[Any]]]:
+    """Settings one by one, those of groups too: dotted name and field.
+
+    Args:
+        record: A record of settings.
+        path: Dotted name of the record within another.
+    """
+    for one in fields(record):
+        if "group" in one.metadata:
+            yield from leaves(one.metadata["group"], f"{path}{one.name}.")
+        else:
+            yield f"{path}{one.name}", one
+
+
+def checked_structure(value: object) -> Structure:
+    """A covariance structure as it is.
+
+    Raises:
+        ParameterError: If it is none.
+    """
+    if isinstance(value, LowRank) or (isinstance(value, str) and value in BLOCKS):
+        return value  # type: ignore[return-value]
+    raise ParameterError("covariance", '"full", "layer", "node" or LowRank(rank)', value)
+
+
+def structure_from(description: object) -> Structure:
+    """Covariance structure of a JSON-able value: a word, or {"rank": r}.
+
+    Raises:
+        ParameterError: If it describes none.
+    """
+    if isinstance(description, Mapping) and set(description) == {"rank"}:
+        return LowRank(description["rank"])
+    return checked_structure(description)
+
+
+def _plain_numbers(value: Any) -> Numbers:
+    """A scalar or vector as a number, or a tuple of numbers where they differ."""
+    numbers = np.asarray(value, float)
+    if numbers.ndim == 0:
+        return float(numbers)
+    return tuple(numbers.ravel().tolist())
+
+
+def _described(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _made(one: Field[Any], value: Any) -> Any:
+    if one.name == "covariance":
+        return structure_from(value)
+    kind = one.metadata.get("group")
+    if kind is None or value is None or isinstance(value, kind):
+        return value
+    try:
+        return kind(**value)
+    except TypeError:
+        names = ", ".join(inner.name for inner in fields(kind))
+        raise ParameterError(one.name, f"none, or numbers for {names}", value) from None
