@@ -1,11 +1,11 @@
-"""URDF in, the text of a robot file out, and all that it cannot say.
+"""Reader of URDF files: XML in, the text of a robot file out, with a list of what is left out.
 
-Links become bodies, joints their coordinates: revolute, continuous and prismatic ones
-move, fixed ones hold a body without coordinates, a floating one frees the root.
-Inertias are turned into the axes of their link. A massless link is a named frame. The
-reader is Python's own XML parser: the six elements that carry dynamics need no more.
+Links become bodies and joints become their coordinates: revolute, continuous and prismatic
+joints move, fixed joints hold a body without coordinates, a floating joint frees the root.
+Inertias are turned into the axes of their link. A massless link is a named frame. The XML
+parser is defusedxml's, which refuses document types and entities.
 
-Neglected, and said where it changes the motion: Coulomb friction, and the tie of a
+Neglected, and reported where it changes the motion: Coulomb friction, and the tie of a
 mimic joint, which becomes a coordinate of its own. Shapes, materials, transmissions
 and simulator extensions are not read.
 
@@ -19,20 +19,21 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
 import yaml
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import fromstring
 
 from patagium.errors import RobotFileError
 from patagium.robot.assembly import rotation
 from patagium.robot.model import FLOATING_COORDINATES
 
 Problem = tuple[str, str, str]
-Element = ElementTree.Element
 
 GRAVITY = 9.81
-"""Acceleration of free fall of a URDF, which says none [m/s^2]."""
+"""Gravitational acceleration of a robot from a URDF, which states none [m/s^2]."""
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LONGEST_NAME = 40
@@ -40,11 +41,11 @@ _LONGEST_NAME = 40
 
 @dataclass(frozen=True)
 class UrdfReading:
-    """A URDF as a robot file.
+    """Robot file made from a URDF.
 
     Attributes:
         text: YAML of the robot file.
-        left_out: What a robot cannot represent: place in the URDF, and what becomes of it.
+        left_out: Parts that a robot cannot represent: place in the URDF, and what becomes of it.
         renamed: Names that a robot file cannot have, old and new.
     """
 
@@ -55,7 +56,7 @@ class UrdfReading:
 
 @dataclass
 class _Names:
-    """Names as a robot file takes them: lower case, each once."""
+    """Names of a robot file: lower case, each used once."""
 
     taken: set[str] = field(default_factory=set)
     renamed: list[tuple[str, str]] = field(default_factory=list)
@@ -75,7 +76,7 @@ class _Names:
 
 
 def read_urdf(text: str, file: str, floating: bool) -> UrdfReading:
-    """A URDF as the text of a robot file.
+    """Robot file made from the text of a URDF.
 
     Args:
         text: XML.
@@ -83,7 +84,7 @@ def read_urdf(text: str, file: str, floating: bool) -> UrdfReading:
         floating: Whether the root link floats; a joint of kind floating always frees its child.
 
     Raises:
-        RobotFileError: If it is no URDF, or holds what a robot cannot have.
+        RobotFileError: If the text is no URDF, or describes a part that a robot cannot have.
     """
     reader = _Reader(_root(text, file), floating)
     described = reader.described()
@@ -98,11 +99,13 @@ def read_urdf(text: str, file: str, floating: bool) -> UrdfReading:
 
 
 def _root(text: str, file: str) -> Element:
-    if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise RobotFileError(file, [("", "a URDF without a document type", "<!DOCTYPE or entity")])
     try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
+        root: Element = fromstring(text, forbid_dtd=True)
+    except DefusedXmlException:
+        raise RobotFileError(
+            file, [("", "a URDF without a document type", "<!DOCTYPE or entity")]
+        ) from None
+    except (ParseError, ValueError) as error:
         raise RobotFileError(file, [("", "readable XML", str(error)[:120])]) from None
     if root.tag != "robot":
         raise RobotFileError(file, [("", "an element <robot>", f"<{_one_line(root.tag)}>")])
@@ -113,7 +116,7 @@ def _root(text: str, file: str) -> Element:
 
 @dataclass(frozen=True)
 class _Link:
-    """What hangs where: a link, the joint above it, and its parent."""
+    """Link of the tree with the joint above it and the name of its parent."""
 
     name: str
     element: Element
@@ -122,7 +125,7 @@ class _Link:
 
 
 class _Reader:
-    """One pass over a URDF; collects every problem."""
+    """Reader of one URDF that collects every problem before any is reported."""
 
     def __init__(self, root: Element, floating: bool) -> None:
         self.root, self.floating = root, floating
@@ -131,7 +134,7 @@ class _Reader:
         self.bodies, self.coordinates = _Names(), _Names(set(FLOATING_COORDINATES))
 
     def described(self) -> dict[str, Any]:
-        """The robot file's mapping; empty where there are problems."""
+        """Mapping of the robot file; empty if there are problems."""
         links = self._tree()
         if self.problems:
             return {}
@@ -143,7 +146,7 @@ class _Reader:
         return {"name": name[:_LONGEST_NAME], "gravity": GRAVITY, "bodies": bodies}
 
     def _tree(self) -> list[_Link]:
-        """Links from the root on, parents first."""
+        """Links in order, each parent before its children."""
         elements = self._named("link")
         joints = self._named("joint")
         above: dict[str, tuple[Element, str]] = {}
@@ -189,7 +192,7 @@ class _Reader:
         return link
 
     def _freed(self, links: list[_Link]) -> list[_Link]:
-        """The links without a root that only stands for the world of a floating one."""
+        """Links without a massless root that only stands for the world of a floating body."""
         free = [k for k in links if k.joint is not None and k.joint.get("type") == "floating"]
         if not free:
             return links
@@ -285,7 +288,7 @@ class _Reader:
         return limits
 
     def _origin(self, holder: Element | None, place: str) -> Any:
-        """x, y, z, roll, pitch, yaw of the element <origin>, (6,) [m, rad]."""
+        """Position and roll, pitch, yaw of the element <origin>, (6,) [m, rad]."""
         element = holder.find("origin") if holder is not None else None
         place = f"{place}.origin"
         none = (0.0, 0.0, 0.0)

@@ -96,6 +96,18 @@ BROKEN = {
     "no XML": (ARM[:200], "", "readable XML"),
     "another tag": (ARM.replace("robot", "model"), "", "an element <robot>"),
     "a document type": ("<!DOCTYPE robot>" + ARM, "", "without a document type"),
+    "an entity bomb": (
+        "<!DOCTYPE robot [<!ENTITY a 'aaaaaaaa'><!ENTITY b '&a;&a;&a;&a;&a;&a;&a;&a;'>]>"
+        + ARM.replace("<gazebo", "<link name='&b;'/><gazebo"),
+        "",
+        "without a document type",
+    ),
+    "an entity that names a file": (
+        "<!DOCTYPE robot [<!ENTITY secret SYSTEM 'file:///etc/hostname'>]>"
+        + ARM.replace("<gazebo", "<link name='&secret;'/><gazebo"),
+        "",
+        "without a document type",
+    ),
     "xacro": (
         ARM.replace("<gazebo", "<x:y xmlns:x='http://www.ros.org/wiki/xacro'/><gazebo"),
         "",
