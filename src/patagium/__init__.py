@@ -13,8 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from patagium.plugins import OLD_NAMES, plugin
-
-__version__ = "0.1.0"
+from patagium.version import __version__
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import AddedMass as AddedMass

@@ -15,7 +15,6 @@ from typing import Annotated, TextIO
 
 import typer
 
-from patagium import __version__
 from patagium.cli import (
     check,
     cycles,
@@ -33,6 +32,7 @@ from patagium.cli import (
 )
 from patagium.errors import PatagiumError, RobotFileWarning
 from patagium.plugins import VERBS, plugins
+from patagium.version import __version__
 
 app = typer.Typer(
     name="patagium",

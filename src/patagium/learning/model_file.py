@@ -17,7 +17,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium import __version__
 from patagium.errors import LogError, PatagiumError, ShapeError
 from patagium.learning.filters.weight_covariance import (
     WeightCovariance,
@@ -26,6 +25,7 @@ from patagium.learning.filters.weight_covariance import (
 )
 from patagium.learning.learners.learner import Learner, as_input
 from patagium.learning.models.network import Network, network_from_description
+from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]

@@ -16,12 +16,12 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium import __version__
 from patagium.errors import FlightError
 from patagium.learning.scores import json_ready
 from patagium.live.pipeline import Pipeline, Records
 from patagium.sensing.force.air_force import PARTS, packet_parts
 from patagium.simulation import quantities
+from patagium.version import __version__
 from patagium.whole_file import Draft
 
 Array = NDArray[np.float64]

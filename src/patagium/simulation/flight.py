@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium import __version__
 from patagium.aerodynamics import (
     AddedMass,
     Aerodynamics,
@@ -27,6 +26,7 @@ from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.flight_equations import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
 from patagium.simulation.load_cells import LoadCell
+from patagium.version import __version__
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -21,13 +21,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium import __version__
 from patagium.errors import LogError, PatagiumError
 from patagium.learning.learners.description import (
     first_difference,
     learner_from_description,
 )
 from patagium.learning.learners.learner import Learner
+from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 FORMAT = "patagium learner 1"

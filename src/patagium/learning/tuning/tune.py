@@ -20,7 +20,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium import __version__
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.identify import samples
 from patagium.learning.models.network import Network
@@ -38,6 +37,7 @@ from patagium.learning.tuning.settings import (
     make_learner,
 )
 from patagium.sensing.logs.table import Table
+from patagium.version import __version__
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from patagium import __version__
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
@@ -39,6 +38,7 @@ from patagium.sensing.logs.importing.spool import Progress, Spool, mark_of
 from patagium.sensing.logs.importing.survey import SECOND
 from patagium.sensing.logs.importing.writer import CsvWriter, NetcdfWriter, Writer
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
+from patagium.version import __version__
 from patagium.whole_file import force_folder
 
 Tell = Callable[[Sequence[Finding]], None]
