@@ -12,6 +12,22 @@ from math import isfinite
 from numbers import Real
 from typing import Any
 
+__all__ = [
+    "CompilerError",
+    "FilterDiverged",
+    "FlightError",
+    "LinkageError",
+    "LogError",
+    "Outcome",
+    "ParameterError",
+    "PatagiumError",
+    "PathError",
+    "RobotFileError",
+    "RobotFileWarning",
+    "ShapeError",
+    "SimulationFailed",
+]
+
 
 class PatagiumError(Exception):
     """Root of everything patagium raises on purpose."""

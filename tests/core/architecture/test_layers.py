@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.metadata
 import re
 import subprocess
@@ -13,91 +14,57 @@ from pathlib import Path
 import pytest
 
 import patagium
+from patagium.deprecated import FORMER
 
 ROOT = Path(__file__).parents[3]
 PUBLIC = {
     "AddedMass",
     "Air",
-    "ChangeDetection",
-    "CompilerError",
     "CubatureLearner",
     "DeLaurier",
     "DenseNetwork",
-    "DrydenGust",
     "Dynamics",
     "ExtendedLearner",
-    "FilterDiverged",
-    "FlightError",
-    "FlowNetwork",
     "GradientLearner",
     "GreyBox",
-    "HiddenFlowNetwork",
-    "HiddenStripNetwork",
-    "Indicial",
     "LiftingLine",
     "LinearLearner",
-    "LogError",
-    "LowRank",
-    "NoiseEstimation",
-    "Screening",
-    "OneMinusCosineGust",
-    "Outcome",
-    "ParameterError",
-    "PathError",
     "PatagiumError",
     "Pipeline",
     "QuasiSteady",
-    "RampGust",
     "Robot",
-    "RobotFileError",
-    "RobotFileWarning",
-    "Section",
-    "SensorLog",
-    "ShapeError",
-    "SimulationFailed",
-    "StallDelay",
     "StripNetwork",
-    "TablePolar",
-    "TravelingGust",
     "__version__",
+    "air",
     "cycle_statistics",
-    "evaluate",
-    "ForceSamples",
-    "Kalman",
-    "MomentumObserver",
-    "MotionTracker",
-    "SavitzkyGolay",
-    "Spline",
-    "cell_wrench",
+    "errors",
     "estimate_motion",
-    "estimate_shifts",
-    "inverse_dynamics_force",
-    "load_cell_force",
-    "momentum_force",
-    "motor_forces",
+    "evaluate",
     "gaits",
     "identify",
     "import_log",
-    "inspect_log",
+    "inverse_dynamics_force",
+    "learning",
     "load_flight",
     "load_learner",
     "load_log",
+    "load_model",
     "load_robot",
     "load_urdf",
-    "load_sensor_log",
-    "measured_section",
     "mounts",
     "paths",
-    "replay",
     "refine",
+    "replay",
     "save_flight",
-    "save_sensor_log",
     "sense",
+    "sensing",
     "sensors",
     "simulate",
     "still",
     "training_data",
+    "tune",
 }
+NAME_SPACES = ("air", "errors", "learning", "sensing")
 
 
 def test_imports_only_go_down() -> None:
@@ -115,12 +82,61 @@ def test_public_name_resolves(name: str) -> None:
     assert getattr(patagium, name) is not None
 
 
-def test_an_unknown_name_is_refused_as_by_any_module() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
-        patagium.simulat  # noqa: B018
+def test_the_public_surface_stays_small() -> None:
+    assert len(PUBLIC) <= 48
 
 
-@pytest.mark.parametrize("statement", ["import patagium", "import patagium.cli.main"])
+@pytest.mark.parametrize("space", NAME_SPACES)
+def test_names_of_a_name_space_resolve(space: str) -> None:
+    module = getattr(patagium, space)
+    assert importlib.import_module(f"patagium.{space}") is module
+    assert len(module.__all__) == len({*module.__all__}) > 5
+    assert [name for name in module.__all__ if getattr(module, name, None) is None] == []
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "place"),
+    [(module, *item) for module, names in FORMER.items() for item in names.items()],
+)
+def test_a_former_name_works_and_says_its_place(module: str, name: str, place: str) -> None:
+    home, _, attribute = place.rpartition(".")
+    with pytest.warns(DeprecationWarning, match=rf"^{module}\.{name} is now {place}$"):
+        found = getattr(importlib.import_module(module), name)
+    new = importlib.import_module(home)
+    assert found is getattr(new, attribute) and name in new.__all__
+
+
+@pytest.mark.parametrize("name", ["Published", "simulate_published"])
+def test_former_names_of_the_laboratory_come_from_it(name: str) -> None:
+    pytest.importorskip("patagium_lab")
+    with pytest.warns(DeprecationWarning, match=rf"^patagium\.{name} is now patagium_lab\."):
+        assert getattr(patagium, name).__module__.startswith("patagium_lab.")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("simulat", "simulate"),
+        ("Quasisteady", "QuasiSteady"),
+        ("cubature_learner", "CubatureLearner"),
+        ("DrydenGusts", "patagium.air.DrydenGust"),
+    ],
+)
+def test_an_unknown_name_is_refused_with_a_suggestion(typed: str, meant: str) -> None:
+    said = rf"^module 'patagium' has no attribute '{typed}'; did you mean {meant}\?$"
+    with pytest.raises(AttributeError, match=said):
+        getattr(patagium, typed)
+
+
+def test_a_name_like_no_other_is_refused_without_a_suggestion() -> None:
+    with pytest.raises(AttributeError, match="^module 'patagium' has no attribute 'xyzzy'$"):
+        patagium.xyzzy  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["import patagium", "import patagium.cli.main", "import patagium.errors"],
+)
 def test_importing_loads_nothing_heavy(statement: str) -> None:
     heavy = "{'numpy', 'casadi', 'xarray', 'pandas', 'matplotlib', 'pydantic', 'pint', 'jinja2'}"
     program = f"{statement}; import sys; print(sorted({heavy} & set(sys.modules)))"

@@ -70,11 +70,11 @@ def test_flight_with_a_quaternion_is_the_same(both, glider):
 def test_flight_in_air_with_memory_is_the_same(both, kind):
     robot = pt.load_robot("aerobat")
     angle, lift = (-1.5, -0.15, 0.0, 0.3, 1.5), (0.0, -0.9, 0.1, 1.1, 0.0)
-    section = pt.measured_section(angle, lift, (1.2, 0.02, 0.01, 0.05, 1.3))
+    section = pt.air.measured_section(angle, lift, (1.2, 0.02, 0.01, 0.05, 1.3))
     air = pt.Air(wind=(-4.0, 0.3, 0.1))
     aero = pt.DeLaurier(robot, air)
     if kind == "stall delay":
-        aero = pt.LiftingLine(robot, air, section=section, stall_delay=pt.StallDelay())
+        aero = pt.LiftingLine(robot, air, section=section, stall_delay=pt.air.StallDelay())
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, left_feather=0.1)
     compared(
         *both(lambda: pt.simulate(robot, aero, gait, duration=20 * TIME_STEP, time_step=TIME_STEP))
@@ -84,10 +84,10 @@ def test_flight_in_air_with_memory_is_the_same(both, kind):
 @pytest.mark.parametrize("kind", ["turbulence", "edge"])
 def test_flight_in_a_gust_that_travels_is_the_same(both, kind, glider):
     robot = glider("quaternion")
-    profile = pt.RampGust((0.0, 0.5, 1.0), 0.0, 1e-3)
+    profile = pt.air.RampGust((0.0, 0.5, 1.0), 0.0, 1e-3)
     if kind == "turbulence":
-        profile = pt.DrydenGust((1.0, 0.5, 0.5), (0.3, 0.2, 0.1), airspeed=3.0, seed=1)
-    air = pt.Air(gust=pt.TravelingGust(profile, (-1.0, 0.3, 0.0), 3.0))
+        profile = pt.air.DrydenGust((1.0, 0.5, 0.5), (0.3, 0.2, 0.1), airspeed=3.0, seed=1)
+    air = pt.Air(gust=pt.air.TravelingGust(profile, (-1.0, 0.3, 0.0), 3.0))
     aero, added = pt.QuasiSteady(robot, air), pt.AddedMass(robot, air)
     gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.4, right_plunge=0.3)
     compared(

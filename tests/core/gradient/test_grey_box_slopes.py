@@ -45,8 +45,8 @@ def robot(one_wing: Callable[..., Robot]) -> Robot:
 
 @pytest.fixture(scope="module")
 def grey(robot: Robot) -> pt.GreyBox:
-    early = pt.Section(stall_begins=0.05)
-    lags = pt.Indicial((0.25,), (0.5,), (0.8,))
+    early = pt.air.Section(stall_begins=0.05)
+    lags = pt.air.Indicial((0.25,), (0.5,), (0.8,))
     aero = pt.LiftingLine(robot, AIR, lags=lags, section=early)
     return pt.GreyBox(aero, ESTIMATE, pt.AddedMass(robot, AIR))
 

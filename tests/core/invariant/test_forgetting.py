@@ -10,7 +10,7 @@ from patagium.errors import ParameterError
 from patagium.learning.filters.change import ChangeMonitor
 
 TOLD = {"prior_std": 0.5, "measurement_std": 0.05, "spread": 3**0.5}
-STRUCTURES = ["full", "layer", "node", pt.LowRank(6)]
+STRUCTURES = ["full", "layer", "node", pt.learning.LowRank(6)]
 
 
 def glide(learner, count):
@@ -78,7 +78,7 @@ def test_the_share_of_the_prior_is_a_formula(structure):
 @pytest.mark.parametrize("channels", [1, 14])
 def test_false_alarms_come_at_the_rate_promised(channels, rng):
     rate, repeats, window, reference = 0.05, 3000, 8, 30
-    detection = pt.ChangeDetection(rate, window, reference)
+    detection = pt.learning.ChangeDetection(rate, window, reference)
     alarms = 0
     for nis in 7.0 * rng.chisquare(channels, (repeats, window + reference)):  # any factor will do
         monitor = ChangeMonitor(detection, channels)
@@ -91,7 +91,7 @@ def test_false_alarms_come_at_the_rate_promised(channels, rng):
 
 def test_false_alarms_of_a_running_test_are_no_more_than_that(rng):
     rate = 0.01
-    monitor = ChangeMonitor(pt.ChangeDetection(rate, 10, 50), 3)
+    monitor = ChangeMonitor(pt.learning.ChangeDetection(rate, 10, 50), 3)
     alarms = sum(monitor.alarmed_by(each, 3) for each in rng.chisquare(3, 40_000))
     assert 0 < alarms / 40_000 < 1.2 * rate
 
@@ -110,7 +110,7 @@ def damaged_flight(network, rng, count):
 def test_a_change_is_found_and_learned_sooner(structure, rng):
     network = pt.DenseNetwork(3, (10,), 2, "tanh")
     x, y = damaged_flight(network, rng, 1600)
-    detection = pt.ChangeDetection(1e-6, window=10, reference=300, reopening=0.5)
+    detection = pt.learning.ChangeDetection(1e-6, window=10, reference=300, reopening=0.5)
     errors = []
     for detects in (detection, None):
         learner = pt.CubatureLearner(
@@ -134,7 +134,7 @@ def test_a_change_is_found_and_learned_sooner(structure, rng):
 def test_detections_out_of_range_are_refused(wrong):
     right = {"false_alarm_rate": 0.01, "window": 5, "reference": 50}
     with pytest.raises(ParameterError, match=next(iter(wrong))):
-        pt.ChangeDetection(**{**right, **wrong})
+        pt.learning.ChangeDetection(**{**right, **wrong})
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.0, float("nan")])

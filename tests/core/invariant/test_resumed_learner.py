@@ -15,10 +15,12 @@ from patagium.learning.learners.file import Resumable
 NOISE = {"prior_std": 0.5, "measurement_std": [0.1, 0.3]}
 DRIFT = {"process_std": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
 CAREFUL = {
-    "screening": pt.Screening(outlier_std=3.0, stuck_samples=5),
-    "noise_estimation": pt.NoiseEstimation(memory=20),
+    "screening": pt.learning.Screening(outlier_std=3.0, stuck_samples=5),
+    "noise_estimation": pt.learning.NoiseEstimation(memory=20),
 }
-CHANGE = {"change_detection": pt.ChangeDetection(0.05, window=8, reference=16, reopening=0.5)}
+CHANGE = {
+    "change_detection": pt.learning.ChangeDetection(0.05, window=8, reference=16, reopening=0.5)
+}
 
 
 def dense() -> pt.DenseNetwork:
@@ -53,13 +55,15 @@ KINDS: dict[str, Callable[[], Resumable]] = {
     "node, drifting": cubature(covariance="node", **DRIFT, **CHANGE),
     "node, careful": cubature(covariance="node", **CAREFUL, **CHANGE),
     "node, single": cubature(covariance="node", dtype="float32", forgetting_factor=0.99),
-    "low rank": cubature(covariance=pt.LowRank(4)),
-    "low rank, drifting": cubature(covariance=pt.LowRank(4), dtype="float32", **DRIFT, **CAREFUL),
+    "low rank": cubature(covariance=pt.learning.LowRank(4)),
+    "low rank, drifting": cubature(
+        covariance=pt.learning.LowRank(4), dtype="float32", **DRIFT, **CAREFUL
+    ),
     "extended": extended(),
     "extended, drifting": extended(**DRIFT, **CHANGE),
     "extended, layer": extended(covariance="layer", **DRIFT),
     "extended, node": extended(covariance="node"),
-    "extended, low rank": extended(covariance=pt.LowRank(4), **DRIFT),
+    "extended, low rank": extended(covariance=pt.learning.LowRank(4), **DRIFT),
     "gradient": lambda: pt.GradientLearner(dense(), learning_rate=0.01),
     "gradient, replay": lambda: pt.GradientLearner(dense(), learning_rate=0.01, replay=3, seed=5),
     "linear": lambda: pt.LinearLearner(base(), **NOISE, forgetting_factor=0.98),

@@ -37,9 +37,9 @@ def states(robot):
 
 
 NETWORKS = {
-    "hidden": lambda robot: pt.HiddenStripNetwork(robot, (4,)),
+    "hidden": lambda robot: pt.learning.HiddenStripNetwork(robot, (4,)),
     "strip": lambda robot: pt.StripNetwork(robot, (4, 3)),
-    "flow": lambda robot: pt.FlowNetwork(robot, (5,)),
+    "flow": lambda robot: pt.learning.FlowNetwork(robot, (5,)),
 }
 HOW = {
     "full": {},

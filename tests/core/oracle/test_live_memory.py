@@ -35,9 +35,9 @@ def packets(robot):
 @pytest.fixture(scope="module", params=["hidden strip", "hidden flow", "grey"])
 def network(request, robot):
     if request.param == "hidden strip":
-        return pt.HiddenStripNetwork(robot, (4,))
+        return pt.learning.HiddenStripNetwork(robot, (4,))
     if request.param == "hidden flow":
-        return pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+        return pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     return pt.GreyBox(pt.LiftingLine(robot), {"lags.rate[0]": 0.02}, start="steady")
 
 
@@ -70,7 +70,7 @@ def test_live_it_learns_what_it_learns_from_the_log(network, robot, packets):
 
 
 def test_in_c_it_is_what_it_is_in_python(robot, packets, monkeypatch, tmp_path):
-    network = pt.HiddenStripNetwork(robot, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
     ours = pipeline_of(network, robot)
     assert ours.compiled == (compiler_name() is not None)
     monkeypatch.setattr(module, "_chain", lambda *arguments: None)
@@ -94,7 +94,7 @@ def test_in_c_it_is_what_it_is_in_python(robot, packets, monkeypatch, tmp_path):
 
 
 def test_with_points_too(robot, packets):
-    network = pt.HiddenStripNetwork(robot, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
     options = {"kind": pt.CubatureLearner, "spread": 1.7}
     pipeline, theirs = pipeline_of(network, robot, **options), learner_of(network, **options)
     records = pipeline.run(packets[:15])
@@ -114,7 +114,7 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
 
 
 def test_one_gradient_step_a_sample_remembers_too(robot, packets, tmp_path):
-    network = pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     whole, part = (
         Pipeline(pt.GradientLearner(network, learning_rate=0.01, replay=0), robot) for _ in range(2)
     )
@@ -153,7 +153,7 @@ def test_after_a_long_step_memory_begins_anew_and_short_ones_are_bridged(network
 
 
 def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets):
-    network = pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     slow = packets.copy()
     slow[:, 0] *= 50
     pipeline = pipeline_of(network, robot)
@@ -170,7 +170,7 @@ def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets)
 
 
 def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packets):
-    network = pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     pipeline = pipeline_of(network, robot)
     again = packets.copy()
     again[:, 0] -= 1.0
@@ -188,7 +188,7 @@ def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packe
 
 
 def test_learners_and_packets_that_do_not_fit_are_told(robot, packets, tmp_path):
-    network = pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
 
     class Bare:
         def __init__(self):

@@ -32,7 +32,7 @@ def filter_pair(
         np.full(network.size, process**2),
         forgetting,
         dtype,
-        pt.LowRank(rank),
+        pt.learning.LowRank(rank),
     )
     columns = np.zeros((network.size, min(rank, network.size)))
     start = Precision(rng.uniform(4, 30, network.size), columns)
@@ -146,7 +146,7 @@ def test_without_a_compiler_the_twin_takes_over(monkeypatch, rng):
         np.zeros(network.size),
         1.0,
         "float64",
-        pt.LowRank(2),
+        pt.learning.LowRank(2),
     )
     start = Precision(np.ones(network.size), np.zeros((network.size, 2)))
     assert type(restore_low_rank(setting, network.initial(0), start)) is LowRankFilter
@@ -161,7 +161,7 @@ def test_what_the_columns_know_alone_keeps_its_digits(compiled, monkeypatch, rng
         monkeypatch.setenv("PATAGIUM_COMPILER", "none")
     learner = pt.CubatureLearner(
         pt.DenseNetwork(1, (), 1),
-        covariance=pt.LowRank(6),
+        covariance=pt.learning.LowRank(6),
         forgetting_factor=0.9,
         prior_std=0.5,
         measurement_std=0.05,

@@ -177,7 +177,7 @@ def test_a_change_opens_the_covariance_where_update_would(engine, packets, monke
     if engine == "python":
         monkeypatch.setattr(module, "_chain", lambda *arguments: None)
     robot = pt.load_robot("aerobat")
-    detection = pt.ChangeDetection(1e-4, window=5, reference=30)
+    detection = pt.learning.ChangeDetection(1e-4, window=5, reference=30)
     learner, twin = (
         learner_of(pt.StripNetwork(robot, (4,)), change_detection=detection) for _ in range(2)
     )

@@ -14,9 +14,9 @@ from patagium.learning.filters.kernel import restore
 from patagium.learning.filters.spread import spread_rule
 
 WATCHFUL = {
-    "screening": pt.Screening(outlier_std=3.0, stuck_samples=4),
-    "noise_estimation": pt.NoiseEstimation(30),
-    "change_detection": pt.ChangeDetection(1e-2, 5, 12),
+    "screening": pt.learning.Screening(outlier_std=3.0, stuck_samples=4),
+    "noise_estimation": pt.learning.NoiseEstimation(30),
+    "change_detection": pt.learning.ChangeDetection(1e-2, 5, 12),
 }
 STRUCTURES = ["full", "layer", "node"]
 
@@ -88,7 +88,7 @@ def test_kernels_screen_as_their_twins(structure, inputs, hidden, outputs, rng):
 
 
 @pytest.mark.parametrize("learner", [pt.CubatureLearner, pt.ExtendedLearner])
-@pytest.mark.parametrize("structure", [*STRUCTURES, pt.LowRank(8)])
+@pytest.mark.parametrize("structure", [*STRUCTURES, pt.learning.LowRank(8)])
 def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
     network = pt.DenseNetwork(3, (5,), 3)
     told = {"prior_std": 0.5, "covariance": structure}
@@ -106,13 +106,13 @@ def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
     assert missing.events["missing"] == 30
 
 
-@pytest.mark.parametrize("structure", [*STRUCTURES, pt.LowRank(8)])
+@pytest.mark.parametrize("structure", [*STRUCTURES, pt.learning.LowRank(8)])
 def test_an_outlier_is_a_sample_of_more_noise(structure, rng):
     """The noise of a channel beyond the limit is raised until its innovation is at the limit."""
     network, limit = pt.DenseNetwork(3, (5,), 2), 4.0
     told = {"prior_std": 0.5, "covariance": structure}
     screened = pt.CubatureLearner(
-        network, measurement_std=0.1, screening=pt.Screening(limit), **told
+        network, measurement_std=0.1, screening=pt.learning.Screening(limit), **told
     )
     x, y = rng.normal(size=3), np.array([0.1, 60.0])
     mean, covariance = screened.predict(x)

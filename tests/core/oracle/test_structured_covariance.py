@@ -93,7 +93,7 @@ def test_low_rank_of_full_rank_is_the_extended_filter(drift, rng):
     network = pt.DenseNetwork(3, (5,), 2, "tanh")
     one, full = (
         learned(network, np.random.default_rng(9), pt.ExtendedLearner, covariance=kept, **drift)
-        for kept in (pt.LowRank(network.size), "full")
+        for kept in (pt.learning.LowRank(network.size), "full")
     )
     same(one, full)
 
@@ -103,14 +103,14 @@ def test_low_rank_of_full_rank_is_the_cubature_filter_of_a_linear_network(spread
     network = pt.DenseNetwork(4, (), 2)
     one, full = (
         learned(network, np.random.default_rng(9), covariance=kept, spread=spread)
-        for kept in (pt.LowRank(network.size), "full")
+        for kept in (pt.learning.LowRank(network.size), "full")
     )
     same(one, full)
 
 
 def test_points_close_by_make_low_rank_cubature_the_extended_filter(rng):
     network = pt.DenseNetwork(3, (5,), 2, "tanh")
-    told = {"covariance": pt.LowRank(6), "prior_std": 1e-3, "measurement_std": 1e-3}
+    told = {"covariance": pt.learning.LowRank(6), "prior_std": 1e-3, "measurement_std": 1e-3}
     close = learned(network, np.random.default_rng(9), spread=0.1, **told)
     linear = learned(network, np.random.default_rng(9), pt.ExtendedLearner, **told)
     moved = np.linalg.norm(linear.weights - network.initial(0))
@@ -118,7 +118,7 @@ def test_points_close_by_make_low_rank_cubature_the_extended_filter(rng):
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(7)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(7)])
 def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
     network = pt.DenseNetwork(3, (6,), 2)
     one = learned(
@@ -138,7 +138,7 @@ def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
     assert largest <= 0.25 * (1 + 1e-6)  # the prior's
 
 
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(7)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(7)])
 def test_a_copy_goes_on_as_the_learner_and_a_refused_sample_changes_nothing(structure, rng):
     network = pt.DenseNetwork(3, (6,), 2)
     one = learned(network, rng, covariance=structure, spread=3**0.5, prior_share=0.01)
@@ -242,7 +242,7 @@ def test_low_rank_update_is_linear_in_the_number_of_weights(rng):
     sizes, times = [], []
     for inputs in (1500, 6000, 24000):
         network = pt.DenseNetwork(inputs, (6,), 2)
-        learner = pt.ExtendedLearner(network, covariance=pt.LowRank(5), **TOLD)
+        learner = pt.ExtendedLearner(network, covariance=pt.learning.LowRank(5), **TOLD)
         x = rng.normal(size=inputs) / np.sqrt(inputs)
         taken = []
         for _ in range(6):
@@ -263,8 +263,8 @@ def test_structures_are_refused_and_described():
     with pytest.raises(ParameterError, match="cholesky"):
         pt.CubatureLearner(network, covariance="node", square_root="cholesky", **TOLD)
     with pytest.raises(ParameterError, match="rank"):
-        pt.LowRank(0)
-    for structure in ("full", "layer", "node", pt.LowRank(4)):
+        pt.learning.LowRank(0)
+    for structure in ("full", "layer", "node", pt.learning.LowRank(4)):
         assert structure_from(described_structure(structure)) == structure
     for structure in ("full", "layer", "node"):
         blocks = blocks_of(network.perceptron, structure)

@@ -64,12 +64,12 @@ def test_a_late_camera_and_a_shifted_clock_are_found(flight: xr.Dataset, seed: i
     imu = replace(P.icm_42688_p("body"), clock_offset=0.012)
     camera = replace(P.prime_x_13("body"), delay=7.3e-3)
     log = pt.sense(flight, [imu, camera, P.as5600()], seed=seed)
-    found = pt.estimate_shifts(log.without_truth())
+    found = pt.sensing.estimate_shifts(log.without_truth())
     assert found.seconds["icm_42688_p"] == 0.0
     assert found.seconds["prime_x_13"] == pytest.approx(7.3e-3 - 0.012, abs=1e-3)
     assert found.std["prime_x_13"] < 5e-4
     assert found.unlinked == ("as5600",)  # no unit feels the wings alone
-    by_camera = pt.estimate_shifts(log, reference="prime_x_13")
+    by_camera = pt.sensing.estimate_shifts(log, reference="prime_x_13")
     assert by_camera.seconds["icm_42688_p"] == pytest.approx(0.012 - 7.3e-3, abs=1e-3)
 
 
@@ -77,7 +77,7 @@ def test_encoders_with_different_delays_are_found_against_a_unit(rod: xr.Dataset
     encoder = S.Encoder(name="post", joints=("turn",), rate=500.0, resolution=1e-3, delay=4e-3)
     other = S.Encoder(name="rod", joints=("swing",), rate=300.0, resolution=1e-3, delay=15e-3)
     imu = replace(P.bmi270("rod", rate=800.0), clock_offset=-0.012)
-    found = pt.estimate_shifts(pt.sense(rod, [encoder, other, imu]), reference="post")
+    found = pt.sensing.estimate_shifts(pt.sense(rod, [encoder, other, imu]), reference="post")
     assert found.seconds == pytest.approx({"post": 0.0, "rod": 0.011, "bmi270": -0.016}, abs=2e-4)
     assert found.unlinked == ()
 
@@ -87,7 +87,9 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
     both = S.Encoder(rate=500.0, std=1e-4, delay=5e-3)
     ratios = []
     for seed in range(6):
-        found = pt.estimate_shifts(pt.sense(rod, [imu, both], seed=seed), smoother=pt.Spline(0.02))
+        found = pt.sensing.estimate_shifts(
+            pt.sense(rod, [imu, both], seed=seed), smoother=pt.sensing.Spline(0.02)
+        )
         error = found.seconds["encoder"] - 5e-3
         ratios.append(error / found.std["encoder"])
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them
@@ -96,11 +98,11 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
 def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:
     encoder = S.Encoder(rate=500.0, std=1e-3)
     with pytest.raises(LogError, match="expected an inertial unit, found encoder"):
-        pt.estimate_shifts(pt.sense(rod, [encoder]))
+        pt.sensing.estimate_shifts(pt.sense(rod, [encoder]))
     log = pt.sense(rod, [encoder, S.Imu(body="rod", rate=500.0)])
     with pytest.raises(ParameterError, match="reference: expected one of"):
-        pt.estimate_shifts(log, reference="gps")
+        pt.sensing.estimate_shifts(log, reference="gps")
     with pytest.raises(LogError, match="more than 1 s in common"):
-        pt.estimate_shifts(log, largest=0.5)
+        pt.sensing.estimate_shifts(log, largest=0.5)
     with pytest.raises(ParameterError, match="largest"):
-        pt.estimate_shifts(log, largest=0.0)
+        pt.sensing.estimate_shifts(log, largest=0.0)

@@ -61,7 +61,7 @@ def test_a_lifting_line_is_learned_by_a_network_with_lags_and_not_without(robot)
     What it learned holds for a gait it never met, and its numbers went toward the truth.
     """
     truth = pt.LiftingLine(robot, lags=TWO_STATE)
-    pupil = pt.HiddenStripNetwork(robot, lift_slope=5.5)
+    pupil = pt.learning.HiddenStripNetwork(robot, lift_slope=5.5)
     static = pt.StripNetwork(robot, (8, 8), activation="tanh", rotation=True)
     time = np.arange(0.0, 2.0, 2e-3)
     state = flapping(robot, time)
@@ -90,7 +90,9 @@ def test_attached_air_with_the_true_numbers_is_that_of_the_lifting_line(robot):
     """No profile drag, no stall; the lags of the network's second order against Runge-Kutta."""
     section = pt.aerodynamics.Section(profile_drag=0.0, stall_begins=1.5, stall_complete=1.55)
     truth = pt.LiftingLine(robot, lags=TWO_STATE, section=section)
-    network = pt.HiddenStripNetwork(robot, (2,), TWO_STATE, stall_begins=1.5, stall_complete=1.55)
+    network = pt.learning.HiddenStripNetwork(
+        robot, (2,), TWO_STATE, stall_begins=1.5, stall_complete=1.55
+    )
     weights = np.zeros(network.size)
     weights[-8] = 1.0  # the whole lift, and nothing else
     error = []

@@ -42,29 +42,29 @@ def flight(robot: pt.Robot) -> xr.Dataset:
 
 
 @pytest.fixture(scope="module")
-def log(flight: xr.Dataset) -> pt.SensorLog:
+def log(flight: xr.Dataset) -> pt.sensing.SensorLog:
     return pt.sense(flight, SENSORS).without_truth()
 
 
 @pytest.fixture(scope="module")
-def motion(log: pt.SensorLog) -> xr.Dataset:
+def motion(log: pt.sensing.SensorLog) -> xr.Dataset:
     return pt.estimate_motion(log)
 
 
 @pytest.fixture(scope="module")
-def found(log: pt.SensorLog, motion: xr.Dataset) -> dict[str, pt.ForceSamples]:
+def found(log: pt.sensing.SensorLog, motion: xr.Dataset) -> dict[str, pt.sensing.ForceSamples]:
     known = {
-        "joints": pt.motor_forces(log, motion, "ina226"),
-        "mount": pt.cell_wrench(log, motion, "nano17"),
+        "joints": pt.sensing.motor_forces(log, motion, "ina226"),
+        "mount": pt.sensing.cell_wrench(log, motion, "nano17"),
     }
     return {
         "inverse dynamics": pt.inverse_dynamics_force(motion, **known),
-        "momentum observer": pt.momentum_force(motion, gain=500.0, **known),
-        "load cell": pt.load_cell_force(motion, known["mount"]),
+        "momentum observer": pt.sensing.momentum_force(motion, gain=500.0, **known),
+        "load cell": pt.sensing.load_cell_force(motion, known["mount"]),
     }
 
 
-def compared(samples: pt.ForceSamples, flight: xr.Dataset) -> tuple[np.ndarray, ...]:
+def compared(samples: pt.sensing.ForceSamples, flight: xr.Dataset) -> tuple[np.ndarray, ...]:
     """True forces, errors and deviations but for the ends, (N, n) each."""
     at = np.searchsorted(flight["time"].values, samples.time - 1e-9)
     inner = slice(len(at) // 8, -len(at) // 8)
@@ -74,7 +74,7 @@ def compared(samples: pt.ForceSamples, flight: xr.Dataset) -> tuple[np.ndarray, 
 
 @pytest.mark.parametrize("source", ["inverse dynamics", "momentum observer", "load cell"])
 def test_every_source_finds_the_force(
-    source: str, found: dict[str, pt.ForceSamples], flight: xr.Dataset, robot: pt.Robot
+    source: str, found: dict[str, pt.sensing.ForceSamples], flight: xr.Dataset, robot: pt.Robot
 ) -> None:
     samples = found[source]
     assert samples.source == source
@@ -93,7 +93,7 @@ def test_every_source_finds_the_force(
     assert 0.88 < inside.mean() <= 1.0
 
 
-def test_all_covariances_are_definite(found: dict[str, pt.ForceSamples]) -> None:
+def test_all_covariances_are_definite(found: dict[str, pt.sensing.ForceSamples]) -> None:
     for samples in found.values():
         columns = [samples.robot.index(name) for name in samples.measured]
         block = samples.covariance[:, columns][:, :, columns]
@@ -108,25 +108,25 @@ def test_exact_measurements_give_the_exact_force(flight: xr.Dataset, robot: pt.R
     motion = motion.assign(covariance=(("time", "part", "other_part"), nothing))
     exact = pt.sense(flight, [SENSORS[3].scaled(0.0), AMPLIFIER.scaled(0.0)])
     force = flight["u1"].values[::5]
-    joints = replace(pt.motor_forces(exact, motion, "ina226"), values=force)
-    mount = pt.cell_wrench(exact, motion, "nano17")
+    joints = replace(pt.sensing.motor_forces(exact, motion, "ina226"), values=force)
+    mount = pt.sensing.cell_wrench(exact, motion, "nano17")
     true = flight["aero_force"].values[::5]
     samples = pt.inverse_dynamics_force(motion, joints=joints, mount=mount)
     # the wrench comes through a smoother of samples at 500 Hz
     np.testing.assert_allclose(samples.force[5:-5, :6], true[5:-5, :6], atol=2e-3)
     np.testing.assert_allclose(samples.force[:, 6:], true[:, 6:], atol=1e-9)
-    observed = pt.momentum_force(motion, gain=500.0, joints=joints, mount=mount)
+    observed = pt.sensing.momentum_force(motion, gain=500.0, joints=joints, mount=mount)
     scale = true[:, 6:].std(axis=0)
     assert (np.abs(observed.force - true)[20:-20, 6:].max(axis=0) < 0.02 * scale).all()
 
 
 def test_a_force_in_one_sensor_is_a_force_of_the_air(
-    log: pt.SensorLog, motion: xr.Dataset, robot: pt.Robot
+    log: pt.sensing.SensorLog, motion: xr.Dataset, robot: pt.Robot
 ) -> None:
-    mount = pt.cell_wrench(log, motion, "nano17")
-    base = pt.load_cell_force(motion, mount).force
+    mount = pt.sensing.cell_wrench(log, motion, "nano17")
+    base = pt.sensing.load_cell_force(motion, mount).force
     pulled = replace(mount.measured, values=mount.measured.values + np.eye(6)[2])  # 1 N up
-    other = pt.load_cell_force(motion, replace(mount, measured=pulled)).force
+    other = pt.sensing.load_cell_force(motion, replace(mount, measured=pulled)).force
     lift = (other - base)[:, robot.index("z")]
     np.testing.assert_allclose(lift, -1.0, atol=1e-3)  # more mount, less air; attitude to 0.5 deg
     # the cell sits 1 cm before and 2 cm below the origin: up there turns the nose up
@@ -166,7 +166,7 @@ def test_added_mass_that_is_known_is_taken_off() -> None:
 
 def test_the_observer_runs_online_with_its_lag(flight: xr.Dataset, robot: pt.Robot) -> None:
     gain = 300.0
-    observer = pt.MomentumObserver(robot, gain)
+    observer = pt.sensing.MomentumObserver(robot, gain)
     known = flight["u1"].values + flight["mount_force"].values
     time = flight["time"].values
     states = zip(time, flight["q"].values, flight["v"].values, known, strict=True)
@@ -187,7 +187,7 @@ def test_the_observer_runs_online_with_its_lag(flight: xr.Dataset, robot: pt.Rob
 
 
 def test_measured_forces_teach_a_network(
-    found: dict[str, pt.ForceSamples], flight: xr.Dataset, robot: pt.Robot
+    found: dict[str, pt.sensing.ForceSamples], flight: xr.Dataset, robot: pt.Robot
 ) -> None:
     samples = found["load cell"]
     outputs = ("x", "z", "pitch")
@@ -215,24 +215,24 @@ def test_measured_forces_teach_a_network(
 
 
 def test_what_does_not_fit_is_refused(
-    log: pt.SensorLog, motion: xr.Dataset, robot: pt.Robot
+    log: pt.sensing.SensorLog, motion: xr.Dataset, robot: pt.Robot
 ) -> None:
     with pytest.raises(ParameterError, match="a motor current of the log"):
-        pt.motor_forces(log, motion, "nano17")
+        pt.sensing.motor_forces(log, motion, "nano17")
     with pytest.raises(ParameterError, match="a load cell of the log"):
-        pt.cell_wrench(log, motion, "as5600")
+        pt.sensing.cell_wrench(log, motion, "as5600")
     with pytest.raises(FlightError, match="expected a, but it holds"):
         pt.inverse_dynamics_force(motion.drop_vars("a"))
-    joints = pt.motor_forces(log, motion, "ina226")
+    joints = pt.sensing.motor_forces(log, motion, "ina226")
     with pytest.raises(ShapeError, match="joints"):
         pt.inverse_dynamics_force(motion.isel(time=slice(5)), joints=joints)
     with pytest.raises(ParameterError, match="gain"):
-        pt.momentum_force(motion, gain=0.0)
+        pt.sensing.momentum_force(motion, gain=0.0)
     with pytest.raises(LogError, match="equal steps"):
-        pt.momentum_force(motion.isel(time=[0, 1, 3, 4]), gain=100.0)
+        pt.sensing.momentum_force(motion.isel(time=[0, 1, 3, 4]), gain=100.0)
     with pytest.raises(ShapeError, match="force"):
         n = robot.dof
         empty = np.zeros((1, n))
-        pt.ForceSamples(
+        pt.sensing.ForceSamples(
             np.zeros(1), empty, empty, np.zeros((2, n)), np.zeros((1, n, n)), robot, "none"
         )

@@ -82,9 +82,9 @@ def test_inertial_units_sharpen_what_cameras_see(flight: xr.Dataset, motion: xr.
     assert (with_unit < 0.5 * without).all()
 
 
-@pytest.mark.parametrize("smoother", [pt.Spline(0.02), pt.SavitzkyGolay(0.06)])
+@pytest.mark.parametrize("smoother", [pt.sensing.Spline(0.02), pt.sensing.SavitzkyGolay(0.06)])
 def test_splines_and_sliding_polynomials_serve_as_well(
-    flight: xr.Dataset, smoother: pt.Spline | pt.SavitzkyGolay
+    flight: xr.Dataset, smoother: pt.sensing.Spline | pt.sensing.SavitzkyGolay
 ) -> None:
     log = pt.sense(flight, [SENSORS[1], replace(SENSORS[2], position=(0.02, 0.0, 0.01))])
     ratio = normalized(pt.estimate_motion(log, smoother=smoother), flight)
@@ -106,7 +106,7 @@ def test_a_robot_by_quaternion_is_found_by_its_angles(
 ) -> None:
     log = pt.sense(flight, SENSORS).without_truth()
     turned = replace(log, robot=log.robot.with_attitude("quaternion"))
-    found = pt.estimate_motion(turned, smoother=pt.Spline(0.02))
+    found = pt.estimate_motion(turned, smoother=pt.sensing.Spline(0.02))
     assert found["q"].shape == motion["q"].shape
     apart = np.exp(1j * found["q"].values) / np.exp(1j * motion["q"].values)  # but whole turns
     np.testing.assert_allclose(np.angle(apart), 0, atol=0.05)
@@ -167,7 +167,7 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
         shuffled[k : k + 4] = shuffled[k + 1 : k + 4] + shuffled[k : k + 1]
     states = []
     for order in (samples, shuffled):
-        tracker = pt.MotionTracker(robot, log.sensors, density)
+        tracker = pt.sensing.MotionTracker(robot, log.sensors, density)
         with pytest.raises(LogError, match="expected a sample of as5600, prime_x_13 first"):
             tracker.now()
         for stamp, name, values in order:

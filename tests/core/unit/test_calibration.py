@@ -45,7 +45,7 @@ def test_a_learner_that_finds_its_noise_is_calibrated(rng, tmp_path):
     time, told = np.arange(3000) * 1e-3, {"prior_std": 1.0, "measurement_std": 1.0}
     sure, found = (
         stream(pt.CubatureLearner(network, noise_estimation=noise, **told), time, x, y, every=1)
-        for noise in (None, pt.NoiseEstimation(300))
+        for noise in (None, pt.learning.NoiseEstimation(300))
     )
     assert sure.scores["coverage"] > 0.99  # told too much
     assert 0.93 < found.scores["coverage_second_half"] < 0.97
@@ -62,7 +62,7 @@ def test_what_happened_to_samples_is_in_scores_and_page(rng, tmp_path):
     y[50:60, 1] = np.nan
     y[100] = 1e4
     learner = pt.CubatureLearner(
-        network, prior_std=0.5, measurement_std=1.0, screening=pt.Screening()
+        network, prior_std=0.5, measurement_std=1.0, screening=pt.learning.Screening()
     )
     result = stream(learner, np.arange(300) * 1e-3, x, y, every=1)
     assert result.scores["events"] == {"missing": 10, "outliers": 2}

@@ -18,7 +18,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def network(robot):
-    return pt.FlowNetwork(robot)
+    return pt.learning.FlowNetwork(robot)
 
 
 def state(robot, rng):
@@ -111,19 +111,19 @@ def test_every_option_moves_its_output(robot, network, rng):
     x, weights = state(robot, rng), network.initial(0)
     base = network(x, weights)
     changed = [
-        pt.FlowNetwork(robot, air=pt.Air(density=1.0)),
-        pt.FlowNetwork(robot, air=pt.Air(wind=(1.0, 0.0, 0.0))),
-        pt.FlowNetwork(robot, activation="tanh"),
-        pt.FlowNetwork(robot, coefficient_scale=2.0),
-        pt.FlowNetwork(robot.with_parameters({"left_wing[0].chord": 0.08})),
+        pt.learning.FlowNetwork(robot, air=pt.Air(density=1.0)),
+        pt.learning.FlowNetwork(robot, air=pt.Air(wind=(1.0, 0.0, 0.0))),
+        pt.learning.FlowNetwork(robot, activation="tanh"),
+        pt.learning.FlowNetwork(robot, coefficient_scale=2.0),
+        pt.learning.FlowNetwork(robot.with_parameters({"left_wing[0].chord": 0.08})),
     ]
     for other in changed:
         assert np.abs(other(x, weights) - base).max() > 1e-4
-    assert pt.FlowNetwork(robot, (3, 4)).perceptron.widths == (16, 3, 4, 14)
+    assert pt.learning.FlowNetwork(robot, (3, 4)).perceptron.widths == (16, 3, 4, 14)
 
 
 def test_what_it_refuses(robot):
     with pytest.raises(ParameterError, match="coefficient_scale"):
-        pt.FlowNetwork(robot, coefficient_scale=0.0)
+        pt.learning.FlowNetwork(robot, coefficient_scale=0.0)
     with pytest.raises(ParameterError, match="wings"):
-        pt.FlowNetwork(replace(robot, strips=()))
+        pt.learning.FlowNetwork(replace(robot, strips=()))

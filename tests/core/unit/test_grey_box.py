@@ -232,7 +232,7 @@ def test_other_models_have_memory_too(make, robot, log):
     models = {
         "strips": (pt.DeLaurier(robot, AIR), {"suction_efficiency": 0.1}),
         "stall": (
-            pt.LiftingLine(robot, AIR, stall_delay=pt.StallDelay()),
+            pt.LiftingLine(robot, AIR, stall_delay=pt.air.StallDelay()),
             {"section.stall_begins": 0.05},
         ),
     }
@@ -282,7 +282,7 @@ def test_what_cannot_be_is_refused(robot, estimate, options, message):
 
 
 def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
-    plain = pt.LiftingLine(robot, AIR, section=pt.Section(profile_drag=0.0))
+    plain = pt.LiftingLine(robot, AIR, section=pt.air.Section(profile_drag=0.0))
     with pytest.raises(ParameterError, match="above zero"):
         pt.GreyBox(plain, {"section.profile_drag": 0.01})
     other = pt.AddedMass(robot, pt.Air(density=1.0))

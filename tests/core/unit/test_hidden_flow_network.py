@@ -19,7 +19,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def network(robot):
-    return pt.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    return pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
 
 
 @pytest.fixture(scope="module")
@@ -133,4 +133,4 @@ def test_description_and_pickle_make_it_again(network, weights, log):
 @pytest.mark.parametrize("states", [0, 1.5])
 def test_states_that_cannot_be_are_refused(robot, states):
     with pytest.raises(ParameterError, match="states"):
-        pt.HiddenFlowNetwork(robot, states=states)
+        pt.learning.HiddenFlowNetwork(robot, states=states)

@@ -21,7 +21,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def network(robot):
-    return pt.HiddenStripNetwork(robot, (4,))
+    return pt.learning.HiddenStripNetwork(robot, (4,))
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_weights_of_nothing_are_the_prior(network):
     assert found["lags.circulation[0]"] == pytest.approx(network.lags.circulation[0])
     assert found["section.lift_slope"] == pytest.approx(2 * np.pi)
     assert np.radians(15) < found["stall"] < np.radians(35)
-    from_two = pt.HiddenStripNetwork(network.robot, (4,), TWO_STATE)
+    from_two = pt.learning.HiddenStripNetwork(network.robot, (4,), TWO_STATE)
     assert from_two.constants(from_two.initial(0))["lags.rate[1]"] == pytest.approx(0.3)
 
 
@@ -155,11 +155,11 @@ def test_it_comes_back_from_its_description(network, weights, log):
 def test_what_it_cannot_be_is_refused(robot):
     for lags in (0, -1, NO_STATE, (0.1, 0.2)):
         with pytest.raises(ParameterError, match="lags"):
-            pt.HiddenStripNetwork(robot, lags=lags)
+            pt.learning.HiddenStripNetwork(robot, lags=lags)
     with pytest.raises(ParameterError, match="stall"):
-        pt.HiddenStripNetwork(robot, stall_begins=0.6, stall_complete=0.5)
+        pt.learning.HiddenStripNetwork(robot, stall_begins=0.6, stall_complete=0.5)
     with pytest.raises(ParameterError, match="lift_slope"):
-        pt.HiddenStripNetwork(robot, lift_slope=0.0)
+        pt.learning.HiddenStripNetwork(robot, lift_slope=0.0)
 
 
 @pytest.mark.parametrize("kind", [pt.ExtendedLearner, pt.CubatureLearner])
@@ -179,5 +179,5 @@ def test_the_live_learner_takes_it(robot):
     from patagium.cli.stream import _network
 
     found = _network(robot, NetworkKind.HIDDEN_STRIP, (4,), "tanh", None)
-    assert isinstance(found, pt.HiddenStripNetwork)
+    assert isinstance(found, pt.learning.HiddenStripNetwork)
     assert found.hidden == (4,)

@@ -51,7 +51,7 @@ def test_a_model_predicts_as_its_learner_did(tmp_path: Path, rng: np.random.Gene
 STRUCTURES = {
     "node": {"covariance": "node"},
     "layer": {"covariance": "layer"},
-    "low rank": {"covariance": pt.LowRank(3)},
+    "low rank": {"covariance": pt.learning.LowRank(3)},
     "algorithm 1": {"square_root": "cholesky"},
     "single": {"dtype": "float32"},
 }
@@ -76,7 +76,7 @@ def test_a_structured_covariance_is_kept_as_it_is(
 
 
 def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> None:
-    learner = taught(rng, noise_estimation=pt.NoiseEstimation(memory=10))
+    learner = taught(rng, noise_estimation=pt.learning.NoiseEstimation(memory=10))
     std = model_of(learner).measurement_std
     np.testing.assert_array_equal(std, learner.measurement_std)
     assert np.abs(std - [0.1, 0.3]).max() > 0.01
@@ -96,7 +96,7 @@ def test_a_linear_learner_keeps_one_block_an_output(
 
 def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Generator) -> None:
     network = pt.DenseNetwork(40, (500,), 2)
-    for covariance in ("node", pt.LowRank(4)):
+    for covariance in ("node", pt.learning.LowRank(4)):
         learner = pt.CubatureLearner(
             network, prior_std=0.5, measurement_std=0.1, covariance=covariance
         )

@@ -62,7 +62,7 @@ def test_a_carried_flight_is_kept_whole(carried, tmp_path):
     assert again.identical(carried)
     assert again["load_cell_wrench"].dims == ("time", "load_cell", "component")
     broken = carried.assign(load_cell_wrench=carried["load_cell_wrench"].assign_attrs(units="N"))
-    with pytest.raises(pt.FlightError, match="load_cell_wrench"):
+    with pytest.raises(pt.errors.FlightError, match="load_cell_wrench"):
         pt.save_flight(broken, tmp_path / "broken.nc")
 
 

@@ -16,7 +16,7 @@ KINDS = {
     "algorithm 1": (pt.CubatureLearner, {"square_root": "cholesky"}),
     "layers": (pt.CubatureLearner, {"covariance": "layer"}),
     "nodes": (pt.CubatureLearner, {"covariance": "node"}),
-    "low rank": (pt.CubatureLearner, {"covariance": pt.LowRank(4)}),
+    "low rank": (pt.CubatureLearner, {"covariance": pt.learning.LowRank(4)}),
     "extended": (pt.ExtendedLearner, {}),
     "extended nodes": (pt.ExtendedLearner, {"covariance": "node"}),
 }
@@ -56,7 +56,7 @@ def test_it_adds_to_noise_that_is_estimated(kind, rng, monkeypatch) -> None:
     taught = {}
     for compiler in ("", "none"):
         monkeypatch.setenv("PATAGIUM_COMPILER", compiler)
-        one = learner(kind, 0.5, noise_estimation=pt.NoiseEstimation(100))
+        one = learner(kind, 0.5, noise_estimation=pt.learning.NoiseEstimation(100))
         for k in range(600):
             one.update(x[k], y[k], None, size[k])
         taught[compiler] = one
@@ -64,7 +64,7 @@ def test_it_adds_to_noise_that_is_estimated(kind, rng, monkeypatch) -> None:
         np.testing.assert_allclose(one.measurement_std, 0.3, rtol=0.3)
     weights = [one.weights for one in taught.values()]
     np.testing.assert_allclose(*weights, rtol=1e-6, atol=1e-9)
-    deaf = learner(kind, 0.5, noise_estimation=pt.NoiseEstimation(100))
+    deaf = learner(kind, 0.5, noise_estimation=pt.learning.NoiseEstimation(100))
     for k in range(600):
         deaf.update(x[k], y[k])
     assert (deaf.measurement_std > 1.0).all()  # what it is told is not what it finds

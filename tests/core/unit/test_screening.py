@@ -52,7 +52,7 @@ def test_a_clock_that_stands_in_the_past_is_never_believed(engine):
 
 
 def test_a_stuck_channel_is_left_out_until_it_moves(engine, rng):
-    learner = learner_of(screening=pt.Screening(stuck_samples=10))
+    learner = learner_of(screening=pt.learning.Screening(stuck_samples=10))
     x = np.linspace(0, 60, 1200)
     y = np.column_stack([np.sin(x), np.cos(x)])
     y[600:900, 1] = y[600, 1]
@@ -66,7 +66,7 @@ def test_a_stuck_channel_is_left_out_until_it_moves(engine, rng):
 
 
 def test_a_channel_that_never_moved_is_believed(engine):
-    learner = learner_of(screening=pt.Screening(stuck_samples=10))
+    learner = learner_of(screening=pt.learning.Screening(stuck_samples=10))
     for k in range(100):
         learner.update([np.sin(0.1 * k), 0.0], [np.sin(0.1 * k), 0.0])
     assert learner.events["stuck"] == 0
@@ -74,7 +74,9 @@ def test_a_channel_that_never_moved_is_believed(engine):
 
 def test_one_spike_hardly_moves_what_was_learned(engine, rng):
     network = pt.DenseNetwork(2, (4,), 2)
-    learners = [learner_of(network, screening=screening) for screening in (None, pt.Screening())]
+    learners = [
+        learner_of(network, screening=screening) for screening in (None, pt.learning.Screening())
+    ]
     xs = rng.normal(size=(300, 2))
     ys = np.sin(xs) + 0.1 * rng.normal(size=(300, 2))
     moves = []
@@ -89,7 +91,9 @@ def test_one_spike_hardly_moves_what_was_learned(engine, rng):
 
 
 def test_nothing_finite_or_not_stops_a_screened_learner(engine, rng):
-    learner = learner_of(screening=pt.Screening(), noise_estimation=pt.NoiseEstimation(50))
+    learner = learner_of(
+        screening=pt.learning.Screening(), noise_estimation=pt.learning.NoiseEstimation(50)
+    )
     odd = [np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 1e-320, 0.0]
     for _ in range(400):
         x, y = rng.normal(size=2), rng.normal(size=2)
@@ -110,7 +114,7 @@ def test_noise_is_found_channel_by_channel(structure, start, rng):
         network,
         covariance=structure,
         measurement_std=start,
-        noise_estimation=pt.NoiseEstimation(300),
+        noise_estimation=pt.learning.NoiseEstimation(300),
     )
     for x in rng.normal(size=(4000, 2)):
         learner.update(x, network(x, teacher) + true * rng.normal(size=3))
@@ -128,7 +132,7 @@ def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
         prior_std=0.3,
         measurement_std=0.02,
         spread=3**0.5,
-        noise_estimation=pt.NoiseEstimation(500),
+        noise_estimation=pt.learning.NoiseEstimation(500),
     )
     stds = []
     for _ in range(3000):
@@ -147,11 +151,11 @@ def test_noise_that_goes_with_the_load_is_told_from_noise_that_does_not(rng):
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: pt.Screening(outlier_std=1.0),
-        lambda: pt.Screening(outlier_std=np.nan),
-        lambda: pt.Screening(stuck_samples=1),
-        lambda: pt.NoiseEstimation(5),
-        lambda: pt.NoiseEstimation(10.5),
+        lambda: pt.learning.Screening(outlier_std=1.0),
+        lambda: pt.learning.Screening(outlier_std=np.nan),
+        lambda: pt.learning.Screening(stuck_samples=1),
+        lambda: pt.learning.NoiseEstimation(5),
+        lambda: pt.learning.NoiseEstimation(10.5),
     ],
 )
 def test_settings_out_of_range_are_refused(wrong):
@@ -160,7 +164,9 @@ def test_settings_out_of_range_are_refused(wrong):
 
 
 def test_settings_are_described():
-    learner = learner_of(screening=pt.Screening(), noise_estimation=pt.NoiseEstimation(50))
+    learner = learner_of(
+        screening=pt.learning.Screening(), noise_estimation=pt.learning.NoiseEstimation(50)
+    )
     told = learner.describe()
     assert told["screening"] == {"outlier_std": 5.0, "stuck_samples": 50}
     assert told["noise_estimation"] == {"memory": 50}

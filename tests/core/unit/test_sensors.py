@@ -226,18 +226,18 @@ def test_a_log_comes_back_from_its_file_without_the_truth(
 ) -> None:
     sensors = [P.icm_42688_p("body"), P.as5600(), P.nano17("body"), P.prime_x_13("body")]
     log = pt.sense(flight, sensors)
-    path = pt.save_sensor_log(log, tmp_path / "logs" / "flight.nc")
-    again = pt.load_sensor_log(path)
+    path = pt.sensing.save_sensor_log(log, tmp_path / "logs" / "flight.nc")
+    again = pt.sensing.load_sensor_log(path)
     assert list(again.readings) == list(log.readings) and again.truth == {}
     assert again.robot == log.robot and again.mount == log.mount
     for name in log.readings:
         xr.testing.assert_equal(again[name], log[name])
         assert again.sensors[name] == log.sensors[name]
     with pytest.raises(LogError, match="no such file"):
-        pt.load_sensor_log(tmp_path / "none.nc")
+        pt.sensing.load_sensor_log(tmp_path / "none.nc")
     (tmp_path / "bad.nc").write_text("no log")
     with pytest.raises(LogError, match="expected a sensor log"):
-        pt.load_sensor_log(tmp_path / "bad.nc")
+        pt.sensing.load_sensor_log(tmp_path / "bad.nc")
 
 
 @pytest.mark.parametrize(

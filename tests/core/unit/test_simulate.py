@@ -60,7 +60,9 @@ def test_recorded_strips_are_the_models_own(aero, flight):
 
 
 def test_wind_of_the_air_is_recorded_and_felt(robot, gait, flight):
-    gusty = pt.Air(wind=(-1.0, 0.5, 0.0), gust=pt.OneMinusCosineGust((0.0, 0.0, 2.0), 0.005, 0.01))
+    gusty = pt.Air(
+        wind=(-1.0, 0.5, 0.0), gust=pt.air.OneMinusCosineGust((0.0, 0.0, 2.0), 0.005, 0.01)
+    )
     windy = pt.simulate(
         robot, pt.QuasiSteady(robot, gusty), gait, duration=0.02, time_step=1e-4,
         v=robot.coordinates(x=4.0),

@@ -15,7 +15,12 @@ from patagium.sensing.motion.chains import (
 )
 from patagium.sensing.motion.smoothers import merged
 
-METHODS = [pt.Kalman(), pt.Kalman(order=3), pt.Spline(0.02), pt.SavitzkyGolay(0.04)]
+METHODS = [
+    pt.sensing.Kalman(),
+    pt.sensing.Kalman(order=3),
+    pt.sensing.Spline(0.02),
+    pt.sensing.SavitzkyGolay(0.04),
+]
 
 
 def walk(rng: np.random.Generator, time: np.ndarray, count: int, order: int, density: float):
@@ -93,11 +98,13 @@ def test_noise_comes_through_as_stated(method, rng) -> None:
         error = (found.state[inner, :, level] - rates[level][inner]) ** 2
         ratio = error.mean() / found.covariance[inner, :, level, level].mean()
         # a Kalman smoother allows for a motion livelier than a sine
-        low = 0.1 if isinstance(method, pt.Kalman) else 0.7
+        low = 0.1 if isinstance(method, pt.sensing.Kalman) else 0.7
         assert low < ratio < 1.4, (method, level, ratio)
 
 
-@pytest.mark.parametrize("method", [pt.Spline(0.02), pt.SavitzkyGolay(0.04, degree=5)])
+@pytest.mark.parametrize(
+    "method", [pt.sensing.Spline(0.02), pt.sensing.SavitzkyGolay(0.04, degree=5)]
+)
 def test_polynomials_are_met_exactly(method) -> None:
     time = np.sort(np.random.default_rng(0).uniform(0.0, 0.3, 200))
     values = np.column_stack([1 + 2 * time - 3 * time**3, time**5])
@@ -113,7 +120,9 @@ def test_the_acceleration_converges_as_noise_falls(rng) -> None:
     truth = np.sin(2 * np.pi * 5 * time)[:, None]
     errors = []
     for noise in (1e-2, 1e-3, 1e-4):
-        found = pt.Kalman().smooth(time, truth + noise * rng.standard_normal(truth.shape), noise)
+        found = pt.sensing.Kalman().smooth(
+            time, truth + noise * rng.standard_normal(truth.shape), noise
+        )
         error = found.state[50:-50, :, 2] + (2 * np.pi * 5) ** 2 * truth[50:-50]
         errors.append(np.sqrt(np.mean(error**2)) / (2 * np.pi * 5) ** 2)
     assert errors[0] < 0.1 and errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
@@ -138,15 +147,15 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
     with pytest.raises(LogError, match="column 0"):
         smooth_chain(time, np.full_like(values, np.nan), 1.0, 1.0)
     with pytest.raises(LogError, match="more than 4 samples"):
-        pt.SavitzkyGolay(0.2).smooth(time, values, 1.0)
+        pt.sensing.SavitzkyGolay(0.2).smooth(time, values, 1.0)
     with pytest.raises(LogError, match="knots 0.05 s apart"):
-        pt.Spline(0.05).smooth(time, values, 1.0)
+        pt.sensing.Spline(0.05).smooth(time, values, 1.0)
     for make in (
-        lambda: pt.Spline(0.0),
-        lambda: pt.SavitzkyGolay(-1.0),
-        lambda: pt.SavitzkyGolay(0.1, degree=1),
-        lambda: pt.Kalman(order=2),
-        lambda: pt.Kalman(density=-1.0),
+        lambda: pt.sensing.Spline(0.0),
+        lambda: pt.sensing.SavitzkyGolay(-1.0),
+        lambda: pt.sensing.SavitzkyGolay(0.1, degree=1),
+        lambda: pt.sensing.Kalman(order=2),
+        lambda: pt.sensing.Kalman(density=-1.0),
     ):
         with pytest.raises(ParameterError):
             make()

@@ -29,7 +29,7 @@ WANTED = [(kind, span) for kind in ("nmse", "persistence") for span in ("mean", 
 
 
 def flow_learner(covariance):
-    network = pt.FlowNetwork(pt.load_robot("aerobat"))
+    network = pt.learning.FlowNetwork(pt.load_robot("aerobat"))
     return pt.CubatureLearner(
         network,
         prior_std=1.0,

@@ -196,7 +196,7 @@ def test_no_runs_and_no_workers_are_refused() -> None:
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.LowRank(3)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(3)])
 def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None:
     learner = pt.CubatureLearner(
         pt.DenseNetwork(3, (6,), 2),
@@ -205,7 +205,7 @@ def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None
         spread=3**0.5,
         covariance=structure,
         dtype=dtype,
-        screening=pt.Screening(),
+        screening=pt.learning.Screening(),
     )
     for size in np.logspace(0, 300, 61):  # in between, P_yy is indefinite by rounding
         learner.update([size, -size, 1.0], np.ones(2))

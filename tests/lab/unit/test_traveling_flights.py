@@ -15,8 +15,8 @@ from patagium.errors import ParameterError
 from patagium_lab.published.aerodynamics import Published
 from patagium_lab.published.stepping import simulate_published
 
-GUST = pt.OneMinusCosineGust((0.0, 0.0, 1.5), 0.02, 0.03)
-SIDEWAYS = pt.TravelingGust(GUST, (0.0, -1.0, 0.0), 8.0)
+GUST = pt.air.OneMinusCosineGust((0.0, 0.0, 1.5), 0.02, 0.03)
+SIDEWAYS = pt.air.TravelingGust(GUST, (0.0, -1.0, 0.0), 8.0)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,8 @@ def test_wind_is_the_mean_over_the_wings(robot):
 
 
 def test_the_length_of_a_chunk_changes_nothing(robot, monkeypatch):
-    turbulence = pt.DrydenGust((0.5, 0.5, 0.5), (0.5, 0.5, 0.5), airspeed=4.0, seed=2)
-    gust = pt.TravelingGust(turbulence, (-1.0, 0.2, 0.0), 4.0)
+    turbulence = pt.air.DrydenGust((0.5, 0.5, 0.5), (0.5, 0.5, 0.5), airspeed=4.0, seed=2)
+    gust = pt.air.TravelingGust(turbulence, (-1.0, 0.2, 0.0), 4.0)
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
     once = fly(robot, gust, gait=gait, duration=0.02)
     monkeypatch.setattr("patagium.simulation.runge_kutta.CHUNK", 7)
@@ -88,7 +88,7 @@ def test_every_number_of_a_gust_moves_the_flight(robot, name):
 
 
 def test_added_mass_is_pushed_by_the_rate_of_what_it_meets(robot):
-    still, gust = pt.gaits.still(robot), pt.TravelingGust(GUST, (0.0, 0.0, 1.0), 50.0)
+    still, gust = pt.gaits.still(robot), pt.air.TravelingGust(GUST, (0.0, 0.0, 1.0), 50.0)
     flight = fly(robot, gust, gait=still, mount=pt.mounts.fixed())
     push = flight["added_mass_force"].values[:, robot.index("z")]
     rate = np.gradient(flight["strip_wind"].values[:, 0, 2], flight["time"].values)
@@ -101,7 +101,7 @@ def test_added_mass_is_pushed_by_the_rate_of_what_it_meets(robot):
 
 
 def test_a_robot_that_flies_into_a_gust_meets_it_sooner(robot):
-    edge = pt.TravelingGust(pt.RampGust((0.0, 0.0, 1.0), 0.0, 1e-3), (-1.0, 0.0, 0.0), 5.0)
+    edge = pt.air.TravelingGust(pt.air.RampGust((0.0, 0.0, 1.0), 0.0, 1e-3), (-1.0, 0.0, 0.0), 5.0)
     ahead = replace(edge, origin=(0.3, 0.0, 0.0))
     waiting = fly(robot, ahead, mount=pt.mounts.fixed(), duration=0.08)
     flying = fly(robot, ahead, v=robot.velocities(x=4.0), duration=0.08)
@@ -127,7 +127,7 @@ def test_models_that_take_one_wind_refuse_a_gust_that_travels(robot):
 
 MODELS = {
     "quasi-steady": pt.QuasiSteady,
-    "lifting line": lambda robot: pt.LiftingLine(robot, stall_delay=pt.StallDelay()),
+    "lifting line": lambda robot: pt.LiftingLine(robot, stall_delay=pt.air.StallDelay()),
     "DeLaurier": pt.DeLaurier,
 }
 
