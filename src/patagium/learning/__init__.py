@@ -1,62 +1,116 @@
-"""Models of the air learned from samples: settings, models, filters, learners, scores, tuning."""
+"""Models of the air learned from samples: settings, models, filters, learners, scores, tuning.
 
-from patagium.learning.identify import evaluate, identify
-from patagium.learning.learners.cubature import CubatureLearner
-from patagium.learning.learners.description import learner_from_description
-from patagium.learning.learners.extended import ExtendedLearner
-from patagium.learning.learners.file import load_learner, save_learner
-from patagium.learning.learners.gradient import GradientLearner
-from patagium.learning.learners.linear import LinearLearner
-from patagium.learning.model_file import Model, load_model, model_of, save_model
-from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.flow import FlowNetwork
-from patagium.learning.models.grey_box import GreyBox
-from patagium.learning.models.hidden import HiddenStripNetwork
-from patagium.learning.models.hidden_flow import HiddenFlowNetwork
-from patagium.learning.models.network import network_from_description
-from patagium.learning.models.strip import StripNetwork
-from patagium.learning.refinement import refine
-from patagium.learning.result import Identification, load_identification
-from patagium.learning.settings import ChangeDetection, LowRank, NoiseEstimation, Screening
-from patagium.learning.stream import stream
-from patagium.learning.tables import evaluate_table, identify_table, network_for
-from patagium.learning.tuning.settings import Settings, load_settings
-from patagium.learning.tuning.tune import Tuned, tune
+Names are imported when they are first used, so that the command line reads the settings
+without loading what uses them.
+"""
 
-__all__ = [
-    "ChangeDetection",
-    "CubatureLearner",
-    "DenseNetwork",
-    "ExtendedLearner",
-    "FlowNetwork",
-    "GradientLearner",
-    "GreyBox",
-    "HiddenFlowNetwork",
-    "HiddenStripNetwork",
-    "Identification",
-    "LinearLearner",
-    "LowRank",
-    "Model",
-    "NoiseEstimation",
-    "Screening",
-    "Settings",
-    "StripNetwork",
-    "Tuned",
-    "evaluate",
-    "evaluate_table",
-    "identify",
-    "identify_table",
-    "learner_from_description",
-    "load_identification",
-    "load_learner",
-    "load_model",
-    "load_settings",
-    "model_of",
-    "network_for",
-    "network_from_description",
-    "refine",
-    "save_learner",
-    "save_model",
-    "stream",
-    "tune",
-]
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from patagium.learning.identify import evaluate as evaluate
+    from patagium.learning.identify import identify as identify
+    from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
+    from patagium.learning.learners.description import (
+        learner_from_description as learner_from_description,
+    )
+    from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
+    from patagium.learning.learners.file import load_learner as load_learner
+    from patagium.learning.learners.file import save_learner as save_learner
+    from patagium.learning.learners.gradient import GradientLearner as GradientLearner
+    from patagium.learning.learners.linear import LinearLearner as LinearLearner
+    from patagium.learning.model_file import Model as Model
+    from patagium.learning.model_file import load_model as load_model
+    from patagium.learning.model_file import model_of as model_of
+    from patagium.learning.model_file import save_model as save_model
+    from patagium.learning.models.dense import DenseNetwork as DenseNetwork
+    from patagium.learning.models.flow import FlowNetwork as FlowNetwork
+    from patagium.learning.models.grey_box import GreyBox as GreyBox
+    from patagium.learning.models.hidden import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.learning.models.hidden_flow import HiddenFlowNetwork as HiddenFlowNetwork
+    from patagium.learning.models.network import (
+        network_from_description as network_from_description,
+    )
+    from patagium.learning.models.strip import StripNetwork as StripNetwork
+    from patagium.learning.refinement import refine as refine
+    from patagium.learning.result import Identification as Identification
+    from patagium.learning.result import load_identification as load_identification
+    from patagium.learning.settings import ChangeDetection as ChangeDetection
+    from patagium.learning.settings import FilterSettings as FilterSettings
+    from patagium.learning.settings import LowRank as LowRank
+    from patagium.learning.settings import NoiseEstimation as NoiseEstimation
+    from patagium.learning.settings import Screening as Screening
+    from patagium.learning.stream import stream as stream
+    from patagium.learning.tables import evaluate_table as evaluate_table
+    from patagium.learning.tables import identify_table as identify_table
+    from patagium.learning.tables import network_for as network_for
+    from patagium.learning.tuning.settings import Settings as Settings
+    from patagium.learning.tuning.settings import load_settings as load_settings
+    from patagium.learning.tuning.tune import Tuned as Tuned
+    from patagium.learning.tuning.tune import tune as tune
+
+_HOMES = {
+    "ChangeDetection": "settings",
+    "CubatureLearner": "learners.cubature",
+    "DenseNetwork": "models.dense",
+    "ExtendedLearner": "learners.extended",
+    "FilterSettings": "settings",
+    "FlowNetwork": "models.flow",
+    "GradientLearner": "learners.gradient",
+    "GreyBox": "models.grey_box",
+    "HiddenFlowNetwork": "models.hidden_flow",
+    "HiddenStripNetwork": "models.hidden",
+    "Identification": "result",
+    "LinearLearner": "learners.linear",
+    "LowRank": "settings",
+    "Model": "model_file",
+    "NoiseEstimation": "settings",
+    "Screening": "settings",
+    "Settings": "tuning.settings",
+    "StripNetwork": "models.strip",
+    "Tuned": "tuning.tune",
+    "evaluate": "identify",
+    "evaluate_table": "tables",
+    "identify": "identify",
+    "identify_table": "tables",
+    "learner_from_description": "learners.description",
+    "load_identification": "result",
+    "load_learner": "learners.file",
+    "load_model": "model_file",
+    "load_settings": "tuning.settings",
+    "model_of": "model_file",
+    "network_for": "tables",
+    "network_from_description": "models.network",
+    "refine": "refinement",
+    "save_learner": "learners.file",
+    "save_model": "model_file",
+    "stream": "stream",
+    "tune": "tuning.tune",
+}
+
+__all__ = sorted(_HOMES)
+
+
+class _Package(ModuleType):
+    """Package that imports its names when they are first used."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        super().__setattr__(name, value)
+        return value
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _HOMES or not isinstance(value, ModuleType):  # `identify` is a module, too
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*self.__dict__, *__all__})
+
+
+sys.modules[__name__].__class__ = _Package

@@ -12,8 +12,6 @@ from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass
 from math import inf, isfinite
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-import numpy as np
-
 from patagium.errors import ParameterError
 
 FILTERS = ("cubature", "extended")
@@ -62,6 +60,7 @@ class Meaning(NamedTuple):
         below: Whether the value must be below `high`.
         choices: What a setting that is no number may be.
         learners: Learners that have it.
+        needed: Whether a learner cannot do without it (but for what a network itself knows).
         search: Values that `tune` tries; None: it is not tuned.
         option: Word of the command line without its dashes, where it is not the name.
     """
@@ -74,6 +73,7 @@ class Meaning(NamedTuple):
     below: bool = False
     choices: tuple[Any, ...] = ()
     learners: tuple[str, ...] = FILTERS
+    needed: bool = False
     search: LogRange | Alternatives | None = None
     option: str = ""
 
@@ -93,6 +93,8 @@ class Meaning(NamedTuple):
             if value not in self.choices:
                 raise ParameterError(name, f"one of {', '.join(map(str, self.choices))}", value)
             return
+        import numpy as np  # not for the help of the command line
+
         numbers = np.asarray(value, float)
         under = numbers <= self.low if self.above else numbers < self.low
         over = numbers >= self.high if self.below else numbers > self.high
@@ -333,6 +335,8 @@ class FilterSettings:
         "Standard deviation of each weight before any sample, before division by sqrt(fan-in)",
         low=0.0,
         above=True,
+        learners=(*FILTERS, "linear"),
+        needed=True,
         search=LogRange(0.03, 3.0),
     )
     measurement_std: Numbers | None = setting(
@@ -341,6 +345,8 @@ class FilterSettings:
         unit="y",
         low=0.0,
         above=True,
+        learners=(*FILTERS, "linear"),
+        needed=True,
         search=LogRange(1e-5, 1.0, per_output=True),
     )
     process_std: Numbers = setting(
@@ -372,6 +378,7 @@ class FilterSettings:
         low=0.0,
         above=True,
         high=1.0,
+        learners=(*FILTERS, "linear"),
         search=LogRange(1e-5, 0.1, one_minus=True, off=1.0),
     )
     prior_share: float = setting(
@@ -441,6 +448,81 @@ class FilterSettings:
         return cls(**{name: _made(known[name], value) for name, value in description.items()})
 
 
+def _same_as_filters(name: str) -> Any:
+    """A field that means what the field of `FilterSettings` means."""
+    one = FilterSettings.__dataclass_fields__[name]
+    return field(default=one.default, metadata=one.metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GradientSettings:
+    """Settings of backpropagation, one step of Adam a sample.
+
+    Args:
+        learning_rate: Step of Adam, in the unit of the weights.
+        replay: How many earlier samples join each step.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+    """
+
+    learning_rate: float | None = setting(
+        None,
+        "Step of the gradient learner, in the unit of the weights",
+        low=0.0,
+        above=True,
+        learners=("gradient",),
+        needed=True,
+    )
+    replay: int = setting(
+        0,
+        "Earlier samples that the gradient learner sees again at each step",
+        unit="samples",
+        low=0,
+        learners=("gradient",),
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearSettings:
+    """Settings of recursive least squares, linear or on random features.
+
+    Args:
+        prior_std: Standard deviation of each weight before any sample.
+        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y].
+        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        features: Number of random softplus features; 0: linear in the inputs.
+
+    Raises:
+        ParameterError: If a number is out of its range.
+    """
+
+    prior_std: float | None = _same_as_filters("prior_std")
+    measurement_std: Numbers | None = _same_as_filters("measurement_std")
+    forgetting_factor: float = _same_as_filters("forgetting_factor")
+    features: int = setting(
+        0,
+        "Random softplus features of the linear learner; 0: linear in the inputs",
+        low=0,
+        learners=("linear",),
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+RECORDS: dict[str, type] = {
+    "cubature": FilterSettings,
+    "extended": FilterSettings,
+    "gradient": GradientSettings,
+    "linear": LinearSettings,
+}
+"""Record of the settings of each kind of learner."""
+
+
 def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str, Field[Any]]]:
     """Settings one by one, those of groups too: dotted name and field.
 
@@ -479,6 +561,8 @@ def structure_from(description: object) -> Structure:
 
 def _plain_numbers(value: Any) -> Numbers:
     """A scalar or vector as a number, or a tuple of numbers where they differ."""
+    import numpy as np
+
     numbers = np.asarray(value, float)
     if numbers.ndim == 0:
         return float(numbers)
