@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -66,6 +66,36 @@ def source_with_attitude(source: str, attitude: str) -> str:
     if _parsed(kept) != described:  # the body was written in an unusual way
         kept = yaml.safe_dump(described, sort_keys=False)
     return kept
+
+
+def composed_source(
+    robot: str,
+    arm: str,
+    at: str,
+    pose: tuple[Sequence[float], Sequence[float]],
+    prefix: str,
+) -> str:
+    """Text of a robot file that mounts one robot on another; empty where either has no text.
+
+    Args:
+        robot: Text of the file of the robot that is carried.
+        arm: Text of the file of the robot that carries it.
+        at: Body of the arm that holds the robot.
+        pose: Position (3,) [m] and roll, pitch, yaw (3,) [rad] of the robot on that body.
+        prefix: Text before the names of the arm's parts.
+    """
+    if not (robot and arm):
+        return ""
+    position, orientation = ([float(k) for k in part] for part in pose)
+    described = {
+        "robot": yaml.safe_load(robot),
+        "mounted_on": yaml.safe_load(arm),
+        "at": at,
+        "position": position,
+        "orientation": orientation,
+        "prefix": prefix,
+    }
+    return yaml.safe_dump(described, sort_keys=False)
 
 
 def _parsed(text: str) -> Any:

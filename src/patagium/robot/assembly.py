@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import ParameterError
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.coordinates import repeated
 from patagium.robot.model import FLOATING_COORDINATES, Body, Joint, Robot, Strip
 from patagium.robot.schema import BodyPart, RobotFile
@@ -85,22 +86,8 @@ def assemble(file: RobotFile, source: str) -> Robot:
 
 def _draft(name: str, part: BodyPart) -> _Draft:
     joints = tuple((k.name, k.type, k.axis) for k in part.joints)
-    orientation = rotation(*part.orientation)
+    orientation = rotation_from_angles(part.orientation)
     return _Draft(name, part.parent, part, joints, orientation, False, f"bodies.{name}")
-
-
-def rotation(roll: float, pitch: float, yaw: float) -> Any:
-    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3); a trace of rounding is a zero, which is structure."""
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    matrix = np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-    return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:

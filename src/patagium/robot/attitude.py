@@ -63,6 +63,26 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def rotation_from_angles(angles: ArrayLike) -> Array:
+    """Rotation matrices of Euler angles, (..., 3, 3), body axes to world axes.
+
+    R = Rz(yaw) Ry(pitch) Rx(roll); entries below 1e-15 are rounding and become zero, because an
+    exact zero is structure of a robot.
+
+    Args:
+        angles: Roll, pitch, yaw, (..., 3) [rad].
+    """
+    angles = np.asarray(angles, float)
+    (cr, cp, cy), (sr, sp, sy) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    matrix = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)
+
+
 def body_rates(angles: ArrayLike, rates: ArrayLike) -> Array:
     """Angular velocity in body axes, (..., 3) [rad/s].
 

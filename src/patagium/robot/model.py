@@ -9,7 +9,7 @@ Neglected: flexible bodies, closed chains (a gait may come from one), ground.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
@@ -18,16 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.robot.amendment import amended_source, source_with_attitude
-from patagium.robot.attitude import quaternion_from_angles
+from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
+from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
 from patagium.robot.coordinates import coordinate_names, places_in_q, repeated
-from patagium.robot.parameters import is_parameter, leaves, with_values
 
 Number: TypeAlias = "float | ca.SX"
 Vector: TypeAlias = tuple[Any, Any, Any]
 Axis: TypeAlias = tuple[float, float, float]
 Attitude: TypeAlias = Literal["euler", "quaternion"]
 
+_XYZ = ("x", "y", "z")
+_INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
+_CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit")
 _NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
@@ -218,7 +220,7 @@ class Robot:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the run-time parameters, in the order of `parameters`."""
-        return tuple(name for name, value in leaves(self) if is_parameter(value))
+        return tuple(name for name, value in _leaves(self) if value != 0.0)
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -227,19 +229,19 @@ class Robot:
         A number that is exactly zero in the robot file is structure, not a
         parameter: the equations are generated without it.
         """
-        return np.array([value for _, value in leaves(self) if is_parameter(value)], float)
+        return np.array([value for _, value in _leaves(self) if value != 0.0], float)
 
     @property
     def structure(self) -> str:
         """Everything the generated equations depend on but the parameters' values."""
-        same = with_values(self, dict.fromkeys(self.parameter_names, 1.0))
+        same = _with_values(self, dict.fromkeys(self.parameter_names, 1.0))
         return repr(replace(same, name="", lower=(), upper=()))
 
     def symbolic(self) -> tuple[Robot, ca.SX]:
         """The same robot with a symbol for each run-time parameter, and the symbols (n_p,)."""
         names = self.parameter_names
         symbols = ca.SX.sym("p", len(names))
-        return with_values(self, dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
+        return _with_values(self, dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
@@ -258,7 +260,7 @@ class Robot:
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         source = amended_source(self.source, values) if self.source else ""
-        return replace(with_values(self, values), source=source)
+        return replace(_with_values(self, values), source=source)
 
     def with_attitude(self, attitude: Attitude) -> Robot:
         """The same robot with its floating body's attitude in other coordinates.
@@ -361,12 +363,181 @@ class Robot:
         Raises:
             ParameterError: If the arm has no such body, or a name would be there twice.
         """
-        from patagium.robot.composition import mounted  # it builds on this module
-
-        return mounted(self, arm, at, position, orientation, prefix)
+        return _mounted(self, arm, at, position, orientation, prefix)
 
     @property
     def _attitudes(self) -> list[tuple[int, ...]]:
         """Roll, pitch, yaw in v of every body whose attitude is a quaternion."""
         turning = [body.floating_dofs for body in self.bodies if body.by_quaternion]
         return [dofs[3:] for dofs in turning if dofs is not None]
+
+
+def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
+    """Copy of a robot with some parameters set to numbers or symbols; unknown names are ignored."""
+
+    def vector(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:
+        return tuple(values.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True))
+
+    bodies = tuple(
+        replace(
+            b,
+            position=vector(f"{b.name}.position", b.position, _XYZ),
+            mass=values.get(f"{b.name}.mass", b.mass),
+            center_of_mass=vector(f"{b.name}.center_of_mass", b.center_of_mass, _XYZ),
+            inertia=vector(f"{b.name}.inertia", b.inertia, _INERTIA),
+        )
+        for b in robot.bodies
+    )
+    strips = tuple(
+        replace(
+            s,
+            quarter_chord=vector(f"{s.name}.quarter_chord", s.quarter_chord, _XYZ),
+            chord=values.get(f"{s.name}.chord", s.chord),
+            width=values.get(f"{s.name}.width", s.width),
+        )
+        for s in robot.strips
+    )
+    damping = tuple(
+        values.get(f"{name}.damping", d)
+        for name, d in zip(robot.dof_names, robot.damping, strict=True)
+    )
+    return replace(
+        robot,
+        bodies=bodies,
+        strips=strips,
+        damping=damping,
+        gravity=values.get("gravity", robot.gravity),
+    )
+
+
+def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
+    """Name and value of every number that may be a parameter [SI]."""
+    yield "gravity", robot.gravity
+    for name, value in zip(robot.dof_names, robot.damping, strict=True):
+        yield f"{name}.damping", value
+    for body in robot.bodies:
+        for label, value in zip(_XYZ, body.position, strict=True):
+            yield f"{body.name}.position.{label}", value
+        yield f"{body.name}.mass", body.mass
+        for label, value in zip(_XYZ, body.center_of_mass, strict=True):
+            yield f"{body.name}.center_of_mass.{label}", value
+        for label, value in zip(_INERTIA, body.inertia, strict=True):
+            yield f"{body.name}.inertia.{label}", value
+    for strip in robot.strips:
+        for label, value in zip(_XYZ, strip.quarter_chord, strict=True):
+            yield f"{strip.name}.quarter_chord.{label}", value
+        yield f"{strip.name}.chord", strip.chord
+        yield f"{strip.name}.width", strip.width
+
+
+def _mounted(
+    robot: Robot, arm: Robot, at: str, position: Axis, orientation: Axis, prefix: str
+) -> Robot:
+    """A robot fixed to a body of an arm.
+
+    Args:
+        robot: What is carried.
+        arm: What carries it; its bodies and coordinates come first.
+        at: Body of the arm that holds it.
+        position: Where on that body, in its axes, (3,) [m].
+        orientation: Roll, pitch, yaw of the robot's axes in that body's, (3,) [rad].
+        prefix: Put before the arm's names.
+
+    Raises:
+        ParameterError: If the arm has no such body, the pose is no pose, or a name
+            would be there twice.
+    """
+    shift, turn = _pose(position, orientation)
+    carrier = arm.body_index(at)
+    kept = tuple(i for i in range(robot.dof) if not _floats(robot, i))
+    dof = {old: arm.dof + new for new, old in enumerate(kept)}
+    first = len(arm.bodies)
+    bodies = (
+        *(_renamed(body, prefix) for body in arm.bodies),
+        *(_carried(body, carrier, first, dof, shift, turn) for body in robot.bodies),
+    )
+    strips = (
+        *(replace(s, name=prefix + s.name, wing=prefix + s.wing) for s in arm.strips),
+        *(replace(s, body=s.body + first) for s in robot.strips),
+    )
+
+    def joined(name: str) -> tuple[Any, ...]:
+        own = getattr(robot, name)
+        return (*getattr(arm, name), *(own[i] for i in kept))
+
+    composed = Robot(
+        name=f"{robot.name}-on-{arm.name}",
+        bodies=bodies,
+        strips=strips,
+        dof_names=(*(prefix + k for k in arm.dof_names), *(robot.dof_names[i] for i in kept)),
+        dof_units=joined("dof_units"),
+        actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
+        damping=joined("damping"),
+        lower=joined("lower"),
+        upper=joined("upper"),
+        gravity=robot.gravity,
+        source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
+        **{name: _capacity(name, robot, arm, kept) for name in _CAPACITIES},
+    )
+    _check_names(composed, strips)
+    return composed
+
+
+def _pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[Any, Any]:
+    for name, values in (("position", position), ("orientation", orientation)):
+        if np.shape(values) != (3,) or not np.isfinite(np.asarray(values, float)).all():
+            raise ParameterError(name, "three finite numbers", tuple(np.ravel(values)))
+    return np.asarray(position, float), rotation_from_angles(orientation)
+
+
+def _floats(robot: Robot, dof: int) -> bool:
+    return any(dof in (body.floating_dofs or ()) for body in robot.bodies)
+
+
+def _renamed(body: Body, prefix: str) -> Body:
+    joints = tuple(replace(joint, name=prefix + joint.name) for joint in body.joints)
+    return replace(body, name=prefix + body.name, joints=joints)
+
+
+def _carried(
+    body: Body, carrier: int, first: int, dof: dict[int, int], shift: Any, turn: Any
+) -> Body:
+    """A body of the robot in the tree of the arm; a root is moved to the mounting."""
+    joints = tuple(replace(joint, dof=dof[joint.dof]) for joint in body.joints)
+    if body.parent >= 0:
+        return replace(body, parent=body.parent + first, joints=joints)
+    placed = shift + turn @ np.asarray(body.position, float)
+    turned = turn @ np.asarray(body.orientation)
+    return replace(
+        body,
+        parent=carrier,
+        position=_triple(placed),
+        orientation=(_triple(turned[0]), _triple(turned[1]), _triple(turned[2])),
+        joints=joints,
+        floating_dofs=None,
+    )
+
+
+def _triple(vector: Any) -> Axis:
+    x, y, z = (float(k) + 0.0 for k in vector)
+    return (x, y, z)
+
+
+def _capacity(name: str, robot: Robot, arm: Robot, kept: tuple[int, ...]) -> tuple[float, ...]:
+    own, carriers = getattr(robot, name), getattr(arm, name)
+    if not own and not carriers:
+        return ()
+    own = own or (np.inf,) * robot.dof
+    return (*(carriers or (np.inf,) * arm.dof), *(own[i] for i in kept))
+
+
+def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:
+    kinds = {
+        "bodies": [body.name for body in robot.bodies],
+        "coordinates": list(robot.dof_names),
+        "strips": [strip.name for strip in strips],
+    }
+    for kind, names in kinds.items():
+        for name in names:
+            if names.count(name) > 1:
+                raise ParameterError("prefix", f"one that keeps names of {kind} apart", name)

@@ -27,7 +27,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from patagium.errors import RobotFileError
-from patagium.robot.assembly import rotation
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES
 
 Problem = tuple[str, str, str]
@@ -236,7 +236,7 @@ class _Reader:
         if mass == 0 and not any(moments):
             return {"massless": True}
         xx, yy, zz, xy, xz, yz = moments
-        turn = rotation(*origin[3:])
+        turn = rotation_from_angles(origin[3:])
         tensor = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
         upper = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         entries = {key[1:]: float(tensor[k]) for key, k in zip(_MOMENTS, upper, strict=True)}

@@ -17,7 +17,7 @@ from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.native import load_functions
 from patagium.robot import Robot
-from patagium.robot.assembly import rotation
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Axis
 from patagium.simulation.gait_models import Motion
 
@@ -39,7 +39,7 @@ class Tool:
 
     def __init__(self, arm: Robot, at: str, position: Axis, orientation: Axis) -> None:
         body = arm.body_index(at)
-        placed = np.concatenate([position, rotation(*orientation).ravel(order="F")])
+        placed = np.concatenate([position, rotation_from_angles(orientation).ravel(order="F")])
         self._parameters = np.concatenate([arm.parameters, placed])
         self._functions = load_functions(
             f"tool {arm.structure} {body}",
@@ -109,21 +109,6 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
 def solved(matrices: Array, right: Array) -> Array:
     """Solutions of square systems, (N, n), one right-hand side each."""
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
-
-
-def path_rotation(position: Array) -> Array:
-    """Rotations to the world of a path's roll, pitch, yaw, (N, 3, 3).
-
-    Args:
-        position: x, y, z, roll, pitch, yaw, (N, 6) [m, rad].
-    """
-    (cr, cp, cy), (sr, sp, sy) = np.cos(position[:, 3:]).T, np.sin(position[:, 3:]).T
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def path_twist(motion: Motion) -> tuple[Array, Array]:

@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 
 from patagium.errors import ParameterError, PathError, ShapeError
 from patagium.robot import Robot
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Axis
 from patagium.simulation.arm_kinematics import (
     Array,
     Tool,
-    path_rotation,
     rotation_vector,
     solved,
 )
@@ -87,7 +87,7 @@ class ArmPlan:
         inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
         guess = self._spline(inside)
         target = self.path.motion(asked)
-        turned = path_rotation(target.position)
+        turned = rotation_from_angles(target.position[:, 3:])
         return self.tool.follow(_closed(self.tool, guess, target.position, turned, 6), target)
 
     def describe(self) -> dict[str, Any]:
@@ -309,7 +309,7 @@ def _branches(
 ) -> Iterator[Array]:
     """Joint positions along the path for each way to begin, (K, 6) each; NaN where it ends."""
     starts = _starts(arm, tool, target, start)
-    turned = path_rotation(target.position)
+    turned = rotation_from_angles(target.position[:, 3:])
     knots = np.full((len(time), *starts.shape), np.nan)
     knots[0] = starts
     for k in range(1, len(time)):
@@ -349,7 +349,7 @@ def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> 
         low, high = np.clip([arm.lower, arm.upper], -np.pi, np.pi)
         seeds = np.random.default_rng(0).uniform(low, high, (_SEEDS, AXES))
     place = np.broadcast_to(target.position[0], (len(seeds), 6))
-    turned = path_rotation(place)
+    turned = rotation_from_angles(place[:, 3:])
     q = _sought(tool, seeds, place, turned)
     error, _ = _error(tool, q, place, turned)
     found = q[np.abs(error).max(axis=1) < 1e-8]

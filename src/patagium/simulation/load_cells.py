@@ -17,7 +17,7 @@ import numpy as np
 
 from patagium.errors import ParameterError
 from patagium.robot import Body, Joint, Robot
-from patagium.robot.assembly import rotation
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Axis
 
 CELL_COORDINATES = 6
@@ -102,7 +102,7 @@ def _with_cell(machine: Robot, cell: LoadCell, at: tuple[int, int], first: int) 
     """One cell before a joint of a body; its coordinates are numbered already."""
     place, before = at
     body = machine.bodies[place]
-    turn = rotation(*cell.orientation)
+    turn = rotation_from_angles(cell.orientation)
     foot = Body(
         name=f"{cell.at} below the cell",
         parent=body.parent,
