@@ -25,8 +25,9 @@ from patagium.learning.schedule import MOST_CHECKS, thin, used_samples
 from patagium.learning.scores import error_scores, persistence, silent_outputs
 from patagium.learning.stream import Progress, stream
 from patagium.robot import Robot
+from patagium.sensing.force.air_force import state_columns
 from patagium.sensing.force.samples import ForceSamples
-from patagium.sensing.force.training_data import state_columns, training_data
+from patagium.sensing.force.training_data import training_data
 from patagium.simulation import gait_period, robot_of
 
 Array = NDArray[np.float64]

@@ -4,48 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from patagium.learning.parameter_paths import parameter_table
 from patagium.report import Link, Note, Section, Table, picture, write_page
 from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
-
-if TYPE_CHECKING:
-    from patagium.learning.result import Identification
 
 DRAWN = 6
 """Most outputs drawn; the others are in the table."""
 
 
 def write_identification(
-    result: Identification, path: str | Path, title: str, replay: str | None = None
+    scores: Mapping[str, Any],
+    record: xr.Dataset,
+    path: str | Path,
+    title: str,
+    replay: str | None = None,
 ) -> Path:
-    """A self-contained HTML page of an identification.
+    """Self-contained HTML page of an identification.
 
     Args:
-        result: What to show.
+        scores: Of an `Identification`.
+        record: Its predictions and updates, see `record_of`.
         path: File to write.
         title: Heading of the page.
         replay: Address of the flight's replay, relative to the page, or None.
     """
     moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
     sections = [
-        Section("Scores", [*moving, _score_table(result.scores), *_remarks(result.scores)]),
-        *_parameters(result),
-        Section("Predicted before it was used", [_prediction_picture(result)]),
+        Section("Scores", [*moving, _score_table(scores), *_remarks(scores)]),
+        *_parameters(scores, record),
+        Section("Predicted before it was used", [_prediction_picture(scores, record)]),
     ]
-    if result.prediction.sizes["update_time"] > 1:
-        sections.append(Section("What each update learned", [_innovation_picture(result)]))
-    if np.isfinite(list(result.scores["reliability"].values())).all():
-        sections.append(Section("Does it know how wrong it is?", _calibration(result.scores)))
-    return write_page(path, title, sections, summary=summary(result.scores))
+    if record.sizes["update_time"] > 1:
+        sections.append(Section("What each update learned", [_innovation_picture(scores, record)]))
+    if np.isfinite(list(scores["reliability"].values())).all():
+        sections.append(Section("Does it know how wrong it is?", _calibration(scores)))
+    return write_page(path, title, sections, summary=summary(scores))
 
 
-def _parameters(result: Identification) -> list[Section]:
+def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[Section]:
     """Physical parameters as a table, and their paths; nothing where none was learned."""
-    table, record = parameter_table(result.scores), result.prediction
+    table = parameter_table(scores)
     if table is None:
         return []
     shown: list[Any] = [table]
@@ -54,7 +57,7 @@ def _parameters(result: Identification) -> list[Section]:
             record["update_time"].values,
             record["parameter_value"].values,
             record["parameter_std"].values,
-            list(result.scores["parameter_prior"].values()),
+            list(scores["parameter_prior"].values()),
             names=[str(name) for name in record["parameter"].values],
             units=[str(unit) for unit in record["parameter_unit"].values],
         )
@@ -144,9 +147,8 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
     return [Note(words), *shown]
 
 
-def _prediction_picture(result: Identification) -> Any:
-    record = result.prediction
-    loud = [name for name in record["output"].values if name not in result.scores["silent"]]
+def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
+    loud = [name for name in record["output"].values if name not in scores["silent"]]
     chosen = record.sel(output=loud[:DRAWN])
     figure = comparison(
         record["time"].values,
@@ -159,12 +161,11 @@ def _prediction_picture(result: Identification) -> Any:
     return picture(figure, "Measured, and predicted before the sample was used.", "png")
 
 
-def _innovation_picture(result: Identification) -> Any:
-    record = result.prediction
+def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     looked = np.isfinite(record["largest_variance"].values)
     if not looked.any():
         looked = np.ones_like(looked)
-    loud = [name for name in record["output"].values if name not in result.scores["silent"]]
+    loud = [name for name in record["output"].values if name not in scores["silent"]]
     chosen = record.sel(output=loud[:DRAWN]).isel(update_time=looked)
     figure = innovation_and_covariance(
         chosen["update_time"].values,

@@ -61,7 +61,7 @@ class Identification:
         """
         from patagium.learning.page import write_identification
 
-        write_identification(self, path, title, replay)
+        write_identification(self.scores, self.prediction, path, title, replay)
 
 
 def load_identification(path: str | Path) -> Identification:

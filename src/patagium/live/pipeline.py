@@ -17,6 +17,7 @@ from time import perf_counter_ns
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.aerodynamics import AddedMass
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.screening import REFUSALS
@@ -26,14 +27,9 @@ from patagium.learning.models.hidden import HiddenStripNetwork
 from patagium.learning.models.lag_memory import LiveLags
 from patagium.learning.models.live_memory import UNSEEN, LiveMemory
 from patagium.learning.models.network import Network
-from patagium.native import NativeFunction, load_kernel
+from patagium.native import load_kernel
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import (
-    Column,
-    air_force,
-    packet_columns,
-    packet_parts,
-)
+from patagium.sensing.force.air_force import Column, SampleForm, packet_columns
 
 Array = NDArray[np.float64]
 
@@ -97,7 +93,7 @@ class _Pipeline(ctypes.Structure):
     """`pipeline` of the kernel, field by field."""
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("coordinates", "dof", "outputs")),
+        *((name, ctypes.c_int32) for name in ("columns", "coordinates", "dof", "outputs")),
         *((name, ctypes.c_void_p) for name in ("air_force", "parameters", "update", "memory")),
         *((name, ctypes.c_void_p) for name in ("x", "y", "stamp", "mean", "covariance", "nis")),
         *((name, ctypes.c_void_p) for name in ("left_out", "alarm", "recall", "settle", "lags")),
@@ -115,29 +111,54 @@ class Pipeline:
             outputs are coordinates of the robot.
         robot: The machine that sends.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
+        carried: Known forces that packets carry after u1, n numbers each: which of
+            `damping_force`, `mount_force` and `added_mass_force` (`OPTIONAL_PARTS`). With those
+            that a flight has, its packets give the force that `training_data` gives.
+        added_mass: Model of the added mass of the wings, in steady wind, for packets that do not
+            carry its force; None for none.
 
     Raises:
-        ParameterError: If an input or output has no such name, or the network remembers and the
-            learner cannot keep what.
+        ParameterError: If an input, an output or a force has no such name, added mass is given
+            twice or in wind that changes, or the network remembers and the learner cannot keep
+            what.
         ShapeError: If the network sees another number of inputs.
     """
 
     def __init__(
-        self, learner: Learner, robot: Robot, *, inputs: Sequence[str] | None = None
+        self,
+        learner: Learner,
+        robot: Robot,
+        *,
+        inputs: Sequence[str] | None = None,
+        carried: Sequence[str] = (),
+        added_mass: AddedMass | None = None,
     ) -> None:
-        check_network(learner.network, robot, inputs)
+        network = learner.network
+        check_network(network, robot, inputs)
         self.learner, self.robot = learner, robot
-        self.inputs = None if inputs is None else tuple(inputs)
-        self._force = air_force(robot, inputs, learner.network.output_names)
-        self._parameters = np.ascontiguousarray(robot.parameters, float)
-        self._columns = len(packet_columns(robot))
+        self.form = SampleForm(
+            robot,
+            None if inputs is None else tuple(inputs),
+            tuple(network.output_names),
+            tuple(carried),
+            added_mass,
+            network.needs_acceleration,
+            network.explains_added_mass,
+        )
+        self._parameters = self.form.parameters
+        self._columns = len(self.columns)
         self._memory = _memory(learner)
-        self._chain = _chain(learner, self._force, robot)
+        self._chain = _chain(learner, self.form)
+
+    @property
+    def inputs(self) -> tuple[str, ...] | None:
+        """Names of what the network sees; None: q, then v."""
+        return self.form.inputs
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Names and units of the numbers of a packet: time, q, v, a, u1."""
-        return packet_columns(self.robot)
+        """Names and units of the numbers of a packet: time, q, v, a, u1, then those carried."""
+        return packet_columns(self.robot, self.form.carried)
 
     @property
     def native(self) -> tuple[int, int] | None:
@@ -158,7 +179,7 @@ class Pipeline:
         """Learn packets in order, each predicted before it is learned.
 
         Args:
-            packets: (N, 1 + n_q + 3 n), as `columns` names them.
+            packets: (N, 1 + n_q + (3 + k) n) with k forces carried, as `columns` names them.
 
         Returns:
             A record of each.
@@ -177,7 +198,7 @@ class Pipeline:
         return Records(records)
 
     def step(self, packet: ArrayLike) -> Records:
-        """Learn one packet, (1 + n_q + 3 n,); its record, N = 1.
+        """Record of one packet, (1 + n_q + (3 + k) n,), once it is learned; N = 1.
 
         Raises:
             ShapeError: If the packet has another shape.
@@ -199,10 +220,12 @@ class Pipeline:
             lags.store(self._memory)
 
     def _run_in_python(self, rows: Array, records: Array) -> None:
-        m = self.learner.network.outputs
+        m, robot = self.learner.network.outputs, self.robot
+        cuts = 1 + np.cumsum([0, robot.coordinate_count, robot.dof, robot.dof])
         for row, record in zip(rows, records, strict=True):
             started = perf_counter_ns()
-            x, y = map(np.atleast_1d, self._force(*packet_parts(row, self.robot), self._parameters))
+            parts = np.split(row, cuts)[1:]
+            x, y = map(np.atleast_1d, self.form.function(*parts, self._parameters))
             record[:] = np.nan
             record[2 * m : 3 * m], record[3 * m + 2] = y, 0.0
             record[3 * m + 1] = self._sample(float(row[0]), x, y, record)
@@ -236,6 +259,7 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
             known = ", ".join(robot.dof_names)
             raise ParameterError("outputs of the network", f"coordinates among {known}", name)
     count = robot.state_size if inputs is None else len(inputs)
+    count += robot.dof if network.needs_acceleration else 0
     if network.measured_inputs != count:
         raise ShapeError("inputs of the network", (count,), (network.measured_inputs,))
 
@@ -248,15 +272,14 @@ class _CompiledChain:
         learner: FilterLearner,
         compiled: Compiled,
         kernel: ctypes.CDLL,
-        force: NativeFunction,
-        robot: Robot,
+        form: SampleForm,
         lags: LiveLags | None,
     ) -> None:
         self.learner, self.lags = learner, lags
         self._function = kernel.pipeline_run
         self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
         self._function.restype = ctypes.c_int64
-        parameters = np.ascontiguousarray(robot.parameters, float)
+        robot, parameters = form.robot, form.parameters
         places = {
             name: value if isinstance(value, int) else value.ctypes.data
             for name, value in compiled._asdict().items()
@@ -265,28 +288,29 @@ class _CompiledChain:
         if lags is not None:
             places |= dict(zip(("recall", "settle", "lags"), lags.native, strict=True))
         self._struct = _Pipeline(
+            columns=len(packet_columns(robot, form.carried)),
             coordinates=robot.coordinate_count,
             dof=robot.dof,
             outputs=len(compiled.y),
-            air_force=force.address,
+            air_force=form.function.address,
             parameters=parameters.ctypes.data,
             **places,
         )
-        self._keep = force, compiled, parameters
+        self._keep = form, compiled, parameters
         function = ctypes.cast(self._function, ctypes.c_void_p).value or 0
         self.native = function, ctypes.addressof(self._struct)
 
     def run(self, rows: Array, records: Array) -> int:
-        """Packets, (N, 1 + n_q + 3 n), into records, (N, 3 n_y + 4); how many, up to an alarm."""
+        """Packets, (N, columns), into records, (N, 3 n_y + 4); how many, up to an alarm."""
         return int(self._function(self.native[1], len(rows), rows.ctypes.data, records.ctypes.data))
 
 
-def _chain(learner: Learner, force: NativeFunction, robot: Robot) -> _CompiledChain | None:
+def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:
     """The pipeline in C; None where a sample takes Python as well."""
     if not isinstance(learner, FilterLearner):
         return None
     compiled, kernel = learner.compiled, load_kernel("pipeline")
-    if compiled is None or kernel is None or force.address is None:
+    if compiled is None or kernel is None or form.function.address is None:
         return None
     network, lags = learner.network, None
     if network.measured_inputs != network.inputs:
@@ -294,7 +318,7 @@ def _chain(learner: Learner, force: NativeFunction, robot: Robot) -> _CompiledCh
             lags = network.live_lags(compiled.x, compiled.weights)
         if lags is None:
             return None
-    return _CompiledChain(learner, compiled, kernel, force, robot, lags)
+    return _CompiledChain(learner, compiled, kernel, form, lags)
 
 
 def _memory(learner: Learner) -> LiveMemory | None:

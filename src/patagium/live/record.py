@@ -54,6 +54,7 @@ class StreamFile:
 
     def __init__(self, path: str | Path, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
+        self._parts = (*PARTS, *pipeline.form.carried)
         self._waiting: list[tuple[Array, Records]] = []
         self._held, self._written = 0, 0
         try:
@@ -96,14 +97,14 @@ class StreamFile:
         file.robot, file.robot_name = robot.source, robot.name
         file.learner = json.dumps(json_ready(self._pipeline.learner.describe()))
         names = {"dof": robot.dof_names, "output": network.output_names}
-        of_part = {part: quantities(robot)[part] for part in PARTS}
+        of_part = {part: quantities(robot)[part] for part in self._parts}
         names |= {of_part["q"].dims[0]: robot.coordinate_names}
         file.createDimension("time", None)
         self._variable("time", "f8", (), "s", "time stamp of the packet")
         for dimension, words in names.items():
             file.createDimension(dimension, len(words))
             file.createVariable(dimension, str, (dimension,))[:] = np.array(words, object)
-        for part in PARTS:
+        for part in self._parts:
             self._variable(part, "f8", of_part[part].dims, of_part[part].units, "as sensed")
         for name, (kind, units, meaning) in _MEANING.items():
             self._variable(name, kind, ("output",), units, meaning)
@@ -123,7 +124,7 @@ class StreamFile:
         packets = np.concatenate([packets for packets, _ in self._waiting])
         records = Records(np.concatenate([records.rows for _, records in self._waiting]))
         place = slice(self._written, self._written + len(packets))
-        parts = dict(zip(PARTS, packet_parts(packets, self._pipeline.robot), strict=True))
+        parts = dict(zip(self._parts, packet_parts(packets, self._pipeline.robot), strict=True))
         parts |= {name: getattr(records, name) for name in (*_MEANING, "outcome", "duration")}
         for name, values in (("time", packets[:, 0]), *parts.items()):
             self._file.variables[name][place] = values

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -20,13 +20,14 @@ from patagium.sensing.force.air_force import PARTS
 Array = NDArray[np.float64]
 
 
-def flight_packets(flight: xr.Dataset) -> Array:
-    """Packets of a flight, (N, 1 + n_q + 3 n): time, q, v, a, u1.
+def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
+    """Packets of a flight, (N, 1 + n_q + (3 + k) n): time, q, v, a, u1, and k forces.
 
     Args:
         flight: Record with q, v, a, u1.
+        carried: Known forces that packets carry after u1, among `OPTIONAL_PARTS`.
     """
-    parts = [flight[part].transpose("time", ...).to_numpy() for part in PARTS]
+    parts = [flight[part].transpose("time", ...).to_numpy() for part in (*PARTS, *carried)]
     return np.column_stack([flight["time"].to_numpy(), *parts])
 
 

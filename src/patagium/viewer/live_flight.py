@@ -202,10 +202,13 @@ class LiveFlight:
         self._feed.append(packets, unlearned(packets, samples["aero_force"][:, self._felt]))
 
     def _packets(self, times: Array, samples: dict[str, Array]) -> Array:
-        """What sensors would have sent, and what a stand pulls with the joints' torques."""
+        """Packets that sensors would have sent, known forces beside the torque in u1."""
         self._strips = samples["strip_force"][-1]
-        pull = samples["u1"] + samples["mount_force"]
-        return np.column_stack([times, samples["q"], samples["v"], samples["a"], pull])
+        known = samples["u1"] + samples["mount_force"]
+        network = None if self._pipeline is None else self._pipeline.learner.network
+        if "added_mass_force" in samples and not (network and network.explains_added_mass):
+            known = known + samples["added_mass_force"]
+        return np.column_stack([times, samples["q"], samples["v"], samples["a"], known])
 
     def _learn(self, pipeline: Pipeline, times: Array, samples: dict[str, Array]) -> None:
         """Learn from as many samples as keep pace."""

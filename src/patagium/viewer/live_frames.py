@@ -137,7 +137,7 @@ class Feed:
 
     def _samples(self) -> dict[str, Any]:
         packets, records = self._waiting[-1]
-        q, v, _, _ = packet_parts(packets[-1], self._subject.robot)
+        q, v, *_ = packet_parts(packets[-1], self._subject.robot)
         trace = self._trace()
         found = {"time": packets[-1, 0], "q": q, "v": v, "traced": len(trace)}
         found |= {name: getattr(records, name)[-1] for name in FORCES}

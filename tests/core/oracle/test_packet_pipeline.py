@@ -167,7 +167,7 @@ def test_a_missing_channel_is_left_out(engine, packets, monkeypatch):
     assert np.argwhere(records.left_out).tolist() == [[7, place]]
     assert not records.outcome.any() and learner.events["missing"] == 1
     for row in broken:
-        x, y = pipeline._force(*np.split(row[1:], 4), robot.parameters)
+        x, y = pipeline.form.function(*np.split(row[1:], 4), robot.parameters)
         twin.update(x, y, row[0])
     np.testing.assert_array_equal(learner.weights, twin.weights)
 
@@ -186,7 +186,7 @@ def test_a_change_opens_the_covariance_where_update_would(engine, packets, monke
     pipeline = Pipeline(learner, robot)
     records = pipeline.run(broken)
     for row in broken:
-        x, y = pipeline._force(*np.split(row[1:], 4), robot.parameters)
+        x, y = pipeline.form.function(*np.split(row[1:], 4), robot.parameters)
         twin.update(x, y, row[0])
     assert len(records) == COUNT and learner.changes == twin.changes
     assert any(100 < sample <= 106 for sample in learner.changes)

@@ -1,8 +1,9 @@
 /* From sensor packets to what a learner predicted of them, one after the other.
  *
- * A packet is [time, q, v, a, u1], q of as many numbers as there are coordinates, the others of
- * dof numbers each. Inverse dynamics makes x and y of it, memory
- * the rest of x where there is one, the filter predicts y, learns it, and one record a packet says how that went:
+ * A packet is [time, q, v, a, forces], q of as many numbers as there are coordinates, v and a of
+ * dof numbers each, the forces u1 and those known beside it. Inverse dynamics makes x and y of it,
+ * memory the rest of x where there is one, the filter predicts y and learns it. The record of a
+ * packet says how that went:
  *
  *     [prediction, its deviation, measurement: outputs each; nis, outcome, left out, nanoseconds].
  *
@@ -20,9 +21,9 @@
 enum { COMPLETED = 0, BAD_INPUT = 4, LATE = 5, DUPLICATE = 6 }; /* as errors.Outcome */
 
 typedef struct {
-  int32_t coordinates, dof, outputs;
-  void (*air_force)(const double *const *, double *const *); /* q, v, a, u1, parameters -> x, y */
-  const double *parameters;  /* of the robot */
+  int32_t columns, coordinates, dof, outputs; /* columns: numbers of a packet */
+  void (*air_force)(const double *const *, double *const *); /* q, v, a, forces, parameters -> x, y */
+  const double *parameters;  /* of the robot, and of its added mass */
   int (*update)(void *);     /* of a filter: learns what stands in its memory */
   void *memory;
   double *x;                 /* the filter's, as all that follows */
@@ -72,11 +73,10 @@ static void write_record(const pipeline *p, int outcome, double *record) {
   record[3 * m + 2] = left_out;
 }
 
-/* Takes packets, rows of 1 + coordinates + 3 dof; writes records, rows of 3 outputs + 4. How many
+/* Takes packets, rows of so many columns; writes records, rows of 3 outputs + 4. How many
  * were taken: fewer than there are where an alarm was raised, by the last one taken. */
 int64_t pipeline_run(pipeline *p, int64_t count, const double *packets, double *records) {
-  const int length = 1 + p->coordinates + 3 * p->dof;
-  for (int64_t k = 0; k < count; k++, packets += length, records += 3 * p->outputs + 4) {
+  for (int64_t k = 0; k < count; k++, packets += p->columns, records += 3 * p->outputs + 4) {
     const double started = now_ns();
     const int outcome = learn(p, packets);
     const double ended = now_ns();

@@ -1,30 +1,76 @@
-"""Sensor packet to training sample: inverse dynamics of one packet as a compiled function.
+"""Generalized force of the air as an expression, and the samples that it makes of measurements.
 
-A packet is one row of numbers, [time, q, v, a, u1], n each, and q one more with a quaternion. It
-becomes the network's input and the force of the air, y = D(q) a + C(q, v) v + G(q) - u1 + d v,
-the equation of `training_data` for a robot that nothing holds. Neglected: mounts and added mass,
-which no sensor measures, and errors of sensors and of the robot's parameters, which end up in the
-force.
+y = D(q) a + C(q, v) v + G(q) - u1 - damping - mount - added mass [paper, eq. training_data]: what
+the known forces do not explain is ascribed to the air. A flight, a packet of a stream and a
+measured motion all take this one expression. Neglected: errors of sensors and of the robot's
+parameters, which end up in the force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics import AddedMass
 from patagium.dynamics import equations
+from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
-from patagium.sensing.force.training_data import state_columns
 
 Array = NDArray[np.float64]
 
 PARTS = ("q", "v", "a", "u1")
-"""What a packet holds of each coordinate, after its time."""
+"""Quantities of each coordinate that every sample carries, in this order, after its time."""
+OPTIONAL_PARTS = ("damping_force", "mount_force", "added_mass_force")
+"""Known generalized forces, (n,) [N, N m] each, that a sample may carry after them."""
+
+
+def air_force(
+    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, known: Mapping[str, ca.SX] | None = None
+) -> ca.SX:
+    """Generalized force of the air, D a + C v + G less the known forces, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine, its numbers floats or symbols.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        known: Generalized forces that are not the air's, (n,) [N, N m], by name: `u1` and
+            those of `OPTIONAL_PARTS`. The robot's dampers give `damping_force` where it is not
+            among them; the others are zero.
+    """
+    given = dict(known or {})
+    damping = given.pop("damping_force", None)
+    force = equations.inverse(robot, q, v, a)
+    if "u1" in given:
+        force = force - given.pop("u1")
+    force = force - (equations.damping_force(robot, v) if damping is None else damping)
+    for other in given.values():
+        force = force - other
+    return force
+
+
+def added_mass_force(
+    robot: Robot, model: AddedMass, motion: tuple[ca.SX, ca.SX, ca.SX], wind: ca.SX, numbers: ca.SX
+) -> ca.SX:
+    """Force of the air that moves with the wings, circulation included, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine, its numbers floats or symbols.
+        model: Added mass of its wings.
+        motion: q, v and a as in `air_force`.
+        wind: Velocity of the air, world axes, (3,) [m/s].
+        numbers: Parameters of the model, (2,).
+    """
+    q, v, a = motion
+    force = equations.apparent_force(robot, q, v, a, model.inertia(robot, wind, numbers))
+    return force + model.circulation_force(robot, q, v, wind, numbers)
 
 
 class Column(NamedTuple):
@@ -39,61 +85,135 @@ class Column(NamedTuple):
     unit: str
 
 
-def packet_columns(robot: Robot) -> tuple[Column, ...]:
-    """What the numbers of a packet are, in order, 1 + n_q + 3 n.
+def packet_columns(robot: Robot, carried: Sequence[str] = ()) -> tuple[Column, ...]:
+    """Names and units of the numbers of a packet, in order, 1 + n_q + (3 + k) n.
 
     Args:
         robot: The machine that sends them.
+        carried: Which k of `OPTIONAL_PARTS` the packet carries after u1.
     """
     found = [Column("time", "s")]
     for name, unit in zip(robot.coordinate_names, robot.coordinate_units, strict=True):
         found.append(Column(f"q.{name}", unit))
-    for part in PARTS[1:]:
+    for part in (*PARTS[1:], *carried):
         for name, length in zip(robot.dof_names, robot.dof_units, strict=True):
             force = "N" if length == "m" else "N m"
-            units = {"v": f"{length}/s", "a": f"{length}/s^2", "u1": force}
-            found.append(Column(f"{part}.{name}", units[part]))
+            units = {"v": f"{length}/s", "a": f"{length}/s^2"}
+            found.append(Column(f"{part}.{name}", units.get(part, force)))
     return tuple(found)
 
 
 def packet_parts(packets: Array, robot: Robot) -> list[Array]:
-    """q, v, a and u1 of packets, (..., n_q) and (..., n) each.
+    """q, v, a, u1 and the optional parts of packets, (..., n_q) and (..., n) each.
 
     Args:
-        packets: (..., 1 + n_q + 3 n).
+        packets: (..., 1 + n_q + (3 + k) n).
         robot: The machine that sent them.
     """
-    first = 1 + robot.coordinate_count
-    cuts = [1, *(first + k * robot.dof for k in range(3))]
-    return np.split(packets, cuts, axis=-1)[1:]
+    cuts = range(1 + robot.coordinate_count, packets.shape[-1], robot.dof)
+    return np.split(packets, [1, *cuts], axis=-1)[1:]
 
 
-def air_force(robot: Robot, inputs: Sequence[str] | None, outputs: Sequence[str]) -> NativeFunction:
-    """What a network sees and what it should say, of one packet.
+@dataclass(frozen=True)
+class SampleForm:
+    """Samples for a network, as computed from the motion and the known forces of a robot.
 
     Args:
         robot: The machine.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
-        outputs: Coordinates whose force it learns.
-
-    Returns:
-        Compiled (q, v, a, u1, parameters) -> x (n_x,), y (n_y,) [N, N m].
+        outputs: Coordinates whose force it learns; None: all.
+        carried: Which of `OPTIONAL_PARTS` are measured, in the order of `forces`.
+        added_mass: Model of the added mass, in steady wind; None for none, or where its force is
+            carried.
+        sees_acceleration: Whether a follows the inputs.
+        explains_added_mass: Whether y is all that the air does, added mass included.
 
     Raises:
-        ParameterError: If an input has no such name.
+        ParameterError: If an input or a part has no such name, or added mass is given twice or
+            in wind that changes.
     """
-    n = robot.dof
-    seen = list(range(robot.state_size)) if inputs is None else state_columns(robot, inputs)
-    felt = [robot.index(name) for name in outputs]
 
-    def build() -> list[ca.Function]:
-        machine, parameters = robot.symbolic()
+    robot: Robot
+    inputs: tuple[str, ...] | None = None
+    outputs: tuple[str, ...] | None = None
+    carried: tuple[str, ...] = ()
+    added_mass: AddedMass | None = None
+    sees_acceleration: bool = False
+    explains_added_mass: bool = False
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.carried if name not in OPTIONAL_PARTS]
+        if unknown or len(set(self.carried)) < len(self.carried):
+            expected = f"names among {', '.join(OPTIONAL_PARTS)}, each once"
+            raise ParameterError("carried", expected, self.carried)
+        if self.added_mass is not None:
+            if "added_mass_force" in self.carried:
+                raise ParameterError("added_mass", "None where packets carry its force", "a model")
+            if self.added_mass.air.gust is not None:
+                raise ParameterError("added_mass.air", "steady wind", self.added_mass.air.gust)
+        state_columns(self.robot, self.inputs or ())
+
+    @property
+    def parameters(self) -> Array:
+        """Numbers of the robot and of its added mass, (n_p,)."""
+        if self.added_mass is None:
+            return np.ascontiguousarray(self.robot.parameters, float)
+        air = self.added_mass.air
+        return np.concatenate([self.robot.parameters, air.wind, self.added_mass.parameters])
+
+    @cached_property
+    def function(self) -> NativeFunction:
+        """Compiled (q, v, a, forces, parameters) -> x (n_x,), y (n_y,) [N, N m].
+
+        The forces are u1, then those carried, ((1 + k) n,) [N, N m].
+        """
+        robot = self.robot
+        choices = (self.inputs, self.outputs, self.carried, self.added_mass is not None)
+        flags = (self.sees_acceleration, self.explains_added_mass)
+        key = f"samples of the air's force {choices} {flags} {robot.structure}"
+        label = f"force of the air on {robot.name}"
+        return load_functions(key, lambda: [self._function()], label=label)["air_force"]
+
+    def _function(self) -> ca.Function:
+        robot, n = self.robot, self.robot.dof
+        machine, p = robot.symbolic()
         q = ca.SX.sym("q", robot.coordinate_count)
-        v, a, u1 = (ca.SX.sym(part, n) for part in PARTS[1:])
-        force = equations.inverse(machine, q, v, a) - u1 + ca.vertcat(*machine.damping) * v
-        x, y = ca.vertcat(q, v)[seen], force[felt]
-        names_in = [*PARTS, "parameters"]
-        return [ca.Function("air_force", [q, v, a, u1, parameters], [x, y], names_in, ["x", "y"])]
+        v, a = ca.SX.sym("v", n), ca.SX.sym("a", n)
+        forces = ca.SX.sym("forces", (1 + len(self.carried)) * n)
+        known = dict(zip(("u1", *self.carried), ca.vertsplit(forces, n), strict=True))
+        if self.added_mass is not None:
+            more = ca.SX.sym("more", 3 + len(self.added_mass.parameters))
+            motion, p = (q, v, a), ca.vertcat(p, more)
+            known["added_mass_force"] = added_mass_force(
+                machine, self.added_mass, motion, more[:3], more[3:]
+            )
+        if self.explains_added_mass:
+            known.pop("added_mass_force", None)
+        x = ca.vertcat(q, v)
+        if self.inputs is not None:
+            x = x[state_columns(robot, self.inputs)]
+        if self.sees_acceleration:
+            x = ca.vertcat(x, a)
+        y = air_force(machine, q, v, a, known)
+        if self.outputs is not None:
+            y = y[[robot.index(name) for name in self.outputs]]
+        names = ["q", "v", "a", "forces", "parameters"]
+        return ca.Function("air_force", [q, v, a, forces, p], [x, ca.densify(y)], names, ["x", "y"])
 
-    key = f"air force of packets {seen} {felt} {robot.structure}"
-    return load_functions(key, build, label=f"inverse dynamics of {robot.name}")["air_force"]
+
+def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
+    """Places of named inputs in the state [q, v].
+
+    Args:
+        robot: The machine.
+        inputs: Names such as `q.roll`, `v.left_plunge`.
+
+    Raises:
+        ParameterError: If there is no such name.
+    """
+    names = [f"q.{name}" for name in robot.coordinate_names]
+    names += [f"v.{name}" for name in robot.dof_names]
+    for name in inputs:
+        if name not in names:
+            raise ParameterError("inputs", f"names among {', '.join(names)}", name)
+    return [names.index(name) for name in inputs]

@@ -63,7 +63,7 @@ def momentum_force(
         np.array(part).reshape(parts.q.shape)
         for part in _momentum_function(parts.robot).batch(parts.q, parts.v, parts.robot.parameters)
     )
-    known = rate + parts.held() + parts.joint
+    known = rate + parts.held + parts.joint
     drift = cumulative_simpson(known, x=parts.time, axis=0, initial=0.0)
     apart = momentum - drift
     first = np.gradient(apart, step, axis=0, edge_order=2)

@@ -16,11 +16,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass
-from patagium.dynamics import equations
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
+from patagium.sensing.force.air_force import added_mass_force, air_force
 from patagium.sensing.force.samples import ForceSamples
 from patagium.sensing.motion.smoothers import Kalman, Smoother
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
@@ -170,13 +170,23 @@ def load_cell_force(
 
 
 class ForceParts:
-    """Inverse dynamics of a motion with its covariance.
+    """Force of the air along a measured motion, with its covariance.
 
     Args:
         motion: From `estimate_motion`.
         joints: Forces of the joints; None: not measured.
         mount: Wrench of what holds the floating body; None: not measured.
         added_mass: Inertia of the air that is known; None for none.
+
+    Attributes:
+        force: Of the air, (N, n) [N, N m].
+        held: Force of mount and added mass, (N, n) [N, N m].
+        covariance: Of the force, (N, n, n).
+
+    Raises:
+        FlightError: If the motion misses a quantity or carries no robot.
+        ShapeError: If the signals do not fit the motion.
+        ParameterError: If a gust of the added mass travels.
     """
 
     def __init__(
@@ -187,51 +197,32 @@ class ForceParts:
         added_mass: AddedMass | None,
     ) -> None:
         self.robot = robot_of(motion)
-        n = self.robot.dof
         for name in ("q", "v", "a", "covariance"):
             if name not in motion:
                 held = ", ".join(map(str, motion.data_vars))
                 raise FlightError(f"motion: expected {name}, but it holds {held}")
-        self.time = np.asarray(motion["time"].values, float)
-        self.q, self.v, self.a = (np.asarray(motion[name].values, float) for name in "qva")
-        count = len(self.time)
-        for name, signal, width in (
-            ("joints", joints, n),
-            ("mount", None if mount is None else mount.measured, 6),
-        ):
-            if signal is not None and signal.values.shape != (count, width):
-                raise ShapeError(name, (count, width), signal.values.shape)
-        self.joint = np.zeros((count, n)) if joints is None else np.nan_to_num(joints.values)
-        self._joint_variance = np.zeros((count, n)) if joints is None else joints.variance
-        self.wrench = np.zeros((count, 6)) if mount is None else mount.measured.values
-        self._wrench_variance = np.zeros((count, 6)) if mount is None else mount.measured.variance
-        self._known = self._known_rows(motion, joints, mount)
-        self._cell = None if mount is None else mount.cell
-        self._added = added_mass
         if added_mass is not None:
             added_mass.air.require_uniform("added_mass.air")
-        function = _force_function(self.robot, self._cell, added_mass)
-        wind = np.zeros((count, 3)) if added_mass is None else added_mass.air.wind_at(self.time)
-        others = np.zeros(0) if added_mass is None else added_mass.parameters
-        constants = self.robot.parameters, others
-        state = np.hstack([self.q, self.v, self.a, self.wrench])
-        force = function["air_force"].batch(state, wind, *constants)
-        self.force = np.array(force).reshape(count, n) - self.joint
-        slope = np.empty((count, n, 3 * n + 6))
-        for k, direction in enumerate(np.eye(3 * n + 6)):
-            column = function["along"].batch(state, wind, direction, *constants)
-            slope[:, :, k] = np.asarray(column).reshape(count, n)
-        covariance = np.asarray(motion["covariance"].values, float)
-        by_motion, by_wrench = slope[:, :, : 3 * n], slope[:, :, 3 * n :]
-        self.covariance = by_motion @ covariance @ np.swapaxes(by_motion, 1, 2)
-        self.covariance += (by_wrench * self._wrench_variance[:, None]) @ np.swapaxes(
-            by_wrench, 1, 2
+        self.time = np.asarray(motion["time"].values, float)
+        self.q, self.v, self.a = (np.asarray(motion[name].values, float) for name in "qva")
+        torque = self._signal("joints", joints, self.robot.dof)
+        wrench = self._signal("mount", None if mount is None else mount.measured, 6)
+        self.joint = np.zeros_like(self.q) if joints is None else np.nan_to_num(torque.values)
+        self._known = self._known_rows(motion, joints, mount)
+        function = _measured_force(self.robot, None if mount is None else mount.cell, added_mass)
+        slopes = self._evaluate(function, wrench.values, added_mass)
+        self.covariance = self._spread(
+            slopes, np.asarray(motion["covariance"].values, float), torque, wrench
         )
-        rows = np.arange(n)
-        self.covariance[:, rows, rows] += self._joint_variance
 
     def samples(self, force: Array, source: str, left: Array | None = None) -> ForceSamples:
-        """A force in the coordinates where it is known, and more variance that it has, (N, n)."""
+        """Samples of a force, (N, n), in the coordinates where it is known.
+
+        Args:
+            force: Of the air, (N, n) [N, N m].
+            source: How it was measured.
+            left: Variance that it has on top, (N, n); None for none.
+        """
         covariance = self.covariance.copy()
         rows = np.arange(self.robot.dof)
         if left is not None:
@@ -241,15 +232,41 @@ class ForceParts:
         covariance[lost[:, :, None] | lost[:, None, :]] = np.nan
         return ForceSamples(self.time, self.q, self.v, known, covariance, self.robot, source)
 
-    def held(self) -> Array:
-        """Force of mount and added mass, (N, n) [N, N m]."""
-        if self._cell is None and self._added is None:
-            return np.zeros_like(self.q)
-        plain = _force_function(self.robot, None, None)["air_force"]
-        state = np.hstack([self.q, self.v, self.a, np.zeros((len(self.time), 6))])
-        still = np.zeros((len(self.time), 3))
-        inertia = plain.batch(state, still, self.robot.parameters, np.zeros(0))
-        return np.asarray(inertia).reshape(self.q.shape) - (self.force + self.joint)
+    def _signal(self, name: str, signal: Measured | None, width: int) -> Measured:
+        """A signal of the motion's length; zeros where it was not measured."""
+        shape = (len(self.time), width)
+        if signal is None:
+            return Measured(np.zeros(shape), np.zeros(shape))
+        if signal.values.shape != shape:
+            raise ShapeError(name, shape, signal.values.shape)
+        return signal
+
+    def _evaluate(
+        self, function: dict[str, NativeFunction], wrench: Array, added_mass: AddedMass | None
+    ) -> Array:
+        """Force along the motion, and its slopes to q, v, a and wrench, (N, n, 3 n + 6)."""
+        count, n = self.q.shape
+        wind = np.zeros((count, 3)) if added_mass is None else added_mass.air.wind_at(self.time)
+        numbers = np.zeros(0) if added_mass is None else added_mass.parameters
+        constants = self.robot.parameters, numbers
+        state = np.hstack([self.q, self.v, self.a, wrench])
+        force, held = function["air_force"].batch(state, self.joint, wind, *constants)
+        self.force, self.held = (np.array(part).reshape(count, n) for part in (force, held))
+        slopes = np.empty((count, n, 3 * n + 6))
+        for k, direction in enumerate(np.eye(3 * n + 6)):
+            column = function["along"].batch(state, wind, direction, *constants)
+            slopes[:, :, k] = np.asarray(column).reshape(count, n)
+        return slopes
+
+    def _spread(self, slopes: Array, motion: Array, torque: Measured, wrench: Measured) -> Array:
+        """Covariance of the force, (N, n, n), from that of motion, torque and wrench."""
+        n = self.robot.dof
+        by_motion, by_wrench = slopes[:, :, : 3 * n], slopes[:, :, 3 * n :]
+        covariance = by_motion @ motion @ np.swapaxes(by_motion, 1, 2)
+        covariance += (by_wrench * wrench.variance[:, None]) @ np.swapaxes(by_wrench, 1, 2)
+        rows = np.arange(n)
+        covariance[:, rows, rows] += torque.variance
+        return np.asarray(covariance)
 
     def _known_rows(
         self, motion: xr.Dataset, joints: Measured | None, mount: Wrench | None
@@ -266,38 +283,44 @@ class ForceParts:
         return known
 
 
-def _force_function(
+def _measured_force(
     robot: Robot, cell: LoadCell | None, added_mass: AddedMass | None
 ) -> dict[str, NativeFunction]:
-    """Compiled `air_force`, y + u1 of (q, v, a, wrench), and `along`, its change in a direction."""
+    """Compiled `air_force` of a measured motion, and `along`, its change in a direction.
+
+    `air_force` takes (q, v, a, wrench), u1 and wind, and gives y and what is known beside u1.
+    """
 
     def build() -> list[ca.Function]:
         machine, p = robot.symbolic()
         n = robot.dof
         state, wind = ca.SX.sym("state", 3 * n + 6), ca.SX.sym("wind", 3)
+        torque, direction = ca.SX.sym("torque", n), ca.SX.sym("direction", 3 * n + 6)
         q, v, a, shown = ca.vertsplit(state, [0, n, 2 * n, 3 * n, 3 * n + 6])
-        others = ca.SX.sym("c", 0 if added_mass is None else len(added_mass.parameters))
-        force = equations.inverse(machine, q, v, a) - equations.damping_force(machine, v)
+        numbers = ca.SX.sym("c", 0 if added_mass is None else len(added_mass.parameters))
+        beside = {}
         if cell is not None:
-            force = force - _of_cell(machine, q, shown, cell)
+            beside["mount_force"] = _of_cell(machine, q, shown, cell)
         if added_mass is not None:
-            inertia = added_mass.inertia(machine, wind, others)
-            force = force - equations.apparent_force(machine, q, v, a, inertia)
-            force = force - added_mass.circulation_force(machine, q, v, wind, others)
-        direction = ca.SX.sym("direction", 3 * n + 6)
+            motion = (q, v, a)
+            beside["added_mass_force"] = added_mass_force(
+                machine, added_mass, motion, wind, numbers
+            )
+        force = ca.densify(air_force(machine, q, v, a, {"u1": torque, **beside}))
+        held = ca.densify(sum(beside.values(), ca.SX.zeros(n, 1)))
         along = ca.densify(ca.jtimes(force, state, direction))
         names = ["parameters", "air_parameters"]
         return [
             ca.Function(
                 "air_force",
-                [state, wind, p, others],
-                [ca.densify(force)],
-                ["state", "wind", *names],
-                ["force"],
+                [state, torque, wind, p, numbers],
+                [force, held],
+                ["state", "torque", "wind", *names],
+                ["force", "held"],
             ),
             ca.Function(
                 "along",
-                [state, wind, direction, p, others],
+                [state, wind, direction, p, numbers],
                 [along],
                 ["state", "wind", "direction_parameters", *names],
                 ["change"],

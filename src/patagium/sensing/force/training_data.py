@@ -1,21 +1,18 @@
-"""What the air did to a robot, by inverse dynamics of a recorded flight.
+"""Training data of a recorded flight: states, and the force of the air at each.
 
-B2 u2 = D(q) a + C(q, v) v + G(q) - B1 u1 - damping - mount: whatever the modeled forces
-do not explain is ascribed to the air. Neglected: errors of the recorded accelerations and
-of the robot's parameters; they end up in the force.
+Neglected: errors of the recorded accelerations and of the robot's parameters; they end up in the
+force.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.dynamics import Dynamics
-from patagium.errors import FlightError, LogError, ParameterError
+from patagium.errors import FlightError, LogError
 from patagium.robot import Robot
+from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, SampleForm
 from patagium.simulation import quantities, robot_of
 
 Array = NDArray[np.float64]
@@ -45,38 +42,27 @@ def training_data(
         LogError: If a number is missing.
     """
     machine = robot_of(flight) if robot is None else robot
-    q, v, a, u1 = (_recorded(flight, name, machine) for name in ("q", "v", "a", "u1"))
-    force = Dynamics(machine).batch.inverse(q, v, a) - u1
-    if "damping_force" in flight:
-        force = force - _recorded(flight, "damping_force", machine)
-    else:
-        force = force + np.asarray(machine.damping, float) * v
-    if "mount_force" in flight:
-        force = force - _recorded(flight, "mount_force", machine)
-    if "added_mass_force" in flight and not with_added_mass:
-        force = force - _recorded(flight, "added_mass_force", machine)
-    return np.asarray(flight["time"].values, float), np.hstack([q, v]), force
+    air = ("added_mass_force",) if with_added_mass else ()
+    carried = tuple(name for name in OPTIONAL_PARTS if name in flight and name not in air)
+    form = SampleForm(machine, carried=carried)
+    q, v, a, u1, *others = (recorded(flight, name, machine) for name in (*PARTS, *carried))
+    x, y = form.function.batch(q, v, a, np.hstack([u1, *others]), form.parameters)
+    count, time = len(q), np.asarray(flight["time"].values, float)
+    return time, np.array(x).reshape(count, -1), np.array(y).reshape(count, -1)
 
 
-def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
-    """Places of named inputs in the state [q, v].
+def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
+    """A quantity of a flight, (N, n_q) for q and (N, n) for the others.
 
     Args:
-        robot: The machine.
-        inputs: Names such as `q.roll`, `v.left_plunge`.
+        flight: The record.
+        name: Name of the quantity, such as `v`.
+        robot: The machine whose coordinates it should have.
 
     Raises:
-        ParameterError: If there is no such name.
+        FlightError: If it is missing or of another robot.
+        LogError: If a number is missing.
     """
-    names = [f"q.{name}" for name in robot.coordinate_names]
-    names += [f"v.{name}" for name in robot.dof_names]
-    for name in inputs:
-        if name not in names:
-            raise ParameterError("inputs", f"names among {', '.join(names)}", name)
-    return [names.index(name) for name in inputs]
-
-
-def _recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
     (dim,) = quantities(robot)[name].dims
     size = robot.coordinate_count if name == "q" else robot.dof
     if name not in flight:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import FlightError, LogError
 from patagium.robot import Robot, load_robot_text
-from patagium.sensing.force.air_force import PARTS, packet_columns
+from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import Table, find_gaps
 from patagium.simulation.flight import quantities
 
@@ -172,7 +172,7 @@ class LogRecord:
         return robot is not None and not self._missing(robot)
 
     def flight(self) -> xr.Dataset:
-        """Its q, v, a and u1 as a flight that a learner can be taught from.
+        """Flight of its q, v, a and u1, and of known forces it holds, to teach a learner.
 
         Raises:
             FlightError: If it lacks some, or its robot.
@@ -188,8 +188,10 @@ class LogRecord:
             )
         names = {"q": robot.coordinate_names}
         record = {}
-        for part in PARTS:
+        for part in (*PARTS, *OPTIONAL_PARTS):
             labels = tuple(f"{part}.{name}" for name in names.get(part, robot.dof_names))
+            if part in OPTIONAL_PARTS and not set(labels) <= set(self._columns):
+                continue
             record[part] = (("time", *quantities(robot)[part].dims), self.values(labels))
         attributes = {
             "robot": robot.source,
