@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from patagium.learning.identify import evaluate as evaluate
     from patagium.learning.identify import identify as identify
     from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
-    from patagium.learning.learners.description import (
-        learner_from_description as learner_from_description,
-    )
     from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
-    from patagium.learning.learners.file import load_learner as load_learner
-    from patagium.learning.learners.file import save_learner as save_learner
     from patagium.learning.learners.gradient import GradientLearner as GradientLearner
     from patagium.learning.learners.linear import LinearLearner as LinearLearner
+    from patagium.learning.learners.registry import (
+        learner_from_description as learner_from_description,
+    )
+    from patagium.learning.learners.registry import load_learner as load_learner
+    from patagium.learning.learners.registry import save_learner as save_learner
     from patagium.learning.model_file import Model as Model
     from patagium.learning.model_file import load_model as load_model
     from patagium.learning.model_file import model_of as model_of
@@ -77,16 +77,16 @@ _HOMES = {
     "evaluate_table": "tables",
     "identify": "identify",
     "identify_table": "tables",
-    "learner_from_description": "learners.description",
+    "learner_from_description": "learners.registry",
     "load_identification": "result",
-    "load_learner": "learners.file",
+    "load_learner": "learners.registry",
     "load_model": "model_file",
     "load_settings": "tuning.settings",
     "model_of": "model_file",
     "network_for": "tables",
     "network_from_description": "models.network",
     "refine": "refinement",
-    "save_learner": "learners.file",
+    "save_learner": "learners.registry",
     "save_model": "model_file",
     "stream": "stream",
     "tune": "tuning.tune",

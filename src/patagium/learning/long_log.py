@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError, Outcome
 from patagium.learning.calibration import NOMINAL, calibration_scores, reliability
-from patagium.learning.learners.file import Resumable, load_learner
+from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.registry import load_learner
 from patagium.learning.result import Identification
 from patagium.learning.schedule import used_samples
 from patagium.learning.scores import SILENT_RATIO, coverage, persistence, span_scores

@@ -2,7 +2,7 @@
 
 One JSON file, written whole or not at all. Numbers come back bit for bit; of the covariance
 the bytes of what its structure keeps: lower triangles of blocks, or diagonal and columns of
-its inverse. Neglected: the learner's own state beyond that; see `learner_file`.
+its inverse. Neglected: the learner's own state beyond that; see `state_file`.
 """
 
 from __future__ import annotations

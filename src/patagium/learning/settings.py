@@ -8,11 +8,14 @@ settings, `describe()` and the table in the documentation: nothing else names a 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
+from inspect import Parameter, Signature
 from math import inf, isfinite
+from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError
+from patagium.deprecation import renamed_fields, with_new_names
+from patagium.errors import ParameterError, ShapeError
 
 FILTERS = ("cubature", "extended")
 """Learners whose weights a filter moves."""
@@ -93,12 +96,10 @@ class Meaning(NamedTuple):
             if value not in self.choices:
                 raise ParameterError(name, f"one of {', '.join(map(str, self.choices))}", value)
             return
-        import numpy as np  # not for the help of the command line
-
-        numbers = np.asarray(value, float)
+        numbers = _array(name, value)
         under = numbers <= self.low if self.above else numbers < self.low
         over = numbers >= self.high if self.below else numbers > self.high
-        if (under | over | ~np.isfinite(numbers)).any():
+        if (under | over | ~(abs(numbers) < inf)).any():
             raise ParameterError(name, self.range, value)
 
     @property
@@ -140,7 +141,9 @@ def _check_fields(record: Any) -> None:
     """Refuse numbers out of range in a record whose fields are made by `setting`."""
     for one in fields(record):
         value = getattr(record, one.name)
-        if "group" not in one.metadata:
+        if value is None and one.default is not None:
+            raise ParameterError(one.name, one.metadata["meaning"].range, value)
+        if "group" not in one.metadata and one.name != "covariance":
             one.metadata["meaning"].check(one.name, value)
         if one.type in ("int", "int | None") and value is not None and type(value) is not int:
             raise ParameterError(one.name, "a whole number", value)
@@ -173,6 +176,16 @@ Structure: TypeAlias = Literal["full", "layer", "node"] | LowRank
 Numbers: TypeAlias = float | tuple[float, ...]
 
 
+OLD_NAMES = {
+    "prior_deviation": "prior_std",
+    "measurement_deviation": "measurement_std",
+    "process_deviation": "process_std",
+    "outlier_deviation": "outlier_std",
+}
+"""Names of settings before this release, which files may still hold, and those of today."""
+
+
+@renamed_fields(outlier_deviation="outlier_std")
 @dataclass(frozen=True)
 class Screening:
     """How far a sample is believed.
@@ -409,11 +422,9 @@ class FilterSettings:
         for name in ("prior_std", "measurement_std", "process_std"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _plain_numbers(value))
-        for one in fields(self):
-            if one.name != "covariance" and "group" not in one.metadata:
-                one.metadata["meaning"].check(one.name, getattr(self, one.name))
+                object.__setattr__(self, name, _plain_numbers(name, value))
         checked_structure(self.covariance)
+        _check_fields(self)
         if self.square_root == "cholesky" and self.covariance != "full":
             raise ParameterError(
                 "covariance", '"full" with square_root="cholesky"', self.covariance
@@ -442,10 +453,11 @@ class FilterSettings:
             ParameterError: If a name is unknown or a value out of range.
         """
         known = {one.name: one for one in fields(cls)}
-        for name in description:
+        values = renamed(description)
+        for name in values:
             if name not in known:
                 raise ParameterError("settings", f"names among {', '.join(known)}", name)
-        return cls(**{name: _made(known[name], value) for name, value in description.items()})
+        return cls(**{name: _made(known[name], value) for name, value in values.items()})
 
 
 def _same_as_filters(name: str) -> Any:
@@ -537,6 +549,83 @@ def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str,
             yield f"{path}{one.name}", one
 
 
+def renamed(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain values by the names of today, from a file that may hold older names.
+
+    Args:
+        description: Plain values by name, nested where a group of settings is.
+    """
+    return {
+        OLD_NAMES.get(name, name): renamed(value) if isinstance(value, Mapping) else value
+        for name, value in description.items()
+    }
+
+
+def settings_of(learner: str) -> list[Field[Any]]:
+    """Fields of the settings that a learner has.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+    """
+    return [one for one in fields(FilterSettings) if learner in one.metadata["meaning"].learners]
+
+
+def chosen_settings(
+    learner: str, settings: FilterSettings | None, given: Mapping[str, Any]
+) -> FilterSettings:
+    """Settings of a learner from a record and from values that override it.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+        settings: The record; None: the defaults.
+        given: Values by name of the setting, older names too.
+
+    Raises:
+        ParameterError: If a name is unknown to the learner or a value out of range.
+    """
+    values, known = with_new_names(given, OLD_NAMES, 4), [one.name for one in settings_of(learner)]
+    for name in values:
+        if name not in known:
+            raise ParameterError(f"{learner} learner", f"settings among {', '.join(known)}", name)
+    return replace(settings or FilterSettings(), **values)
+
+
+def learner_signature(learner: str) -> Signature:
+    """Signature of the constructor of a learner, with every setting by its name.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+    """
+    either, named = Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY
+    return Signature(
+        [
+            Parameter("network", either),
+            Parameter("settings", either, default=None, annotation="FilterSettings | None"),
+            *(
+                Parameter(one.name, named, default=one.default, annotation=one.type)
+                for one in settings_of(learner)
+            ),
+            Parameter("seed", named, default=0, annotation="int"),
+        ]
+    )
+
+
+def arguments_text(learner: str) -> str:
+    """Lines of a docstring that explain the settings of a learner.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+    """
+    lines = []
+    for one in settings_of(learner):
+        meaning = one.metadata["meaning"]
+        unit = "" if meaning.unit == "1" else f" [{meaning.unit}]"
+        limits = "" if meaning.range == "a finite number" else f"; {meaning.range}"
+        text = f"{one.name}: {meaning.text}{unit}{limits}; {one.default!r} by default."
+        lines.append(fill(text, 92, initial_indent=" " * 8, subsequent_indent=" " * 12))
+    return "\n".join(lines)
+
+
 def checked_structure(value: object) -> Structure:
     """A covariance structure as it is.
 
@@ -559,13 +648,32 @@ def structure_from(description: object) -> Structure:
     return checked_structure(description)
 
 
-def _plain_numbers(value: Any) -> Numbers:
-    """A scalar or vector as a number, or a tuple of numbers where they differ."""
-    import numpy as np
+def _array(name: str, value: Any) -> Any:
+    """Array of plain numbers.
 
-    numbers = np.asarray(value, float)
+    Raises:
+        ParameterError: If the value is no number and no sequence of numbers.
+    """
+    import numpy as np  # not for the help of the command line
+
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ParameterError(name, "a number or several", value) from None
+
+
+def _plain_numbers(name: str, value: Any) -> Numbers:
+    """A scalar or vector as a number, or a tuple of numbers.
+
+    Raises:
+        ParameterError: If the value is no number and no sequence of numbers.
+        ShapeError: If it has more than one dimension.
+    """
+    numbers = _array(name, value)
     if numbers.ndim == 0:
         return float(numbers)
+    if numbers.ndim > 1:
+        raise ShapeError(name, "() or (n,)", numbers.shape)
     return tuple(numbers.ravel().tolist())
 
 

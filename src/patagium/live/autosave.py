@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from patagium.errors import positive
-from patagium.learning.learners.file import Resumable
+from patagium.learning.learners.learner import Resumable
 
 
 class AutoSave:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.learners.file import Resumable
+from patagium.learning.learners.learner import Resumable
 
 NOISE = {"prior_std": 0.5, "measurement_std": [0.1, 0.3]}
 DRIFT = {"process_std": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}

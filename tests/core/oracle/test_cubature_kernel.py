@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.filters.array import ArrayFilter, FilterSetting
+from patagium.learning.filters.array import ArrayFilter
 from patagium.learning.filters.kernel import KernelFilter, load_cubature, restore
-from patagium.learning.filters.spread import spread_rule
+from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.settings import FilterSettings
 
 AGREEMENT = 1e-12  # design.md, decision 4
 
@@ -24,14 +25,15 @@ def kernel(request):
 
 
 def setting_of(network, *, spread=None, dtype="float64", process=0.0, forgetting=1.0):
-    return FilterSetting(
-        network,
-        spread_rule(network.size, spread),
-        np.full(network.outputs, 0.01),
-        np.full(network.size, process**2),
-        forgetting,
-        dtype,
+    settings = FilterSettings(
+        prior_std=1.0,
+        measurement_std=0.1,
+        process_std=process,
+        spread=spread,
+        dtype=dtype,
+        forgetting_factor=forgetting,
     )
+    return filter_numbers(network, settings, "cubature")
 
 
 def start(network, rng):

@@ -9,9 +9,8 @@ import patagium as pt
 from patagium.errors import Outcome
 from patagium.learning.filters.extended import ExtendedBlockFilter, ExtendedFilter
 from patagium.learning.filters.extended_kernel import ExtendedKernel, restore_extended
-from patagium.learning.filters.spread import spread_rule
-from patagium.learning.learners.assumptions import assume
-from patagium.learning.settings import NoiseEstimation, Screening
+from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.settings import FilterSettings, NoiseEstimation, Screening
 from patagium.native import compiler_name
 from patagium.robot import load_robot_text
 
@@ -51,18 +50,9 @@ HOW = {
 
 
 def setting_of(network, size, **options):
-    words = {
-        "process_std": 0.0,
-        "forgetting_factor": 1.0,
-        "prior_share": 0.0,
-        "covariance": "full",
-        "screening": None,
-        "noise_estimation": None,
-        "change_detection": None,
-    }
-    words |= options
-    found = assume(network, 0.1, 1e-2 * size, **words)
-    return found.setting(spread_rule(network.size, None), "float64"), found.prior_variance**0.5
+    settings = FilterSettings(prior_std=0.1, measurement_std=1e-2 * size, **options)
+    found = filter_numbers(network, settings, "extended")
+    return found, found.prior_variance**0.5
 
 
 def log_of(network, states):

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.filters.array import FilterSetting
 from patagium.learning.filters.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
 from patagium.learning.filters.low_rank_kernel import (
     LowRankKernel,
     load_low_rank,
     restore_low_rank,
 )
-from patagium.learning.filters.spread import spread_rule
+from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name
 
 AGREEMENT = 1e-11  # of the largest: six samples of 1e-15, points thirty deviations away
@@ -25,15 +25,16 @@ needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="needs a C c
 def filter_pair(
     network, rng, rank, *, spread=3**0.5, process=0.0, forgetting=1.0, linear=False, dtype="float64"
 ):
-    setting = FilterSetting(
-        network,
-        spread_rule(network.size, spread),
-        np.full(network.outputs, 0.01),
-        np.full(network.size, process**2),
-        forgetting,
-        dtype,
-        pt.learning.LowRank(rank),
+    settings = FilterSettings(
+        prior_std=1.0,
+        measurement_std=0.1,
+        process_std=process,
+        spread=spread,
+        dtype=dtype,
+        forgetting_factor=forgetting,
+        covariance=pt.learning.LowRank(rank),
     )
+    setting = filter_numbers(network, settings, "cubature")
     columns = np.zeros((network.size, min(rank, network.size)))
     start = Precision(rng.uniform(4, 30, network.size), columns)
     plain = (ExtendedLowRankFilter if linear else LowRankFilter)(setting, network.initial(0), start)
@@ -139,15 +140,8 @@ def test_a_pickled_filter_goes_on(rng):
 def test_without_a_compiler_the_twin_takes_over(monkeypatch, rng):
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
     network = pt.DenseNetwork(2, (3,), 1)
-    setting = FilterSetting(
-        network,
-        spread_rule(network.size, None),
-        np.ones(1),
-        np.zeros(network.size),
-        1.0,
-        "float64",
-        pt.learning.LowRank(2),
-    )
+    settings = FilterSettings(prior_std=1.0, measurement_std=1.0, covariance=pt.learning.LowRank(2))
+    setting = filter_numbers(network, settings, "cubature")
     start = Precision(np.ones(network.size), np.zeros((network.size, 2)))
     assert type(restore_low_rank(setting, network.initial(0), start)) is LowRankFilter
     linear = restore_low_rank(setting, network.initial(0), start, linear=True)

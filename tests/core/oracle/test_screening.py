@@ -7,11 +7,12 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
-from patagium.learning.filters.array import ArrayFilter, FilterSetting
+from patagium.learning.filters.array import ArrayFilter
 from patagium.learning.filters.block import BlockFilter, scattered, setting_blocks
 from patagium.learning.filters.choice import restore_nodes
 from patagium.learning.filters.kernel import restore
-from patagium.learning.filters.spread import spread_rule
+from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.settings import FilterSettings
 
 WATCHFUL = {
     "screening": pt.learning.Screening(outlier_std=3.0, stuck_samples=4),
@@ -23,16 +24,15 @@ STRUCTURES = ["full", "layer", "node"]
 
 def pair(network, structure, rng, **watchful):
     """The compiled filter and its twin."""
-    setting = FilterSetting(
-        network,
-        spread_rule(network.size, 3**0.5),
-        np.full(network.outputs, 0.01),
-        np.zeros(network.size),
-        0.999,
-        "float64",
-        structure,
+    settings = FilterSettings(
+        prior_std=1.0,
+        measurement_std=0.1,
+        spread=3**0.5,
+        forgetting_factor=0.999,
+        covariance=structure,
         **watchful,
     )
+    setting = filter_numbers(network, settings, "cubature")
     mean, std = network.initial(0), rng.uniform(0.2, 0.6, network.size)
     if structure == "node":
         roots = [np.diag(std[block]) for block in setting_blocks(setting)]

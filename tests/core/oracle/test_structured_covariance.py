@@ -10,13 +10,12 @@ import pytest
 
 import patagium as pt
 from patagium.errors import FilterDiverged, ParameterError
-from patagium.learning.filters.array import FilterSetting
 from patagium.learning.filters.block import BlockFilter, scattered, setting_blocks
 from patagium.learning.filters.kernel import KernelFilter, load_cubature
 from patagium.learning.filters.node import NodeFilter, load_node
-from patagium.learning.filters.spread import spread_rule
+from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.models.structure import blocks_of, described_structure
-from patagium.learning.settings import structure_from
+from patagium.learning.settings import FilterSettings, structure_from
 
 AGREEMENT = 1e-12  # design.md, decision 4
 ROUNDING = 1e-9  # some thirty samples, two ways of doing the same
@@ -215,15 +214,15 @@ def test_single_precision_follows_double(hidden, rng):
 
 
 def filter_pair(network, rng, *, structure="node", spread=None, noise=0.0, forgetting=1.0):
-    setting = FilterSetting(
-        network,
-        spread_rule(network.size, spread),
-        np.full(network.outputs, 0.01),
-        np.full(network.size, noise),
-        forgetting,
-        "float64",
-        structure,
+    settings = FilterSettings(
+        prior_std=1.0,
+        measurement_std=0.1,
+        process_std=noise**0.5,
+        spread=spread,
+        forgetting_factor=forgetting,
+        covariance=structure,
     )
+    setting = filter_numbers(network, settings, "cubature")
     node = structure == "node"
     library = load_node("float64") if node else load_cubature("float64")
     if library is None:

@@ -15,7 +15,8 @@ import pytest
 import patagium as pt
 from patagium.errors import LogError, ParameterError
 from patagium.learning import save_learner
-from patagium.learning.learners.file import FORMAT, Resumable
+from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.state_file import FORMAT
 from patagium.live import AutoSave
 
 

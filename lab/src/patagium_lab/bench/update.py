@@ -15,12 +15,11 @@ from time import process_time_ns
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.array import FilterSetting
 from patagium.learning.filters.low_rank import LowRankFilter, Precision
-from patagium.learning.filters.spread import spread_rule
+from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.settings import LowRank
+from patagium.learning.settings import FilterSettings, LowRank
 from patagium.native import load_kernel
 from patagium.robot.model import Robot
 from patagium_lab.bench.dynamics import random_states
@@ -128,15 +127,10 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
 
 
 def _numpy_twin(network: DenseNetwork) -> LowRankFilter:
-    setting = FilterSetting(
-        network,
-        spread_rule(network.size, 3**0.5),
-        np.full(network.outputs, NOISE**2),
-        np.zeros(network.size),
-        1.0,
-        "float64",
-        LowRank(10),
+    settings = FilterSettings(
+        prior_std=PRIOR, measurement_std=NOISE, spread=3**0.5, covariance=LowRank(10)
     )
+    setting = filter_numbers(network, settings, "cubature")
     precision = Precision(network.fan_in / PRIOR**2, np.zeros((network.size, 10)))
     return LowRankFilter(setting, network.initial(0), precision)
 

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.learners.cubature import CubatureLearner, Precision
-from patagium.learning.learners.file import load_learner
+from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.settings import (
     ChangeDetection,
@@ -72,7 +72,7 @@ class Pilot:
 
     network: str
     covariance: Structure
-    dtype: Precision
+    dtype: str
     detects: bool
     seed: int
     screened: bool = True

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.learners.cubature import CubatureLearner, Precision
+from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.native import load_kernel
 from patagium_lab.kernels import KERNELS
@@ -79,7 +79,7 @@ def single_precision(
         covariance had a Cholesky factor at every look.
     """
     network = DenseNetwork(4, (6,), 2)
-    learners: dict[Precision, CubatureLearner] = {
+    learners: dict[str, CubatureLearner] = {
         "float64": _learner(network, "float64", SHARE),
         "float32": _learner(network, "float32", SHARE),
     }
@@ -116,7 +116,7 @@ def _turning(network: DenseNetwork, x: Array, turns: Array) -> Array:
     return np.vstack([network.evaluate(p, c * ends[0] + s * ends[1]) for p, c, s in parts])
 
 
-def _learner(network: DenseNetwork, dtype: Precision, share: float) -> CubatureLearner:
+def _learner(network: DenseNetwork, dtype: str, share: float) -> CubatureLearner:
     return CubatureLearner(
         network,
         prior_std=0.5,

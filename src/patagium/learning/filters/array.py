@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor, measured_root, with_noise
 from patagium.learning.filters.screening import Screen, Screened
-from patagium.learning.filters.spread import Moments, SpreadRule, moments_of
+from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import (
     RootState,
     packed,
@@ -24,48 +25,10 @@ from patagium.learning.filters.state import (
     unpacked,
     vector,
 )
-from patagium.learning.models.network import Encoding, Network
-from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening, Structure
+from patagium.learning.models.network import Encoding
 
 Array = NDArray[np.float64]
 _POINTS_AT_ONCE = 256
-
-
-class FilterSetting(NamedTuple):
-    """What a filter of weights is made of, beside its state.
-
-    Attributes:
-        network: The network whose weights are estimated.
-        rule: Where the points lie.
-        noise: Variances of the measurement, to start from where they are estimated, (n_y,).
-        process_noise: Variances added to the weights before each sample, (n,).
-        forgetting_factor: Divides the covariance before each sample.
-        dtype: Of the square root and of the points: "float64" or "float32".
-        structure: What is kept of the covariance.
-        screening: How far samples are believed.
-        noise_estimation: How the variances of the measurement follow the innovations.
-        change_detection: When the covariance is opened anew.
-    """
-
-    network: Network
-    rule: SpreadRule
-    noise: Array
-    process_noise: Array
-    forgetting_factor: float
-    dtype: str
-    structure: Structure = "full"
-    screening: Screening | None = None
-    noise_estimation: NoiseEstimation | None = None
-    change_detection: ChangeDetection | None = None
-
-    def screen(self) -> Screen:
-        """What the samples go through, as it is before the first one."""
-        return Screen(self.noise, self.screening, self.noise_estimation, self.change_detection)
-
-    @property
-    def has_process_noise(self) -> bool:
-        """Whether anything is added before a sample."""
-        return bool(self.process_noise.any())
 
 
 class Prediction(NamedTuple):
@@ -148,7 +111,7 @@ class ArrayFilter:
 
     _measured = staticmethod(measured_root)
 
-    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+    def __init__(self, setting: FilterNumbers, mean: Array, root: Array) -> None:
         self.setting = setting
         self.screen = setting.screen()
         self.mean = np.array(mean, float)
@@ -251,7 +214,7 @@ class CholeskyFilter:
         root: A square root of their covariance, (n, n).
     """
 
-    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+    def __init__(self, setting: FilterNumbers, mean: Array, root: Array) -> None:
         self.setting = setting
         self.screen = setting.screen()
         self.mean = np.array(mean, float)
@@ -373,7 +336,7 @@ def screened(screen: Screen, encoding: Encoding, found: Moments, y: Array) -> Sc
 
 
 def point_moments(
-    setting: FilterSetting, encoding: Encoding, noise: Array, mean: Array, root: Array
+    setting: FilterNumbers, encoding: Encoding, noise: Array, mean: Array, root: Array
 ) -> Moments:
     """Moments of y at the points of a rule around the mean.
 

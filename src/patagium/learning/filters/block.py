@@ -15,7 +15,8 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.array import ArrayFilter, FilterSetting
+from patagium.learning.filters.array import ArrayFilter
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import lower_factor, measured_root
 from patagium.learning.models.structure import Indices, blocks_of
 
@@ -31,7 +32,7 @@ class BlockFilter(ArrayFilter):
         root: The lower triangular square roots of the blocks in one matrix, (n, n).
     """
 
-    def __init__(self, setting: FilterSetting, mean: Array, root: Array) -> None:
+    def __init__(self, setting: FilterNumbers, mean: Array, root: Array) -> None:
         super().__init__(setting, mean, root)
         self._blocks = setting_blocks(setting)
 
@@ -59,7 +60,7 @@ class BlockFilter(ArrayFilter):
         return scattered(roots, self._blocks)
 
 
-def setting_blocks(setting: FilterSetting) -> tuple[Indices, ...]:
+def setting_blocks(setting: FilterNumbers) -> tuple[Indices, ...]:
     """Weights that a filter keeps together."""
     return blocks_of(setting.network, str(setting.structure))
 

@@ -10,8 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.array import ArrayFilter, FilterSetting
+from patagium.learning.filters.array import ArrayFilter
 from patagium.learning.filters.block import BlockFilter
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import transformed_root
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import vector
@@ -51,7 +52,7 @@ class ExtendedBlockFilter(BlockFilter):
 
 
 def linear_moments(
-    setting: FilterSetting, encoding: Encoding, noise: Array, mean: Array, root: Array
+    setting: FilterNumbers, encoding: Encoding, noise: Array, mean: Array, root: Array
 ) -> Moments:
     """Moments of y with the network linear around the mean.
 

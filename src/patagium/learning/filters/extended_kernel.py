@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.array import FilterSetting, WeightFilter
+from patagium.learning.filters.array import WeightFilter
 from patagium.learning.filters.extended import ExtendedBlockFilter, ExtendedFilter
 from patagium.learning.filters.kernel import CubatureMemory, KernelFilter
 from patagium.learning.filters.kernel_memory import aligned, install_encoder, rounded_up
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import triangular
 from patagium.learning.filters.state import vector
 from patagium.learning.models.hidden import HiddenStripNetwork
@@ -128,7 +129,7 @@ def _install_lags(
     return arrays["x"], (found, arrays)
 
 
-def restore_extended(setting: FilterSetting, mean: Array, root: Array) -> WeightFilter:
+def restore_extended(setting: FilterNumbers, mean: Array, root: Array) -> WeightFilter:
     """An extended filter in the state given, compiled where that can be.
 
     Args:

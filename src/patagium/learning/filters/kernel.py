@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.filters.array import ArrayFilter, FilterSetting, Prediction
+from patagium.learning.filters.array import ArrayFilter, Prediction
 from patagium.learning.filters.block import BlockFilter, scattered, setting_blocks
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
@@ -26,6 +26,7 @@ from patagium.learning.filters.kernel_memory import (
     rounded_up,
 )
 from patagium.learning.filters.kernel_screening import screening_structure
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import with_noise
 from patagium.learning.filters.state import RootState, root_state
 from patagium.learning.models.perceptron import (
@@ -84,7 +85,7 @@ class KernelFilter:
     _kernel = "cubature"
 
     def __init__(
-        self, setting: FilterSetting, mean: Array, root: Array, library: ctypes.CDLL
+        self, setting: FilterNumbers, mean: Array, root: Array, library: ctypes.CDLL
     ) -> None:
         self.setting = setting
         self._blocks = setting_blocks(setting)
@@ -236,7 +237,7 @@ class KernelFilter:
         self._before_noise = None
 
 
-def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | ArrayFilter:
+def restore(setting: FilterNumbers, mean: Array, root: Array) -> KernelFilter | ArrayFilter:
     """A filter in the state given, compiled where there is a compiler and a perceptron.
 
     Args:
@@ -251,7 +252,7 @@ def restore(setting: FilterSetting, mean: Array, root: Array) -> KernelFilter | 
     return KernelFilter(setting, mean, root, library)
 
 
-def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
+def _allocate(setting: FilterNumbers, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `cubature.h` names, on cache lines."""
     network, outputs = evaluated(setting.network), len(setting.noise)
     widths, items = network.perceptron.widths, network.items
@@ -291,7 +292,7 @@ def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
     return arrays
 
 
-def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> CubatureMemory:
+def _structure(setting: FilterNumbers, arrays: dict[str, Array]) -> CubatureMemory:
     network = evaluated(setting.network)
     forgets = 1.0 if setting.has_process_noise else setting.forgetting_factor
     return CubatureMemory(

@@ -25,11 +25,11 @@ from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
 from patagium.errors import Outcome
 from patagium.learning.filters.array import (
-    FilterSetting,
     Prediction,
     nothing_known,
     screened,
 )
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import vector
@@ -119,7 +119,7 @@ class LowRankFilter:
         precision: Inverse of their covariance.
     """
 
-    def __init__(self, setting: FilterSetting, mean: Array, precision: Precision) -> None:
+    def __init__(self, setting: FilterNumbers, mean: Array, precision: Precision) -> None:
         self.setting = setting
         self.screen = setting.screen()
         self.mean = np.array(mean, float)

@@ -16,7 +16,6 @@ from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
 from patagium.errors import Outcome
 from patagium.learning.filters.array import (
-    FilterSetting,
     Prediction,
     nothing_known,
     screened,
@@ -28,6 +27,7 @@ from patagium.learning.filters.low_rank import (
     Precision,
     seen_directions,
 )
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments
 from patagium.learning.models.network import Encoding
@@ -74,7 +74,7 @@ def load_low_rank(dtype: str) -> ctypes.CDLL | None:
 
 
 def restore_low_rank(
-    setting: FilterSetting, mean: Array, precision: Precision, linear: bool = False
+    setting: FilterNumbers, mean: Array, precision: Precision, linear: bool = False
 ) -> LowRankFilter:
     """A filter in the state given, compiled where there is a compiler and a perceptron.
 
@@ -105,7 +105,7 @@ class LowRankKernel(LowRankFilter):
 
     def __init__(
         self,
-        setting: FilterSetting,
+        setting: FilterNumbers,
         mean: Array,
         precision: Precision,
         linear: bool,

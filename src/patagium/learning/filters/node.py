@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.filters.array import FilterSetting, Prediction
+from patagium.learning.filters.array import Prediction
 from patagium.learning.filters.block import scattered, setting_blocks
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
@@ -27,6 +27,7 @@ from patagium.learning.filters.kernel_memory import (
     rounded_up,
 )
 from patagium.learning.filters.kernel_screening import screening_structure
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import with_noise
 from patagium.learning.filters.state import RootState, root_state
 from patagium.learning.models.perceptron import as_perceptron
@@ -85,7 +86,7 @@ class NodeFilter:
 
     def __init__(
         self,
-        setting: FilterSetting,
+        setting: FilterNumbers,
         mean: Array,
         roots: Sequence[Array],
         library: ctypes.CDLL,
@@ -212,7 +213,7 @@ class NodeFilter:
         self._put_roots(found.roots)
 
 
-def _allocate(setting: FilterSetting, lanes: int) -> dict[str, Array]:
+def _allocate(setting: FilterNumbers, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes `node.h` names, on cache lines."""
     network, real = as_perceptron(setting.network), np.dtype(setting.dtype)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
@@ -276,7 +277,7 @@ def _lay_out(values: Array, widths: Sequence[int], rows: Array) -> None:
         start = end
 
 
-def _structure(setting: FilterSetting, arrays: dict[str, Array]) -> _Node:
+def _structure(setting: FilterNumbers, arrays: dict[str, Array]) -> _Node:
     network = as_perceptron(setting.network)
     return _Node(
         weights=network.size,

@@ -1,7 +1,6 @@
-"""What the filters of weights have in common: one state, predicted and updated alike.
+"""Learner whose weights a filter moves: settings, predictions, updates and their record.
 
-A filter differs from another in how it finds mean, slopes and remainder of y; see
-`array_filter`. Neglected: two threads on one learner.
+Two threads must not use one learner at the same time.
 """
 
 from __future__ import annotations
@@ -9,19 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter_ns
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
-from patagium.learning.filters.array import CholeskyFilter, WeightFilter
+from patagium.learning.filters.array import CholeskyFilter
+from patagium.learning.filters.choice import weight_filter
 from patagium.learning.filters.kernel_memory import Compiled
+from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
-from patagium.learning.learners.assumptions import Assumptions
 from patagium.learning.learners.learner import (
     Saved,
     Stopwatch,
@@ -31,26 +32,61 @@ from patagium.learning.learners.learner import (
 )
 from patagium.learning.models.live_memory import LiveMemory
 from patagium.learning.models.network import Network
+from patagium.learning.settings import (
+    FilterSettings,
+    arguments_text,
+    chosen_settings,
+    learner_signature,
+)
 
 Array = NDArray[np.float64]
 
 
 class FilterLearner(Saved):
-    """An estimate of weights with a covariance, moved by one sample at a time.
+    """Estimate of weights with a covariance, moved by one sample at a time.
+
+    A subclass names the kind of the learner. Its constructor takes a record of settings and,
+    by name, single settings that override it; signature and docstring list them.
 
     Args:
-        assumptions: What it takes for granted.
-        weight_filter: Mean and covariance of the weights, and the step over them.
+        network: Network whose weights are learned.
+        settings: Record of settings; None: the defaults.
+        seed: Seed of the weights to start from.
+        **given: Settings by name, which override the record.
+
+    Attributes:
+        kind: Kind of the learner, as `FilterSettings` names it.
+        settings: Settings of this learner.
+        live_memory: Memory of the network between samples that come one by one.
+
+    Raises:
+        ParameterError: If a setting is unknown or out of its range.
+        ShapeError: If a standard deviation has another shape.
     """
 
-    def __init__(self, assumptions: Assumptions, weight_filter: WeightFilter) -> None:
-        self._network, self._filter = assumptions.network, weight_filter
-        self._assumptions = assumptions
+    kind: ClassVar[str]
+
+    def __init_subclass__(cls, kind: str) -> None:
+        cls.kind = kind
+        setattr(cls, "__signature__", learner_signature(kind))  # noqa: B010
+        cls.__doc__ = (cls.__doc__ or "").replace("        {settings}", arguments_text(kind))
+
+    def __init__(
+        self,
+        network: Network,
+        settings: FilterSettings | None = None,
+        *,
+        seed: int = 0,
+        **given: Any,
+    ) -> None:
+        chosen = chosen_settings(self.kind, settings, given)
+        numbers = filter_numbers(network, chosen, self.kind)
+        self.settings, self.live_memory = compact_settings(numbers), LiveMemory(network)
+        self._network, self._seed, self._numbers = network, seed, numbers
+        self._filter = weight_filter(numbers, network.initial(seed))
         self._stopwatch = Stopwatch()
         self._changes: list[int] = []
-        self.live_memory = LiveMemory(self._network)
-        outputs = self._network.outputs
-        self._innovation_covariance = np.full((outputs, outputs), np.nan)
+        self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
 
     @property
     def network(self) -> Network:
@@ -75,8 +111,7 @@ class FilterLearner(Saved):
     @property
     def prior(self) -> tuple[Array, Array]:
         """Weights it began with, and their variances, (n,) each."""
-        first = self._network.initial(int(self.describe()["seed"]))
-        return first, self._assumptions.prior_variance
+        return self._network.initial(self._seed), self._numbers.prior_variance.copy()
 
     @property
     def nis(self) -> float:
@@ -119,6 +154,7 @@ class FilterLearner(Saved):
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
         return self._stopwatch.median
 
+    @renamed_arguments(deviation="std")
     def predict(self, x: ArrayLike, std: ArrayLike | None = None) -> tuple[Array, Array]:
         """Measurement at x before it is made, as `update` would see it.
 
@@ -146,6 +182,7 @@ class FilterLearner(Saved):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
 
+    @renamed_arguments(deviation="std")
     def update(
         self,
         x: ArrayLike,
@@ -263,17 +300,19 @@ class FilterLearner(Saved):
         if not 0 < share <= 1:
             raise ParameterError("share", "above 0 and at most 1", share)
         try:
-            self._filter.drift(1.0 - share, share * self._assumptions.prior_variance)
+            self._filter.drift(1.0 - share, share * self._numbers.prior_variance)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, np.zeros(0), np.zeros(0)) from None
 
     def describe(self) -> dict[str, Any]:
         """What the learner is made of, as JSON-able values; not what it has learned."""
-        return self._assumptions.describe()
+        network = self._network.describe()
+        settings = self.settings.describe(self.kind)
+        return {"kind": self.kind, "network": network, **settings, "seed": self._seed}
 
     def kept_covariance(self) -> WeightCovariance:
         """What is kept of the covariance after the last sample, in its own size."""
-        structure = self._assumptions.covariance
+        structure = self.settings.covariance
         return covariance_of_state(self._network, structure, self._filter.state())
 
     def restart_clock(self) -> None:

@@ -7,14 +7,16 @@ time. Neglected: threads.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
+from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.network import Network
 
 Array = NDArray[np.float64]
@@ -74,21 +76,50 @@ class Learner(Protocol):
         ...
 
 
+class Resumable(Learner, Protocol):
+    """Learner whose state can be kept."""
+
+    def state(self) -> dict[str, Any]:
+        """Values that the next samples depend on: arrays and JSON-able values by name."""
+        ...
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        ...
+
+    def restart_clock(self) -> None:
+        """Take the next sample whatever its time stamp."""
+        ...
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file."""
+        ...
+
+
 class Saved:
-    """A learner that keeps itself in a file."""
+    """Mixin of a learner that keeps itself in a file."""
+
+    def describe(self) -> dict[str, Any]:
+        """Network and settings as JSON-able values; not what was learned."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, Any]:
+        """Values that the next samples depend on: arrays and JSON-able values by name."""
+        raise NotImplementedError
 
     def save(self, path: str | Path) -> Path:
         """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
 
         Args:
-            path: The file, replaced whole or not at all; folders are made.
+            path: File, replaced whole or not at all; folders are made.
 
         Returns:
             The path.
-        """
-        from patagium.learning.learners.file import save_learner
 
-        return save_learner(path, cast("Any", self))
+        Raises:
+            OSError: If it cannot be written; the file is then as it was.
+        """
+        return write_state(path, self.describe(), self.state())
 
 
 class Stopwatch:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, positive
 from patagium.learning.filters.screening import Screen, usable_channels
 from patagium.learning.filters.state import (
@@ -66,6 +67,7 @@ class LinearLearner(Saved):
         Ljung (1999), System Identification, section 11.2.
     """
 
+    @renamed_arguments(prior_deviation="prior_std", measurement_deviation="measurement_std")
     def __init__(
         self,
         network: DenseNetwork,

@@ -1,13 +1,13 @@
-"""A learner on disk: what it is made of and all it has learned; it goes on where it stood.
+"""File of a learner's description and state, from which it goes on where it stood.
 
     patagium learner 1
     SHA-256 of all that follows, in hexadecimal
     one line of JSON: the learner's description, its counts, the arrays that follow
     the arrays, little-endian, row by row, one after the other
 
-A model (`model_file`) predicts; a state learns on. Numbers come back bit for bit. What differs on
-another machine is its arithmetic: without a compiler, or with other vectors, weights go on equal
-to rounding. Neglected: wall-clock times of updates; they are not kept.
+A model (`model_file`) predicts; a state learns on. Numbers come back bit for bit. On another
+machine the arithmetic differs: without a compiler, or with other vectors, weights go on equal
+to rounding. Wall-clock times of updates are not kept.
 """
 
 from __future__ import annotations
@@ -16,49 +16,38 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import LogError, PatagiumError
-from patagium.learning.learners.description import (
-    first_difference,
-    learner_from_description,
-)
-from patagium.learning.learners.learner import Learner
+from patagium.errors import LogError
+from patagium.learning.settings import renamed
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 FORMAT = "patagium learner 1"
 
 
-class Resumable(Learner, Protocol):
-    """A learner whose state can be kept."""
+class LearnerState(NamedTuple):
+    """Content of a file of a learner.
 
-    def state(self) -> dict[str, Any]:
-        """All that the next samples depend on: arrays and JSON-able values by name."""
-        ...
+    Attributes:
+        description: Network and settings, as `describe()` gives them, names of today.
+        state: Values that the next samples depend on: arrays and JSON-able values by name.
+    """
 
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
-        ...
-
-    def restart_clock(self) -> None:
-        """Take the next sample by whatever clock it comes."""
-        ...
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file."""
-        ...
+    description: dict[str, Any]
+    state: dict[str, Any]
 
 
-def save_learner(path: str | Path, learner: Resumable) -> Path:
-    """Keep a learner's state, on the disk before this returns; see `Learner.save`.
+def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping[str, Any]) -> Path:
+    """Keep a learner's description and state, on the disk before this returns.
 
     Args:
-        path: The file, replaced whole or not at all; folders are made.
-        learner: The learner, between two samples.
+        path: File, replaced whole or not at all; folders are made.
+        description: Network and settings of the learner.
+        state: Arrays and JSON-able values by name, between two samples.
 
     Returns:
         The path.
@@ -66,20 +55,17 @@ def save_learner(path: str | Path, learner: Resumable) -> Path:
     Raises:
         OSError: If it cannot be written; the file is then as it was.
     """
-    return write_whole(path, _bytes_of(learner.describe(), learner.state()))
+    return write_whole(path, _bytes_of(description, state))
 
 
-def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
-    """The learner that `save` kept: it goes on as the one that was saved would have.
+def read_state(path: str | Path) -> LearnerState:
+    """Description and state from a file; older names of settings become those of today.
 
     Args:
-        path: The file.
-        like: A learner that must be described alike, but for centers and scales of its inputs
-            and outputs; None: any.
+        path: File.
 
     Raises:
-        LogError: If there is no such file, it is damaged, of another version, or describes
-            another learner.
+        LogError: If there is no such file, it is damaged or of another version.
     """
     file = Path(path)
     try:
@@ -89,17 +75,9 @@ def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
     sound = _sound(file, content)
     try:
         header, arrays = _parts_of(sound)
-        if like is not None:
-            difference = first_difference(header["learner"], like.describe())
-            if difference is not None:
-                raise LogError(f"{file}: of another learner: {difference}")
-        learner = learner_from_description(header["learner"])
-        learner.resume({**header["state"], **arrays})
-    except LogError:
-        raise
-    except (PatagiumError, AttributeError, KeyError, TypeError, ValueError) as problem:
+        return LearnerState(renamed(header["learner"]), {**header["state"], **arrays})
+    except (AttributeError, KeyError, TypeError, ValueError) as problem:
         raise LogError(f"{file}: the learner cannot be made again: {problem}") from problem
-    return learner
 
 
 def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes:
@@ -116,7 +94,7 @@ def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes
 
 
 def _sound(file: Path, content: bytes) -> bytes:
-    """What the digest of a file's content says was written.
+    """Content of a file as its digest says it was written.
 
     Raises:
         LogError: If it is of another format, or damaged.
@@ -151,5 +129,5 @@ def _is_array(value: object) -> bool:
 
 
 def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    """The same row by row, little-endian."""
+    """Array row by row, little-endian."""
     return np.asarray(array, array.dtype.newbyteorder("<"), order="C")

@@ -1,0 +1,130 @@
+"""Numbers of a filter: what follows from its settings for the weights of one network.
+
+Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
+the covariance before any sample and Q = diag(process_std^2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import ParameterError
+from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.spread import SpreadRule, spread_rule
+from patagium.learning.models.network import Network
+from patagium.learning.models.scaling import center_of, scale_of
+from patagium.learning.settings import FilterSettings, Numbers, Structure
+
+Array = NDArray[np.float64]
+
+
+class FilterNumbers(NamedTuple):
+    """Numbers of a filter over the weights of a network, beside its state.
+
+    Attributes:
+        network: Network whose weights are estimated.
+        settings: Settings that the numbers follow from.
+        linear: Whether the network is taken as linear around the weights: no cubature points.
+        rule: Distances and gains of the cubature points.
+        noise: Variances of the measurement before any sample, (n_y,) [y^2].
+        prior_variance: Variances of the weights before any sample, (n,).
+        process_noise: Variances added to the weights before each sample, (n,).
+        forgetting_factor: Factor that divides the covariance before each sample.
+    """
+
+    network: Network
+    settings: FilterSettings
+    linear: bool
+    rule: SpreadRule
+    noise: Array
+    prior_variance: Array
+    process_noise: Array
+    forgetting_factor: float
+
+    @property
+    def structure(self) -> Structure:
+        """Covariance structure."""
+        return self.settings.covariance
+
+    @property
+    def dtype(self) -> str:
+        """Precision of the square root and of the points: "float64" or "float32"."""
+        return self.settings.dtype
+
+    @property
+    def has_process_noise(self) -> bool:
+        """Whether anything is added to the covariance before a sample."""
+        return bool(self.process_noise.any())
+
+    def screen(self) -> Screen:
+        """Screening of the samples, as it is before the first one."""
+        chosen = self.settings
+        return Screen(
+            self.noise, chosen.screening, chosen.noise_estimation, chosen.change_detection
+        )
+
+
+def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> FilterNumbers:
+    """Numbers of a filter for the weights of a network.
+
+    Args:
+        network: Network whose weights are estimated.
+        settings: Settings; what belongs to another kind of learner is left aside.
+        learner: Kind of the learner: "cubature" or "extended".
+
+    Raises:
+        ParameterError: If a number is out of its range, or one is missing that the network
+            does not know.
+        ShapeError: If a standard deviation has another shape.
+    """
+    if settings.measurement_std is None:
+        raise ParameterError("measurement_std", "standard deviations of the measurement", None)
+    noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
+    linear = learner == "extended"
+    if linear:
+        settings = replace(settings, spread=None, square_root="transform", dtype="float64")
+    rule = spread_rule(network.size, settings.spread)
+    prior = _prior_variance(network, settings.prior_std)
+    process = center_of("process_std", settings.process_std, network.size)
+    return FilterNumbers(
+        network,
+        settings,
+        linear,
+        rule,
+        noise,
+        prior,
+        process**2 + settings.prior_share * prior,
+        settings.forgetting_factor / (1.0 - settings.prior_share),
+    )
+
+
+def compact_settings(numbers: FilterNumbers) -> FilterSettings:
+    """Settings as a learner describes them: equal numbers as one, the spread that is used.
+
+    Args:
+        numbers: Numbers that follow from the settings.
+    """
+    settings, spread = numbers.settings, None if numbers.linear else numbers.rule.spread
+    names = ("prior_std", "measurement_std", "process_std")
+    changed = {name: _compact(getattr(settings, name)) for name in names}
+    return replace(settings, spread=spread, **changed)  # type: ignore[arg-type]
+
+
+def _prior_variance(network: Network, std: Numbers | None) -> Array:
+    """Diagonal of P0, (n,): of the network where it knows it itself."""
+    own = network.own_prior
+    if std is None and np.isnan(own).any():
+        raise ParameterError("prior_std", "positive numbers", None)
+    if std is None:
+        return np.asarray(own**2)
+    stated = scale_of("prior_std", std, network.size)
+    return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
+
+
+def _compact(value: Numbers | None) -> Numbers | None:
+    """One number for several that are equal."""
+    return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value

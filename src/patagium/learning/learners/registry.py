@@ -1,0 +1,137 @@
+"""Registry of the learners: a learner from its description or its file.
+
+This module stands above the learners: none of them imports it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from os.path import commonprefix
+from pathlib import Path
+from typing import Any
+
+from patagium.errors import LogError, ParameterError, PatagiumError
+from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.learners.extended import ExtendedLearner
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.learners.gradient import GradientLearner
+from patagium.learning.learners.learner import Learner, Resumable
+from patagium.learning.learners.linear import LinearLearner
+from patagium.learning.learners.state_file import read_state
+from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.models.network import network_from_description
+from patagium.learning.settings import FilterSettings, renamed
+
+FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
+    learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
+}
+"""Learners whose weights a filter moves, by kind."""
+_KINDS = (*FILTER_LEARNERS, "gradient", "linear")
+_SCALES = ("input_center", "input_scale", "output_center", "output_scale")
+_LONGEST = 60  # characters of a value in a message
+
+
+def learner_from_description(description: Mapping[str, Any]) -> Resumable:
+    """Learner of a description, before any sample.
+
+    Args:
+        description: Network and settings, as `describe()` gives them.
+
+    Raises:
+        KeyError: If the network is missing.
+        ParameterError: If the kind or a setting is unknown, or a number out of its range.
+        TypeError: If an argument is missing or unknown.
+    """
+    values = {name: value for name, value in renamed(description).items() if name != "kind"}
+    kind, network = description.get("kind"), values.pop("network")
+    if kind == "linear":
+        base = {k: v for k, v in network.items() if k not in ("features", "seed")}
+        features = {k: network[k] for k in ("features", "seed")}
+        return LinearLearner(DenseNetwork.from_description(base), **features, **values)
+    if kind == "gradient":
+        return GradientLearner(network_from_description(network), **values)
+    learner = FILTER_LEARNERS.get(str(kind))
+    if learner is None:
+        raise ParameterError("learner", f"of kind {', '.join(_KINDS)}", kind)
+    seed = values.pop("seed", 0)
+    settings = FilterSettings.from_description(values)
+    return learner(network_from_description(network), settings, seed=seed)
+
+
+def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
+    """Learner that `save` kept: it goes on as the one that was saved would have.
+
+    Args:
+        path: File.
+        like: Learner that must be described alike, but for centers and scales of its inputs
+            and outputs; None: any.
+
+    Raises:
+        LogError: If there is no such file, it is damaged, of another version, or describes
+            another learner.
+    """
+    found = read_state(path)
+    difference = None if like is None else first_difference(found.description, like.describe())
+    if difference is not None:
+        raise LogError(f"{path}: of another learner: {difference}")
+    try:
+        learner = learner_from_description(found.description)
+        learner.resume(found.state)
+    except (PatagiumError, AttributeError, KeyError, TypeError, ValueError) as problem:
+        raise LogError(f"{path}: the learner cannot be made again: {problem}") from problem
+    return learner
+
+
+def save_learner(path: str | Path, learner: Resumable) -> Path:
+    """Keep a learner in a file; see `Saved.save`.
+
+    Args:
+        path: File, replaced whole or not at all; folders are made.
+        learner: Learner, between two samples.
+
+    Returns:
+        The path.
+
+    Raises:
+        OSError: If it cannot be written; the file is then as it was.
+    """
+    return learner.save(path)
+
+
+def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str | None:
+    """First setting that differs, in words; centers and scales may differ.
+
+    Args:
+        found: Description of a learner.
+        expected: Description of another one.
+
+    Returns:
+        The setting, expected and found; None where there is no difference.
+    """
+    ours, theirs = _flat(json.loads(json.dumps(expected))), _flat(found)
+    for name in (*ours, *theirs):
+        if name.rpartition(".")[2] in _SCALES:
+            continue
+        if name not in ours or name not in theirs or ours[name] != theirs[name]:
+            pair = [repr(values.get(name, "no such setting")) for values in (ours, theirs)]
+            start = max(0, len(commonprefix(pair)) - _LONGEST // 3)
+            said = (_short(text, start) for text in pair)
+            return "{}: expected {}, found {}".format(name, *said)
+    return None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by dotted names."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
+
+
+def _short(text: str, start: int) -> str:
+    """Part of a long text near the place where it differs from another."""
+    return text if len(text) <= _LONGEST else f"...{text[start : start + _LONGEST]}..."
