@@ -1,0 +1,122 @@
+"""Shape of the tree: no cycles, bases that do not know their children, small functions."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+from .debts import within
+from .source_tree import (
+    Function,
+    all_modules,
+    classes,
+    cycles,
+    descendants,
+    functions,
+    imports,
+    modules,
+)
+
+
+def all_functions() -> list[Function]:
+    return [one for module in all_modules() for one in functions(module)]
+
+
+def test_a_cycle_is_found_through_every_kind_of_import() -> None:
+    graph = {"a": frozenset({"b"}), "b": frozenset({"c"}), "c": frozenset({"b"}), "d": frozenset()}
+    assert cycles(graph) == [["b", "c"]]
+    lazy = imports()["patagium.aerodynamics.gusts"]
+    assert "patagium.aerodynamics.lags" not in lazy
+    assert "patagium.learning" in imports()["patagium.cli.evaluate"]  # inside its function
+    assert "patagium.air" in imports()["patagium"]  # for type checks only
+
+
+def test_no_modules_import_each_other() -> None:
+    """Imports inside functions and for type checks count."""
+    found = cycles(imports())
+    within("modules in cycles", [" <-> ".join(one) for one in found], sum(map(len, found)))
+
+
+def test_no_base_knows_its_children() -> None:
+    """A module with a base class names none of the classes derived from it in its bodies.
+
+    Imports of a child, direct or by way of others, are cycles and found as such.
+    """
+    offenders = []
+    for one in classes().values():
+        names = {name.rpartition(".")[2] for name in descendants(one.name)}
+        inside = {node.id for node in ast.walk(one.node) if isinstance(node, ast.Name)}
+        for name in sorted(names & inside):
+            offenders.append(f"{one.name} names its child {name}")
+    within("classes that know their children", offenders)
+
+
+def test_packages_only_gather_names() -> None:
+    """An `__init__` defines nothing but names, and how they are resolved when first used."""
+    offenders = [
+        f"{module.name}:{node.lineno} {node.name}"
+        for module in all_modules()
+        if module.is_package
+        for node in module.tree.body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        and node.name not in ("__getattr__", "__dir__", "_Package")
+    ]
+    within("packages with code in their __init__", offenders)
+
+
+def test_functions_fit_on_a_screen() -> None:
+    offenders = [f"{one.place}: {one.lines}" for one in all_functions() if one.lines > 60]
+    within("functions above 60 lines", offenders)
+
+
+def test_functions_take_few_arguments() -> None:
+    offenders = [
+        f"{one.place}: {len(one.parameters)}"
+        for one in all_functions()
+        if len(one.parameters) > 8 and not one.is_verb
+    ]
+    within("functions with more than 8 parameters", offenders)
+
+
+def test_the_wheel_stays_small() -> None:
+    lines = sum(len(module.path.read_text("utf-8").splitlines()) for module in modules())
+    within("lines of Python in the wheel", [], lines)
+
+
+def test_lines_are_no_denser_than_they_were() -> None:
+    """Few lines are won by shape, not by width: the mean line and the share of docstrings."""
+    text = [module.path.read_text("utf-8") for module in modules()]
+    lines = [line for one in text for line in one.splitlines()]
+    mean = sum(map(len, lines)) / len(lines)
+    nodes = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    docstrings = sum(
+        len((ast.get_docstring(node) or "").splitlines())
+        for module in modules()
+        for node in ast.walk(module.tree)
+        if isinstance(node, nodes)
+    )
+    assert mean < 37.8  # characters; 37.5 in the release before
+    assert docstrings / len(lines) > 0.212  # as in the release before
+
+
+def test_there_are_few_weight_filters() -> None:
+    """Classes that update weights, or are derived from one that does; protocols are not counted."""
+    acting = {
+        one.name
+        for one in classes().values()
+        if one.module.name.startswith("patagium.learning.filters")
+        and {"update", "predict"} <= {getattr(node, "name", "") for node in one.node.body}
+        and "Protocol" not in {ast.unparse(base) for base in one.node.bases}
+    }
+    found = acting.union(*(descendants(name) for name in acting))
+    within("classes of weight filters", sorted(found))
+
+
+def test_there_are_few_types_of_memory() -> None:
+    found = [
+        one.name
+        for one in classes().values()
+        if one.module.name.startswith("patagium.learning")
+        and re.search(r"Memory|Recall|Recollect", one.node.name)
+    ]
+    within("types of memory", found)
