@@ -19,40 +19,11 @@ from patagium.cli.estimates import (
 )
 from patagium.cli.learner_options import (
     WINGED,
-    Activation,
-    ActivationOption,
-    Asked,
-    ChangeReferenceOption,
-    ChangeWindowOption,
-    CovarianceOption,
-    DtypeOption,
-    FalseAlarmRateOption,
-    FeaturesOption,
-    ForgettingFactorOption,
-    HiddenOption,
-    LearnerKind,
-    LearnerOption,
-    LearningRateOption,
-    MeasurementDeviationOption,
+    LearnerChoice,
     NetworkKind,
-    NetworkOption,
-    NoiseMemoryOption,
-    OutlierDeviationOption,
-    PriorDeviationOption,
-    PriorShareOption,
-    ProcessDeviationOption,
-    ReplayOption,
-    SeedOption,
-    SettingsOption,
-    SpreadOption,
-    StuckSamplesOption,
-    completed,
-    given,
-    make_learner,
-    network_shape,
     scaled_network,
-    watched,
     winged_network,
+    with_learner_options,
 )
 
 if TYPE_CHECKING:
@@ -72,54 +43,32 @@ EXAMPLES = (
 )
 
 
+@with_learner_options()
 def identify(
-    context: typer.Context,
-    file: Annotated[
-        Path, typer.Argument(help="A flight or an imported log (.nc), or another log.")
-    ],
+    file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
+    choice: LearnerChoice,
     mapping: Annotated[
-        Path | None, typer.Option(help="What the columns or fields of another log mean (YAML).")
+        Path | None, typer.Option(help="Meaning of the columns or fields of another log (YAML).")
     ] = None,
-    settings: SettingsOption = None,
-    network: NetworkOption = None,
-    hidden: HiddenOption = None,
-    activation: ActivationOption = Activation.SOFTPLUS,
-    learner: LearnerOption = LearnerKind.CUBATURE,
-    every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 100,
-    prior_std: PriorDeviationOption = None,
-    measurement_std: MeasurementDeviationOption = None,
-    process_std: ProcessDeviationOption = None,
-    spread: SpreadOption = None,
-    forgetting_factor: ForgettingFactorOption = None,
-    prior_share: PriorShareOption = None,
-    covariance: CovarianceOption = None,
-    dtype: DtypeOption = None,
-    outlier_std: OutlierDeviationOption = None,
-    stuck_samples: StuckSamplesOption = None,
-    noise_memory: NoiseMemoryOption = None,
-    change_window: ChangeWindowOption = None,
-    change_reference: ChangeReferenceOption = None,
-    false_alarm_rate: FalseAlarmRateOption = None,
-    learning_rate: LearningRateOption = None,
-    replay: ReplayOption = None,
-    features: FeaturesOption = None,
-    seed: SeedOption = 0,
+    every: Annotated[
+        int | None, typer.Option(min=1, help="Use one sample in so many; 100 by default.")
+    ] = None,
     estimate: EstimateOption = None,
     aero: AeroOption = None,
     refine: RefineOption = False,
     model: Annotated[
-        Path | None, typer.Option(help="Write what was learned (.json): a model that predicts.")
+        Path | None, typer.Option(help="File for the learned model (.json), which predicts.")
     ] = None,
     state: Annotated[
         Path | None,
         typer.Option(
-            help="Learn on from this file if it is there; keep the learner in it at the end and "
-            "on Ctrl-C. Unlike a model, it learns on."
+            help="File of the learner's state: it is resumed if it is there, and written at the "
+            "end and on Ctrl-C. A state, unlike a model, learns on."
         ),
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML page.")] = None,
+    report: Annotated[Path | None, typer.Option(help="File for an HTML page.")] = None,
     predictions: Annotated[
-        Path | None, typer.Option(help="Write every prediction and score (.nc).")
+        Path | None, typer.Option(help="File for every prediction and score (.nc).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")] = False,
 ) -> None:
@@ -127,76 +76,32 @@ def identify(
 
     Each sample is predicted before it may be used; the score is the mean square error of
     these predictions over the variance of the output, beside that of holding the last
-    used sample. There is no default for deviations and learning rate: they are yours.
+    used sample. Standard deviations and the learning rate have no default; `patagium tune`
+    finds them.
 
-    With --state the learner goes on where it stood, with the centers and scales it began
-    with; everything else must be said alike. A learner that diverged is not kept.
+    With --state the learner goes on where it stopped, with the centers and scales it began
+    with; all other options must be the same as before. A learner that diverged is not kept.
     """
     from patagium.cli.logs import flight_or_table, long_record
-    from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state, resumed
-    from patagium.cli.words import progress_bar
+    from patagium.cli.state import keep_state, resumed
     from patagium.errors import Outcome
-    from patagium.learning import identify as identify_flight
-    from patagium.learning.long_log import identify_record
-    from patagium.learning.tables import identify_table
 
-    watching = watched(
-        outlier_std,
-        stuck_samples,
-        noise_memory,
-        change_window,
-        change_reference,
-        false_alarm_rate,
-    )
-    options = watching | given(
-        prior_std=prior_std,
-        measurement_std=measurement_std,
-        process_std=process_std,
-        spread=spread,
-        forgetting_factor=forgetting_factor,
-        prior_share=prior_share,
-        covariance=covariance,
-        dtype=dtype,
-        learning_rate=learning_rate,
-        replay=replay,
-        features=features,
-    )
-    asked = Asked(learner, options, network, hidden, activation, every, seed)
-    learner, options, network, hidden, activation, every, seed = completed(context, asked, settings)
-    kind, layers = network_shape(network, hidden, learner)
+    kind, layers = choice.shape()
+    every = every or choice.every or 100
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
     check_estimate(estimate, aero, refine, table is None)
-    if table is None:
-        net: Any = None
-        if not estimate or kind is not None:
-            net = flight_network(flight, kind, layers, activation.value)
-        if estimate:
-            net = grey_box(flight, estimate, aero, net)
+    if table is not None:
+        network = table_network(table, kind, layers, choice.activation)
+    elif estimate:
+        beside = None if kind is None else flight_network(flight, kind, layers, choice.activation)
+        network = grey_box(flight, estimate, aero, beside)
     else:
-        net = table_network(table, kind, layers, activation.value)
-    student = resumed(make_learner(learner, net, options, seed), state)
-    course = None if state is None else state.with_name(f"{state.name}.course")
-    try:
-        with (
-            progress_bar(f"Learning from {file.name}") as bar,
-            interrupted_between_samples(bar) if state else nullcontext(bar) as progress,
-        ):
-            if long is not None:
-                result = identify_record(
-                    long, student, every=every, progress=progress, course=course
-                )
-            elif table is None:
-                result = identify_flight(flight, student, every=every, progress=progress)
-            else:
-                result = identify_table(table, student, every=every, progress=progress)
-    except Interrupted:
-        if long is None:
-            keep_state(student, state)
-        else:
-            typer.echo(f"The same command goes on from {course}", err=True)
-        raise typer.Exit(130) from None
+        network = flight_network(flight, kind, layers, choice.activation)
+    learner = resumed(choice.learner(network), state)
+    learned = long or (flight if table is None else table)
+    result = _learned(learner, file, learned, every, state)
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
@@ -211,6 +116,38 @@ def identify(
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
+
+
+def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | None) -> Any:
+    """Identification of a flight, a table or a long log; Ctrl-C keeps the state, if there is one.
+
+    Raises:
+        Exit: With code 130 on Ctrl-C.
+    """
+    from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state
+    from patagium.cli.words import progress_bar
+    from patagium.learning import identify as identify_flight
+    from patagium.learning.long_log import identify_record
+    from patagium.learning.tables import identify_table
+    from patagium.sensing import Table
+    from patagium.sensing.logs.record import LogRecord
+
+    resume = None if state is None else state.with_name(f"{state.name}.course")
+    with progress_bar(f"Learning from {file.name}") as bar:
+        try:
+            with interrupted_between_samples(bar) if state else nullcontext(bar) as progress:
+                if isinstance(learned, LogRecord):
+                    return identify_record(
+                        learned, learner, every=every, progress=progress, course=resume
+                    )
+                identify = identify_table if isinstance(learned, Table) else identify_flight
+                return identify(learned, learner, every=every, progress=progress)
+        except Interrupted:
+            if isinstance(learned, LogRecord):
+                typer.echo(f"The same command goes on from {resume}", err=True)
+            else:
+                keep_state(learner, state)
+            raise typer.Exit(130) from None
 
 
 def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:

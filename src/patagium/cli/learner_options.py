@@ -1,18 +1,24 @@
-"""What verbs that teach a network share: its shape, how it learns, and with which numbers.
+"""Options of the verbs that teach a network, made from the records of settings.
 
-Options are declared here once, and a verb names them in its signature.
+A verb with a parameter `choice: LearnerChoice` takes all of them by `with_learner_options`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import Field, dataclass, replace
 from enum import StrEnum
+from functools import wraps
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import Numbers, WholeNumbers, numbers, whole_numbers
+from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
+from patagium.errors import ParameterError
+from patagium.learning.settings import OLD_NAMES, RECORDS, Meaning, leaves, settings_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,9 +28,12 @@ if TYPE_CHECKING:
     from patagium.learning.models.network import Network
     from patagium.robot import Robot
 
+PANEL = "Learner settings"
+ACTIVATIONS = ("softplus", "tanh")
+
 
 class NetworkKind(StrEnum):
-    """Networks: of each strip, of the flow at all wings, each also with memory, of anything."""
+    """Networks of each strip, of the flow at all wings, both also with memory, and of anything."""
 
     STRIP = "strip"
     HIDDEN_STRIP = "hidden_strip"
@@ -33,34 +42,125 @@ class NetworkKind(StrEnum):
     DENSE = "dense"
 
 
-REMEMBERING = (NetworkKind.HIDDEN_STRIP, NetworkKind.HIDDEN_FLOW)
-"""Networks with memory."""
-
-WINGED = (NetworkKind.STRIP, NetworkKind.FLOW, *REMEMBERING)
-"""Networks of a robot with wings; they see q and v."""
-
-
-class LearnerKind(StrEnum):
-    """Ways of learning the weights."""
-
-    CUBATURE = "cubature"
-    EXTENDED = "extended"
-    GRADIENT = "gradient"
-    LINEAR = "linear"
+WINGED = {
+    NetworkKind.STRIP: "StripNetwork",
+    NetworkKind.HIDDEN_STRIP: "HiddenStripNetwork",
+    NetworkKind.FLOW: "FlowNetwork",
+    NetworkKind.HIDDEN_FLOW: "HiddenFlowNetwork",
+}
+"""Networks of a robot with wings, which see q and v: their classes in `patagium.learning`."""
 
 
-class Activation(StrEnum):
-    """What a neuron does to its sum."""
+@dataclass(frozen=True)
+class LearnerChoice:
+    """Learner and network that the command line and a file of settings choose.
 
-    SOFTPLUS = "softplus"
-    TANH = "tanh"
+    Attributes:
+        kind: Kind of the learner, a key of `RECORDS`.
+        settings: Values of its settings by dotted name, such as "screening.outlier_std".
+        network: Kind of the network; None where nothing was chosen.
+        hidden: Neurons of each hidden layer, or several of these; None where nothing was chosen.
+        activation: Activation of the hidden layers.
+        seed: Seed of the initial weights.
+        every: One sample in so many is used; None where no file says it.
+        given: Whether any option was given.
+    """
+
+    kind: str = "cubature"
+    settings: Mapping[str, Any] | None = None
+    network: NetworkKind | None = None
+    hidden: Any = None
+    activation: str = "softplus"
+    seed: int = 0
+    every: int | None = None
+    given: bool = False
+
+    def learner(self, network: Any) -> Any:
+        """New learner of a network.
+
+        Args:
+            network: Network whose weights it learns.
+
+        Raises:
+            ParameterError: If a setting is missing, out of its range, or not of this learner.
+        """
+        from patagium.learning.learners.make import make_learner
+
+        try:
+            return make_learner(self.kind, network, nested(self.settings or {}), self.seed)
+        except ParameterError as error:
+            name = error.name
+            words = {path.rpartition(".")[2]: f"--{word}" for word, path, _ in setting_options()}
+            raise ParameterError(words.get(name, name), error.expected, error.found) from None
+
+    def shape(self) -> tuple[NetworkKind | None, tuple[int, ...]]:
+        """Kind and hidden layers of the network; a linear learner takes inputs and outputs only.
+
+        Raises:
+            ParameterError: If the linear learner is to have hidden layers or wings.
+        """
+        if self.kind != "linear":
+            layers = (28,) if self.network is NetworkKind.FLOW else (8, 8)
+            return self.network, self.hidden or layers
+        if self.hidden is not None or self.network in WINGED:
+            option = "--network" if self.hidden is None else "--hidden"
+            found = self.hidden or self.network
+            raise ParameterError(option, "nothing: the linear learner has --features", found)
+        return NetworkKind.DENSE, ()
 
 
-class Precision(StrEnum):
-    """Numbers of the covariance's square root."""
+def with_learner_options(
+    *, several: bool = False, file: str = "Settings that patagium tune wrote (.yaml)"
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Decorator of a verb whose parameter `choice` becomes the options of a learner.
 
-    FLOAT64 = "float64"
-    FLOAT32 = "float32"
+    Args:
+        several: Whether settings and hidden layers may be repeated, and no file is read: the
+            choice then holds lists.
+        file: Help of the option of the file.
+    """
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        options = list(_options(several, file))
+        own = list(inspect.signature(verb, eval_str=True).parameters.values())
+        place = next(k for k, one in enumerate(own) if one.name == "choice")
+        both = [*own[:place], *options, *own[place + 1 :]]
+
+        @wraps(verb)
+        def with_choice(**values: Any) -> None:
+            found = {one.name: values.pop(one.name) for one in options}
+            verb(**values, choice=_chosen(found))
+
+        keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in both]
+        with_choice.__dict__["__signature__"] = inspect.Signature(keywords)
+        with_choice.__annotations__ = {one.name: one.annotation for one in keywords}
+        return with_choice
+
+    return decorate
+
+
+def setting_options() -> Iterator[tuple[str, str, Field[Any]]]:
+    """Settings of all records, each once: word of the option, dotted name, field."""
+    seen = set()
+    for record in RECORDS.values():
+        for path, one in leaves(record):
+            word = one.metadata["meaning"].option or one.name.replace("_", "-")
+            if word not in seen:
+                seen.add(word)
+                yield word, path, one
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by name, those of groups by name within them.
+
+    Args:
+        values: Values by dotted name.
+    """
+    found: dict[str, Any] = {}
+    for path, value in values.items():
+        group, _, name = path.rpartition(".")
+        (found.setdefault(group, {}) if group else found)[name] = value
+    return found
 
 
 def structure(text: str) -> Any:
@@ -69,288 +169,156 @@ def structure(text: str) -> Any:
         return text
     if not text.isdecimal() or int(text) < 1:
         raise typer.BadParameter(f"expected full, layer, node or a rank such as 20, found {text!r}")
-    from patagium.learning import LowRank
-
-    return LowRank(int(text))
+    return {"rank": int(text)}
 
 
-SettingsOption: TypeAlias = Annotated[
-    Path | None,
-    typer.Option(help="What patagium tune wrote (.yaml); other options count more."),
-]
-NetworkOption: TypeAlias = Annotated[
-    NetworkKind | None, typer.Option(help="By default strip for flights, dense for tables.")
-]
-HiddenOption: TypeAlias = Annotated[
-    WholeNumbers | None,
-    typer.Option(parser=whole_numbers, help="Neurons of each hidden layer; 8,8 (flow: 28)."),
-]
-ActivationOption: TypeAlias = Annotated[Activation, typer.Option(help="Of the hidden layers.")]
-LearnerOption: TypeAlias = Annotated[LearnerKind, typer.Option(help="How the weights are learned.")]
-PriorDeviationOption: TypeAlias = Annotated[
-    float | None,
-    typer.Option(help="Of each weight at the start, before dividing by sqrt(fan-in)."),
-]
-MeasurementDeviationOption: TypeAlias = Annotated[
-    Numbers | None,
-    typer.Option(parser=numbers, help="Of the outputs, in their units: one, or one each."),
-]
-ProcessDeviationOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="By which each weight wanders between updates.")
-]
-SpreadOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Distance of the cubature points, in deviations.")
-]
-ForgettingFactorOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Above 0, at most 1: forgets old samples.")
-]
-PriorShareOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Of the first covariance, mixed in before each sample.")
-]
-CovarianceOption: TypeAlias = Annotated[
-    Any,
-    typer.Option(
-        parser=structure,
-        metavar="full|layer|node|RANK",
-        help="What is kept of it; full by default.",
-    ),
-]
-DtypeOption: TypeAlias = Annotated[
-    Precision | None, typer.Option(help="Of the covariance's root; float64 by default.")
-]
-OutlierDeviationOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Innovations beyond so many deviations are doubted, such as 5.")
-]
-StuckSamplesOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="A channel that repeats itself so often is left out.")
-]
-NoiseMemoryOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="Estimate the measurement deviation over so many samples.")
-]
-ChangeWindowOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="Look for changes over so many samples, and doubt the weights.")
-]
-ChangeReferenceOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="Samples before them to compare with; a wingbeat or more.")
-]
-FalseAlarmRateOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Of the test for changes, a sample, such as 1e-7.")
-]
-LearningRateOption: TypeAlias = Annotated[
-    float | None, typer.Option(help="Step of the gradient learner.")
-]
-ReplayOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="Old samples the gradient learner sees again.")
-]
-FeaturesOption: TypeAlias = Annotated[
-    int | None, typer.Option(help="Random softplus features of the linear learner.")
-]
-SeedOption: TypeAlias = Annotated[int, typer.Option(help="Of the initial weights.")]
+def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
+    """Parameters of a verb: file, learner, network, then one for each setting."""
+    many: Any = list[WholeNumbers] if several else WholeNumbers
+    repeat = " Repeat it to try several." if several else ""
+    if not several:
+        help_text = f"{file}; command-line options override it."
+        yield _parameter("settings", Path, typer.Option(help=help_text))
+    network = "Kind of the network; by default strip for flights, dense for tables."
+    hidden = "Neurons of each hidden layer; 8,8 by default (flow: 28)." + repeat
+    shown: dict[str, Any] = {"rich_help_panel": PANEL}
+    yield _parameter("network", NetworkKind, typer.Option(help=network, **shown))
+    option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
+    yield _parameter("hidden", many, option)
+    activation = typer.Option(help="Activation of the hidden layers; softplus by default.", **shown)
+    yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
+    learner = typer.Option(help="Kind of the learner; cubature by default.", **shown)
+    yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
+    seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
+    yield _parameter("seed", int, seed)
+    for word, path, one in setting_options():
+        yield _setting(word, path, one, several, hidden=False)
+        for old in (old for old, new in OLD_NAMES.items() if new == one.name):
+            yield _setting(old.replace("_", "-"), path, one, several, hidden=True)
 
-_FILTER = {
-    *("process_std", "forgetting_factor", "prior_share", "covariance"),
-    *("screening", "noise_estimation", "change_detection"),
+
+def _setting(
+    word: str, path: str, one: Field[Any], several: bool, *, hidden: bool
+) -> inspect.Parameter:
+    """Parameter of a verb for a setting; only settings outside of groups may be repeated."""
+    meaning: Meaning = one.metadata["meaning"]
+    group = path.rpartition(".")[0]
+    plain, reading = _READINGS[str(one.type).removesuffix(" | None")]
+    words = [meaning.text + ("" if meaning.unit in ("1", "y") else f" [{meaning.unit}]")]
+    if meaning.choices:
+        plain, reading = _one_of(one.name, meaning.choices), {}
+    elif isfinite(meaning.low) or isfinite(meaning.high):
+        words.append(meaning.range)
+    if one.default is not None:
+        default = f"{one.default:g}" if isinstance(one.default, float) else str(one.default)
+        where = f"off by default, {default} with other options of {group}"
+        words.append(where.replace("_", " ") if group else f"{default} by default")
+    text = "; ".join(words) + "."
+    option = typer.Option(f"--{word}", help=text, hidden=hidden, rich_help_panel=PANEL, **reading)
+    many: Any = list[plain] if several and not group else plain  # type: ignore[valid-type]
+    return _parameter(word.replace("-", "_"), many, option)
+
+
+def _one_of(name: str, values: tuple[str, ...]) -> Any:
+    """Type of an option that takes one of several words."""
+    return StrEnum(name, {value.upper(): value for value in values})
+
+
+def _parameter(name: str, kind: Any, option: Any) -> inspect.Parameter:
+    """Keyword of a verb that is None where the option is not given."""
+    hint = Annotated[kind | None, option]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=hint)
+
+
+_READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "float": (float, {}),
+    "int": (int, {}),
+    "str": (str, {}),
+    "Numbers": (Numbers, {"parser": numbers, "metavar": "NUMBER[,NUMBER...]"}),
+    "Structure": (Any, {"parser": structure, "metavar": "full|layer|node|RANK"}),
 }
-_NEEDED = {
-    LearnerKind.CUBATURE: {"prior_std", "measurement_std"},
-    LearnerKind.EXTENDED: {"prior_std", "measurement_std"},
-    LearnerKind.GRADIENT: {"learning_rate"},
-    LearnerKind.LINEAR: {"prior_std", "measurement_std"},
-}
-_TAKEN = {
-    LearnerKind.CUBATURE: {*_FILTER, "spread", "dtype"},
-    LearnerKind.EXTENDED: _FILTER,
-    LearnerKind.GRADIENT: {"replay"},
-    LearnerKind.LINEAR: {"features", "forgetting_factor"},
-}
+"""Type of an option and how its text is read, for each type of a setting."""
 
 
-def given(**settings: Any) -> dict[str, Any]:
-    """Settings that somebody gave, as a learner takes them.
+def _chosen(found: dict[str, Any]) -> LearnerChoice:
+    """Choice of the values of `_options`; a file of settings gives what was not given."""
+    path = found.pop("settings", None)
+    names = {"network": "network", "hidden": "hidden", "activation": "activation"}
+    names |= {"learner": "kind", "seed": "seed"}
+    shape = {new: found[old] for old, new in names.items() if found[old] is not None}
+    settings = {}
+    for word, dotted, one in setting_options():
+        value = found[word.replace("-", "_")]
+        for old in (old for old, new in OLD_NAMES.items() if new == one.name):
+            if found[old] is not None:
+                words = f"--{old.replace('_', '-')} is called --{word}; the old name goes with 0.3"
+                typer.echo(f"patagium: {words}", err=True)
+                value = found[old] if value is None else value
+        if value is not None:
+            settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
+    choice = LearnerChoice(settings=settings, given=bool(shape or settings or path), **shape)
+    return choice if path is None else _completed(choice, set(shape), path)
 
-    Args:
-        **settings: By name; None where nothing was given.
-    """
-    found = {name: value for name, value in settings.items() if value is not None}
-    stds = found.get("measurement_std")
-    if stds is not None and len(stds) == 1:
-        found["measurement_std"] = stds[0]
-    if "dtype" in found:
-        found["dtype"] = found["dtype"].value
-    return found
+
+def _plain(value: Any) -> Any:
+    """A value of an option as a file of settings would hold it."""
+    if isinstance(value, Numbers):
+        return value[0] if len(value) == 1 else list(value)
+    return str(value) if isinstance(value, StrEnum) else value
 
 
-def watched(
-    outlier_std: float | None,
-    stuck_samples: int | None,
-    noise_memory: int | None,
-    change_window: int | None,
-    change_reference: int | None,
-    false_alarm_rate: float | None,
-) -> dict[str, Any]:
-    """Settings of what a learner does about bad samples, noise and changes.
+def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerChoice:
+    """Choice completed by a file of settings, as far as the learner has them.
 
     Args:
-        outlier_std: Of `Screening`.
-        stuck_samples: Of `Screening`.
-        noise_memory: Of `NoiseEstimation`.
-        change_window: Of `ChangeDetection`.
-        change_reference: Of `ChangeDetection`.
-        false_alarm_rate: Of `ChangeDetection`.
-
-    Raises:
-        ParameterError: If a number is out of its range, or the test for changes is not whole.
+        choice: Choice of the command line.
+        given: Its attributes that were given there.
+        path: File that `patagium tune` wrote.
     """
-    from patagium.errors import ParameterError
-    from patagium.learning import ChangeDetection, NoiseEstimation, Screening
-
-    found: dict[str, Any] = {}
-    screening = given(outlier_std=outlier_std, stuck_samples=stuck_samples)
-    if screening:
-        found["screening"] = Screening(**screening)
-    if noise_memory is not None:
-        found["noise_estimation"] = NoiseEstimation(noise_memory)
-    test = (false_alarm_rate, change_window, change_reference)
-    if test != (None, None, None):
-        if false_alarm_rate is None or change_window is None or change_reference is None:
-            names = "--change-window, --change-reference and --false-alarm-rate"
-            raise ParameterError("test for changes", names, test)
-        found["change_detection"] = ChangeDetection(
-            false_alarm_rate, change_window, change_reference
-        )
-    return found
-
-
-def make_learner(kind: LearnerKind, network: Any, settings: Mapping[str, Any], seed: int) -> Any:
-    """A learner with the settings given.
-
-    Args:
-        kind: How it learns.
-        network: What it learns.
-        settings: See `given`.
-        seed: Of the initial weights.
-
-    Raises:
-        ParameterError: If a setting is missing, or one that this learner does not have.
-    """
-    import numpy as np
-
-    from patagium import learning as identification
-    from patagium.errors import ParameterError
-
-    known = set() if np.isnan(network.own_prior).any() else {"prior_std"}
-    for name in sorted(_NEEDED[kind] - known - set(settings)):
-        raise ParameterError(_option(name), f"a number for the {kind} learner", None)
-    for name in sorted(set(settings) - _NEEDED[kind] - _TAKEN[kind]):
-        raise ParameterError(_option(name), f"nothing: the {kind} learner has none", settings[name])
-    make = getattr(identification, f"{kind.value.capitalize()}Learner")
-    return make(network, seed=seed, **settings)
-
-
-class Asked(NamedTuple):
-    """What the command line asks for.
-
-    Attributes:
-        learner: How it learns.
-        options: Settings of the learner that were given.
-        network: None where nothing was said.
-        hidden: None where nothing was said.
-        activation: Of the hidden layers.
-        every: One sample in so many is used.
-        seed: Of the initial weights.
-    """
-
-    learner: LearnerKind
-    options: dict[str, Any]
-    network: NetworkKind | None
-    hidden: WholeNumbers | None
-    activation: Activation
-    every: int
-    seed: int
-
-
-def completed(context: typer.Context, asked: Asked, settings: Path | None) -> Asked:
-    """The same, with what was not said taken from a file of settings.
-
-    Args:
-        context: Of the verb.
-        asked: What the command line asks for.
-        settings: What `patagium tune` wrote; None: nothing is added.
-    """
-    if settings is None:
-        return asked
-    from patagium.cli.words import existing
     from patagium.learning import load_settings
 
-    found, said = load_settings(existing(settings)), said_by_hand(context)
-    learner = asked.learner if "learner" in said else LearnerKind(found.learner.kind)
-    linear, activation = learner is LearnerKind.LINEAR, Activation(found.network.activation)
-    return Asked(
-        learner,
-        settled(found.learner.values, learner) | asked.options,
-        asked.network if linear else asked.network or NetworkKind(found.network.kind),
-        asked.hidden if linear else asked.hidden or WholeNumbers(found.network.hidden),
-        asked.activation if "activation" in said else activation,
-        asked.every if "every" in said else found.every,
-        asked.seed if "seed" in said else found.learner.seed,
-    )
-
-
-def settled(values: Mapping[str, Any], kind: LearnerKind) -> dict[str, Any]:
-    """Settings of a learner from a file of settings, as far as it has them.
-
-    Args:
-        values: Plain, by name.
-        kind: How it learns.
-    """
-    from patagium.learning.tuning.knobs import keywords
-
-    known = _NEEDED[kind] | _TAKEN[kind]
-    return {name: value for name, value in keywords(values).items() if name in known}
-
-
-def said_by_hand(context: typer.Context) -> set[str]:
-    """Names of the options that stand on the command line.
-
-    Args:
-        context: Of the verb.
-    """
-    sources = {name: context.get_parameter_source(name) for name in context.params}
-    return {name for name, source in sources.items() if source and source.name == "COMMANDLINE"}
-
-
-def network_shape(
-    network: NetworkKind | None, hidden: WholeNumbers | None, learner: LearnerKind
-) -> tuple[NetworkKind | None, tuple[int, ...]]:
-    """The network asked for; the linear learner takes inputs and outputs only.
-
-    Raises:
-        ParameterError: If the linear learner is to have hidden layers or wings.
-    """
-    from patagium.errors import ParameterError
-
-    if learner is not LearnerKind.LINEAR:
-        return network, hidden or ((28,) if network is NetworkKind.FLOW else (8, 8))
-    if hidden is not None or network in WINGED:
-        option = "--network" if hidden is None else "--hidden"
-        raise ParameterError(
-            option, "nothing: the linear learner has --features", hidden or network
-        )
-    return NetworkKind.DENSE, ()
+    found = load_settings(existing(path))
+    kind = choice.kind if "kind" in given else found.learner.kind
+    known = {one.name for one in settings_of(kind)}
+    kept: dict[str, Any] = {}
+    for name, value in found.learner.values.items():
+        inner = value if isinstance(value, dict) and name != "covariance" else None
+        if name in known and value is not None:
+            kept |= {name: value} if inner is None else {f"{name}.{k}": v for k, v in inner.items()}
+    network: dict[str, Any] = {}
+    if kind != "linear":
+        network = {
+            "network": NetworkKind(found.network.kind),
+            "hidden": WholeNumbers(found.network.hidden),
+        }
+    filled = {
+        **network,
+        "kind": found.learner.kind,
+        "activation": found.network.activation,
+        "seed": found.learner.seed,
+    }
+    filled = {name: value for name, value in filled.items() if name not in given}
+    settings = {**kept, **(choice.settings or {})}
+    return replace(choice, settings=settings, every=found.every, **filled)
 
 
 def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
 ) -> Network:
-    """The network that knows the wings; the one of strips unless asked."""
-    from patagium import learning as found
+    """Network of the wings of a robot; that of strips unless another kind is chosen.
 
-    if kind is NetworkKind.HIDDEN_STRIP:
-        return found.HiddenStripNetwork(robot, hidden, air=air, activation=activation)
-    if kind is NetworkKind.HIDDEN_FLOW:
-        return found.HiddenFlowNetwork(robot, hidden, air=air, activation=activation)
-    make = found.FlowNetwork if kind is NetworkKind.FLOW else found.StripNetwork
-    return make(robot, hidden, air, activation)
+    Args:
+        kind: Key of `WINGED`, or None.
+        robot: Robot with wings.
+        hidden: Neurons of each hidden layer.
+        air: Air that it flies in.
+        activation: Activation of the hidden layers.
+    """
+    from patagium import learning
+
+    make = getattr(learning, WINGED[kind or NetworkKind.STRIP])
+    network: Network = make(robot, hidden, air=air, activation=activation)
+    return network
 
 
 def scaled_network(
@@ -360,14 +328,14 @@ def scaled_network(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
 ) -> Any:
-    """A dense network whose inputs and outputs are scaled by samples.
+    """Dense network whose inputs and outputs are scaled by samples.
 
     Args:
-        names: Of the outputs.
+        names: Names of the outputs.
         hidden: Neurons of each hidden layer.
-        activation: Of the hidden layers.
-        x: Inputs, (N, n_x).
-        y: Outputs, (N, n_y).
+        activation: Activation of the hidden layers.
+        x: Inputs, (N, n_x), in their units.
+        y: Outputs, (N, n_y), in their units.
     """
     from patagium.learning import DenseNetwork
 
@@ -384,14 +352,3 @@ def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     half = (high - low) / 2
     half[half < 1e-9 * max(half.max(), 1e-300)] = 1.0
     return (low + high) / 2, half
-
-
-_OPTIONS = {
-    "screening": "--outlier-std, --stuck-samples",
-    "noise_estimation": "--noise-memory",
-    "change_detection": "--change-window",
-}
-
-
-def _option(name: str) -> str:
-    return _OPTIONS.get(name, "--" + name.replace("_", "-"))

@@ -5,22 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from patagium.cli.interruption import interrupted
-from patagium.cli.learner_options import (
-    Activation,
-    Asked,
-    LearnerKind,
-    NetworkKind,
-    completed,
-    make_learner,
-    network_shape,
-    winged_network,
-)
+from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
@@ -47,24 +37,16 @@ LiveAddressOption = Annotated[
 ]
 
 
-LearnAlongOption = Annotated[
-    Path | None,
-    typer.Option("--settings", help="Learn along, with settings that patagium tune wrote."),
-]
-
-
-class LiveAsked(NamedTuple):
-    """The live view that a simulation is asked for.
+class LiveChoice(NamedTuple):
+    """Live view of a simulation.
 
     Attributes:
-        context: Of the verb.
-        address: HOST:PORT; None: where it usually is.
-        settings: What learns along; None: nothing.
+        address: HOST:PORT; None: the default.
+        choice: Learner and network that learn from the simulated flight; None: nothing learns.
     """
 
-    context: typer.Context
     address: str | None
-    settings: Path | None
+    choice: LearnerChoice | None
 
 
 class Shown(NamedTuple):
@@ -98,19 +80,19 @@ class Several(NamedTuple):
 def live_stream(
     live: bool, address: str | None, pipeline: Pipeline, status: Status, intake: Intake
 ) -> Iterator[Shown]:
-    """A page beside a stream, where one is asked for.
+    """Page beside a stream, where one is wanted.
 
     Args:
-        live: Whether it is.
-        address: Where; None: where it usually is.
-        pipeline: What learns.
-        status: How it goes.
-        intake: What came in, and what did not.
+        live: Whether it is wanted.
+        address: HOST:PORT; None: the default.
+        pipeline: Pipeline of the learner.
+        status: Rate, error and coverage of the stream.
+        intake: Counts of packets that came in, and that did not.
 
     Raises:
         ParameterError: If an address is given without a page, or the page cannot be served.
     """
-    if not _asked(live, address):
+    if not _served(live, address):
         yield Shown()
         return
     from patagium.viewer.live_frames import Subject
@@ -122,13 +104,13 @@ def live_stream(
 
 
 def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: Intake) -> Shown:
-    """What a stream does for a page.
+    """Sinks and rhythms of a stream that feed a page.
 
     Args:
-        view: The page.
-        pipeline: What learns.
-        status: How it goes.
-        intake: What came in, and what did not.
+        view: Page.
+        pipeline: Pipeline of the learner.
+        status: Rate, error and coverage of the stream.
+        intake: Counts of packets that came in, and that did not.
     """
     from patagium.live.loop import Rhythm
     from patagium.viewer.live_frames import Feed
@@ -151,31 +133,28 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
     return Shown((feed,), (Rhythm(PERIOD, tick),))
 
 
-def live_asked(
-    context: typer.Context, live: bool, address: str | None, settings: Path | None
-) -> LiveAsked | None:
-    """What is asked for of a live view; None where there is to be none.
+def live_choice(live: bool, address: str | None, choice: LearnerChoice) -> LiveChoice | None:
+    """Live view of a simulation; None where there is to be none.
 
     Args:
-        context: Of the verb.
         live: Whether there is to be one.
         address: HOST:PORT.
-        settings: What learns along.
+        choice: Learner and network; nothing learns where no option of theirs is given.
 
     Raises:
-        ParameterError: If something is asked for that only a live view has.
+        ParameterError: If an option is given that only a live view has.
     """
     from patagium.errors import ParameterError
 
-    if _asked(live, address):
-        return LiveAsked(context, address, settings)
-    if settings is not None:
-        raise ParameterError("--settings", "--live with it, to learn along", str(settings))
+    if _served(live, address):
+        return LiveChoice(address, choice if choice.given else None)
+    if choice.given:
+        raise ParameterError("options of a learner", "--live with it", "none")
     return None
 
 
 def fly_live(
-    asked: LiveAsked,
+    chosen: LiveChoice,
     start: Callable[[Gait], Flying],
     robot: Robot,
     gait: Gait,
@@ -185,7 +164,7 @@ def fly_live(
     """A flight in its own time, shown and steered, until it is over or Ctrl-C.
 
     Args:
-        asked: What was asked for.
+        chosen: Live view.
         start: Begins a flight with a gait.
         robot: The machine.
         gait: What its joints do until somebody steers.
@@ -200,11 +179,11 @@ def fly_live(
     """
     from patagium.viewer.live_flight import LiveFlight, flight_subject
 
-    pipeline, every = _learning_along(asked, robot, air)
+    pipeline, every = _learning_along(chosen.choice, robot, air)
     subject = flight_subject(robot, gait, pipeline)
     start(gait)  # compiled before there is a page, and refused before
     stop = threading.Event()
-    with opened(subject, asked.address) as view, interrupted(stop.set):
+    with opened(subject, chosen.address) as view, interrupted(stop.set):
         flying = LiveFlight(start, robot, gait, time_step, view, subject, pipeline, every)
         return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 
@@ -242,26 +221,24 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
         typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)
 
 
-def _learning_along(asked: LiveAsked, robot: Robot, air: Air) -> tuple[Pipeline | None, int]:
-    """What learns along, and from one sample in how many at most."""
+def _learning_along(
+    choice: LearnerChoice | None, robot: Robot, air: Air
+) -> tuple[Pipeline | None, int]:
+    """Pipeline of a learner beside a simulation, and the number of samples for each it uses."""
     from patagium.errors import ParameterError
     from patagium.live.pipeline import Pipeline
 
-    if asked.settings is None:
+    if choice is None:
         return None, 1
-    nothing = Asked(LearnerKind.CUBATURE, {}, None, None, Activation.SOFTPLUS, 1, 0)
-    kind, options, network, hidden, activation, every, seed = completed(
-        asked.context, nothing, asked.settings
-    )
-    shape, layers = network_shape(network, hidden, kind)
-    if shape is NetworkKind.DENSE:
-        expected = "those of a network of wings, which needs no flight to begin"
-        raise ParameterError("--settings", expected, shape.value)
-    net = winged_network(shape, robot, layers, air, activation.value)
-    return Pipeline(make_learner(kind, net, options, seed), robot), every
+    kind, layers = choice.shape()
+    if kind is NetworkKind.DENSE:
+        expected = "a network of wings, which needs no flight to begin"
+        raise ParameterError("network", expected, kind.value)
+    network = winged_network(kind, robot, layers, air, choice.activation)
+    return Pipeline(choice.learner(network), robot), choice.every or 1
 
 
-def _asked(live: bool, address: str | None) -> bool:
+def _served(live: bool, address: str | None) -> bool:
     from patagium.errors import ParameterError
 
     if address is not None and not live:

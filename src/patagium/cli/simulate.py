@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli import live as beside
+from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.words import Vector, quantity, vector
 
@@ -61,8 +62,8 @@ EXAMPLES = (
 )
 
 
+@with_learner_options(file="Settings of a learner beside --live, which patagium tune wrote")
 def simulate(
-    context: typer.Context,
     robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a file.")],
     duration: Annotated[
         float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
@@ -178,7 +179,8 @@ def simulate(
     ] = None,
     live: beside.LiveOption = False,
     live_address: beside.LiveAddressOption = None,
-    settings: beside.LearnAlongOption = None,
+    *,
+    choice: LearnerChoice,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Fly a robot and keep the flight.
@@ -193,7 +195,7 @@ def simulate(
     from patagium.robot import load_robot
     from patagium.simulation import mounts
 
-    shown = beside.live_asked(context, live, live_address, settings)
+    shown = beside.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude.value)
@@ -351,7 +353,7 @@ def _fly(
     model: Aerodynamics,
     gait: Gait,
     conditions: dict[str, Any],
-    shown: beside.LiveAsked | None,
+    shown: beside.LiveChoice | None,
 ) -> Any:
     from patagium import simulation
     from patagium.cli.words import progress_bar

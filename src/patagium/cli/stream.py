@@ -15,40 +15,11 @@ import typer
 
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import (
-    Activation,
-    ActivationOption,
-    Asked,
-    ChangeReferenceOption,
-    ChangeWindowOption,
-    CovarianceOption,
-    DtypeOption,
-    FalseAlarmRateOption,
-    FeaturesOption,
-    ForgettingFactorOption,
-    HiddenOption,
-    LearnerKind,
-    LearnerOption,
-    LearningRateOption,
-    MeasurementDeviationOption,
+    LearnerChoice,
     NetworkKind,
-    NetworkOption,
-    NoiseMemoryOption,
-    OutlierDeviationOption,
-    PriorDeviationOption,
-    PriorShareOption,
-    ProcessDeviationOption,
-    ReplayOption,
-    SeedOption,
-    SettingsOption,
-    SpreadOption,
-    StuckSamplesOption,
-    completed,
-    given,
-    make_learner,
-    network_shape,
     scaled_network,
-    watched,
     winged_network,
+    with_learner_options,
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
 
@@ -71,41 +42,17 @@ _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
 
 
+@with_learner_options()
 def stream(
-    context: typer.Context,
     source: Annotated[
         str,
-        typer.Argument(
-            help="A CSV file, an imported log, - for standard input, or udp://ADDRESS:PORT."
-        ),
+        typer.Argument(help="CSV file, imported log, - for standard input, or udp://ADDRESS:PORT."),
     ],
-    robot: Annotated[str, typer.Option(help="A preset's name or a robot file.")],
-    settings: SettingsOption = None,
-    network: NetworkOption = None,
-    hidden: HiddenOption = None,
-    activation: ActivationOption = Activation.SOFTPLUS,
+    robot: Annotated[str, typer.Option(help="Name of a preset, or a robot file.")],
+    choice: LearnerChoice,
     scale_by: Annotated[
         Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
     ] = None,
-    learner: LearnerOption = LearnerKind.CUBATURE,
-    prior_std: PriorDeviationOption = None,
-    measurement_std: MeasurementDeviationOption = None,
-    process_std: ProcessDeviationOption = None,
-    spread: SpreadOption = None,
-    forgetting_factor: ForgettingFactorOption = None,
-    prior_share: PriorShareOption = None,
-    covariance: CovarianceOption = None,
-    dtype: DtypeOption = None,
-    outlier_std: OutlierDeviationOption = None,
-    stuck_samples: StuckSamplesOption = None,
-    noise_memory: NoiseMemoryOption = None,
-    change_window: ChangeWindowOption = None,
-    change_reference: ChangeReferenceOption = None,
-    false_alarm_rate: FalseAlarmRateOption = None,
-    learning_rate: LearningRateOption = None,
-    replay: ReplayOption = None,
-    features: FeaturesOption = None,
-    seed: SeedOption = 0,
     idle: Annotated[
         float | None,
         typer.Option(min=0.0, help="End when nothing came for so long [s]; Ctrl-C otherwise."),
@@ -150,33 +97,10 @@ def stream(
     from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
-    watching = watched(
-        outlier_std,
-        stuck_samples,
-        noise_memory,
-        change_window,
-        change_reference,
-        false_alarm_rate,
-    )
-    options = watching | given(
-        prior_std=prior_std,
-        measurement_std=measurement_std,
-        process_std=process_std,
-        spread=spread,
-        forgetting_factor=forgetting_factor,
-        prior_share=prior_share,
-        covariance=covariance,
-        dtype=dtype,
-        learning_rate=learning_rate,
-        replay=replay,
-        features=features,
-    )
-    asked = Asked(learner, options, network, hidden, activation, 1, seed)
-    learner, options, network, hidden, activation, _, seed = completed(context, asked, settings)
     machine = load_robot(robot)
-    kind, layers = network_shape(network, hidden, learner)
-    net = _network(machine, kind, layers, activation.value, scale_by)
-    student = resumed(make_learner(learner, net, options, seed), state)
+    kind, layers = choice.shape()
+    net = _network(machine, kind, layers, choice.activation, scale_by)
+    student = resumed(choice.learner(net), state)
     pipeline = Pipeline(student, machine)
     status, intake = Status(Tally(net.outputs, memory)), Intake()
     columns = [column.name for column in packet_columns(machine)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.learner_options import Activation, NetworkKind, structure
+from patagium.cli.learner_options import NetworkKind, structure
 from patagium.cli.words import WholeNumbers, whole_numbers
 
 if TYPE_CHECKING:
@@ -21,6 +21,13 @@ EXAMPLES = (
     "patagium tune log.csv --mapping columns.yaml --every 1 --cluster tcp://10.0.0.1:8786",
     "patagium identify flight.nc --settings settings.yaml",
 )
+
+
+class Activation(StrEnum):
+    """Activations of the hidden layers."""
+
+    SOFTPLUS = "softplus"
+    TANH = "tanh"
 
 
 class LearnerKind(StrEnum):
@@ -85,7 +92,6 @@ def tune(
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import progress_bar, say_json
     from patagium.learning import tune as tune_learner
-    from patagium.learning.models.structure import described_structure
 
     layers = list(dict.fromkeys(tuple(one) for one in hidden or [WholeNumbers((8, 8))]))
     learned: Any
@@ -106,7 +112,7 @@ def tune(
             every=every,
             trials=trials,
             learner=learner.value,
-            covariance=[described_structure(one) for one in covariance] if covariance else None,
+            covariance=list(covariance) if covariance else None,
             seed=seed,
             jobs=jobs,
             cluster=cluster,

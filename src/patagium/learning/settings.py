@@ -565,9 +565,29 @@ def settings_of(learner: str) -> list[Field[Any]]:
     """Fields of the settings that a learner has.
 
     Args:
-        learner: Kind of the learner, one of `FILTERS`.
+        learner: Kind of the learner, a key of `RECORDS`.
     """
-    return [one for one in fields(FilterSettings) if learner in one.metadata["meaning"].learners]
+    found: tuple[Field[Any], ...] = fields(RECORDS[learner])
+    return [one for one in found if learner in one.metadata["meaning"].learners]
+
+
+def settings_from(learner: str, values: Mapping[str, Any]) -> Any:
+    """Record of the settings of a learner from plain values.
+
+    Args:
+        learner: Kind of the learner, a key of `RECORDS`.
+        values: Values by name, as a file holds them; missing ones take their defaults.
+
+    Raises:
+        ParameterError: If the learner has no such setting, or a value is out of its range.
+    """
+    known = {one.name: one for one in settings_of(learner)}
+    found = renamed(values)
+    for name, value in found.items():
+        if name not in known:
+            inner = next(iter(value), name) if isinstance(value, Mapping) else name
+            raise ParameterError(inner, f"nothing: the {learner} learner has none", value)
+    return RECORDS[learner](**{name: _made(known[name], value) for name, value in found.items()})
 
 
 def chosen_settings(
