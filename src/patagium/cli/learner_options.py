@@ -84,7 +84,7 @@ class LearnerChoice:
         Raises:
             ParameterError: If a setting is missing, out of its range, or not of this learner.
         """
-        from patagium.learning.learners.make import make_learner
+        from patagium.learning.learners.registry import make_learner
 
         try:
             return make_learner(self.kind, network, nested(self.settings or {}), self.seed)

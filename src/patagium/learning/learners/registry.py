@@ -11,6 +11,8 @@ from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from patagium.errors import LogError, ParameterError, PatagiumError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
@@ -21,15 +23,46 @@ from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import network_from_description
-from patagium.learning.settings import FilterSettings, renamed
+from patagium.learning.settings import FilterSettings, renamed, settings_from, settings_of
 
 FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
 }
 """Learners whose weights a filter moves, by kind."""
-_KINDS = (*FILTER_LEARNERS, "gradient", "linear")
+LEARNERS: dict[str, Any] = {
+    **FILTER_LEARNERS,
+    "gradient": GradientLearner,
+    "linear": LinearLearner,
+}
+"""Learners by kind; `RECORDS` of the settings has the settings of each."""
 _SCALES = ("input_center", "input_scale", "output_center", "output_scale")
 _LONGEST = 60  # characters of a value in a message
+
+
+def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
+    """New learner of a network.
+
+    Args:
+        kind: Kind of the learner, a key of `LEARNERS`.
+        network: Network whose weights it learns.
+        settings: Record of its settings, or plain values by name as a file holds them.
+        seed: Seed of the initial weights.
+
+    Raises:
+        ParameterError: If the kind is unknown, or a setting is missing, out of its range, or not
+            of this learner.
+    """
+    if kind not in LEARNERS:
+        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
+    record = settings_from(kind, settings) if isinstance(settings, Mapping) else settings
+    known = {"prior_std"} if not np.isnan(network.own_prior).any() else set()
+    values: dict[str, Any] = {}
+    for one in settings_of(kind):
+        value = getattr(record, one.name)
+        if value is None and one.metadata["meaning"].needed and one.name not in known:
+            raise ParameterError(one.name, f"a number for the {kind} learner", None)
+        values[one.name] = value
+    return LEARNERS[kind](network, seed=seed, **values)
 
 
 def learner_from_description(description: Mapping[str, Any]) -> Resumable:
@@ -53,7 +86,7 @@ def learner_from_description(description: Mapping[str, Any]) -> Resumable:
         return GradientLearner(network_from_description(network), **values)
     learner = FILTER_LEARNERS.get(str(kind))
     if learner is None:
-        raise ParameterError("learner", f"of kind {', '.join(_KINDS)}", kind)
+        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
     seed = values.pop("seed", 0)
     settings = FilterSettings.from_description(values)
     return learner(network_from_description(network), settings, seed=seed)
