@@ -3,6 +3,7 @@
 #   make demo     the paper's experiment, corrected and as published: out/demo/report.html
 #   make test     the tests
 #   make test-core  the tests of the package alone, without the laboratory: what one runs while working
+#   make golden   accept the generated C as it is now; a test shows the difference before
 #   make check    format, lint, types, layers, spelling, and the tests
 #   make docs     the documentation as pages: out/docs/index.html
 #   make bench    times of the compiled functions, against their rivals
@@ -20,7 +21,7 @@ UV ?= uv
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: install demo test test-core lint check docs bench pages lock
+.PHONY: install demo test test-core golden lint check docs bench pages lock
 
 install: $(STAMP)
 
@@ -44,6 +45,10 @@ test: $(STAMP)
 
 test-core: $(STAMP)
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile tests/core
+
+golden: $(STAMP)
+	@$(BIN)/python -m pytest -q tests/core/golden --accept-golden
+	@git diff --stat -- tests/core/golden
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .
