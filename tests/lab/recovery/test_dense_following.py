@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import patagium as pt
+from patagium_lab.reproduction.cases import FLIGHT_CASES, make_network
 from patagium_lab.reproduction.flights import corrected_flight
-from patagium_lab.reproduction.subjects import SUBJECTS, make_network
 
 EVERY = 5
 MEMORY = {"forgetting_factor": 0.9975}  # 0.2 s, about one wingbeat
@@ -51,7 +51,7 @@ def test_blocks_of_neurons_foresee_10_ms_and_no_worse_than_the_full_covariance(f
 
 def test_flow_is_better_seen_than_coordinates(flight):
     mean, worst, *_ = ahead(flight, flow_learner("node"))
-    known = make_network(SUBJECTS["corrected"], "inputs")  # scaled by known ranges
+    known = make_network(FLIGHT_CASES["corrected"], "inputs")  # scaled by known ranges
     told = {"prior_std": 1.0, "measurement_std": 0.001 * known.output_scale, **MEMORY}
     squares = pt.LinearLearner(known, features=28, **told)  # as many neurons, held at random
     squares_mean, squares_worst, *_ = ahead(flight, squares)

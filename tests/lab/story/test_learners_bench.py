@@ -12,12 +12,12 @@ import pytest
 
 from patagium.cli.main import run
 from patagium.errors import FilterDiverged, Outcome, ParameterError
-from patagium_lab.learners import bench as learners_bench
-from patagium_lab.learners.bench import run_learners
-from patagium_lab.learners.course import flight_course, load_course, log_course
+from patagium_lab.learners import run as learners_bench
+from patagium_lab.learners.data_sets import flight_course, load_course, log_course
 from patagium_lab.learners.entries import ENTRIES, SPANS, HeldSample, entries_of, entry
 from patagium_lab.learners.page import write_learners
 from patagium_lab.learners.race import Predicted, RacePlan, draws, follow, race, search
+from patagium_lab.learners.run import run_learners
 
 PLAN = RacePlan(after=(0.02, 0.04), tuning=0.08, draws=4, limit=5.0, twin_limit=0.5)
 LOG = Path(__file__).parents[3].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"

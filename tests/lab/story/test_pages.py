@@ -14,8 +14,8 @@ from patagium_lab.bench.page import PARTS, write_benchmark
 from patagium_lab.bench.run import GROUPS
 from patagium_lab.bench.targets import TARGETS, figure_text, speed_targets
 from patagium_lab.learners.entries import ENTRIES
-from patagium_lab.reproduction import report as reproduction_report
-from patagium_lab.rig import report as rig_report
+from patagium_lab.reproduction import page as reproduction_page
+from patagium_lab.rig import page as rig_page
 from patagium_lab.validation.cases.case import CaseResult, Target
 from patagium_lab.validation.page import write_validation
 from patagium_lab.validation.run import error_rows, validate
@@ -109,8 +109,8 @@ def test_every_group_of_the_bench_has_its_place_on_the_page() -> None:
     ("page", "titles"),
     [
         ("benchmarks.md", [title for title, _, _ in PARTS]),
-        ("results.md", reproduction_report.RESULTS),
-        ("rig.md", rig_report.RESULTS),
+        ("results.md", reproduction_page.RESULTS),
+        ("rig.md", rig_page.RESULTS),
     ],
 )
 def test_a_page_of_the_documentation_has_every_part(page: str, titles: list[str]) -> None:

@@ -13,10 +13,11 @@ import pytest
 import xarray as xr
 
 from patagium.report import cell_text
-from patagium_lab.reproduction.experiment import reproduce
-from patagium_lab.reproduction.plan import Plan
-from patagium_lab.reproduction.report import RESULTS
-from patagium_lab.verdicts import verdict
+from patagium_lab.reproduction.page import RESULTS, page
+from patagium_lab.reproduction.plan import ReproductionPlan
+from patagium_lab.reproduction.run import run
+from patagium_lab.study import write_study
+from patagium_lab.targets import verdict
 
 SECTIONS = (
     "Two experiments",
@@ -61,8 +62,10 @@ FIGURES = (
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("reproduction")
     told: list[float] = []
-    page = out / "results.md"
-    report = reproduce(out, quick=True, progress=lambda stage, part: told.append(part), page=page)
+    report, found = write_study(
+        out, ReproductionPlan.of(quick=True), run, page, lambda stage, part: told.append(part)
+    )
+    found.only(RESULTS).write(out / "results.md")
     return {
         "out": out,
         "report": report,
@@ -152,7 +155,7 @@ def _numbers(value: Any) -> list[float]:
 
 
 def test_every_error_is_put_in_and_taken_away() -> None:
-    names = {(case.table, case.name) for case in Plan().error_cases()}
+    names = {(case.table, case.name) for case in ReproductionPlan().error_cases()}
     errors = [f"E{k}" for k in (1, 2, 3, 4, 5, 6, 9)]
     for error in errors:
         assert any(table == "put_in" and name.startswith(error) for table, name in names)
@@ -165,4 +168,4 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("in the way", encoding="utf-8")
     with pytest.raises(OSError, match="file"):
-        reproduce(file, quick=True)
+        write_study(file, ReproductionPlan.of(quick=True), run, page)

@@ -15,13 +15,12 @@ from patagium.learning import load_learner
 from patagium.report import cell_text
 from patagium.robot import load_robot
 from patagium.sensing import load_sensor_log
-from patagium_lab.rig import experiment as rig_module
-from patagium_lab.rig.experiment import run_rig
 from patagium_lab.rig.learning import SOURCES
-from patagium_lab.rig.limits import CASES
-from patagium_lab.rig.plan import CELL, MOTORS, RigPlan, carriers, instruments
-from patagium_lab.rig.report import RESULTS
-from patagium_lab.verdicts import verdict
+from patagium_lab.rig.page import RESULTS, page
+from patagium_lab.rig.plan import CELL, LIMIT_CASES, MOTORS, RigPlan, carriers, instruments
+from patagium_lab.rig.run import run as run_rig
+from patagium_lab.study import write_study
+from patagium_lab.targets import verdict
 
 SECTIONS = (
     "The rig",
@@ -41,18 +40,14 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rig")
     machine = folder / "few.yaml"
     machine.write_text(load_robot("aerobat").source.replace("strips: 5", "strips: 2"))
-    plan = RigPlan(str(machine), noise=(1.0,), eights=0.3, unseen_beats=2)
+    limits = (LIMIT_CASES[0].name, LIMIT_CASES[-2].name)
+    plan = RigPlan(str(machine), noise=(1.0,), eights=0.3, unseen_beats=2, limits=limits, workers=0)
     told: list[float] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rig_module, "CASES", (CASES[0], CASES[-2]))
-        page = run_rig(
-            folder / "out",
-            plan,
-            progress=lambda _, part: told.append(part),
-            workers=0,
-            page=folder / "results.md",
-        )
-    assert page == folder / "out" / "report.html"
+    report, results = write_study(
+        folder / "out", plan, run_rig, page, lambda _, part: told.append(part)
+    )
+    results.only(RESULTS).write(folder / "results.md")
+    assert report == folder / "out" / "report.html"
     assert told == sorted(told) and told[-1] == 1.0
     return folder / "out"
 

@@ -14,7 +14,7 @@ from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.filters.change import ChangeMonitor
 from patagium.learning.settings import ChangeDetection
-from patagium_lab.stress import study
+from patagium_lab.stress import run as study
 from patagium_lab.stress.calibration import flight_calibration
 from patagium_lab.stress.campaign import (
     FIRST,

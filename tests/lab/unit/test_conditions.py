@@ -9,7 +9,7 @@ from datetime import date
 import pytest
 
 from patagium_lab.conditions import conditions, load_average, machine
-from patagium_lab.verdicts import count_met, verdict
+from patagium_lab.targets import count_met, verdict
 
 
 def test_conditions_name_program_machine_and_day(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ what a flight adds around them.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -50,28 +50,21 @@ class AirModel:
 
 
 FIRST = "quasi-steady"
-FULL = "lifting line, two states, added mass"
-
-
-def air_models(robot: Robot) -> dict[str, AirModel]:
-    """Every model of the air, by name.
-
-    Args:
-        robot: A machine with strips.
-    """
-    air = Air()
-    two = LiftingLine(robot, air, TWO_STATE)
-    delayed = LiftingLine(robot, air, TWO_STATE, stall_delay=StallDelay())
-    return {
-        FIRST: AirModel(QuasiSteady(robot, air)),
-        "as published": AirModel(Published(robot, air)),
-        "DeLaurier's strips": AirModel(DeLaurier(robot, air)),
-        "lifting line, one state": AirModel(LiftingLine(robot, air, ONE_STATE)),
-        "lifting line, two states": AirModel(two),
-        "lifting line, four states": AirModel(LiftingLine(robot, air, FOUR_STATE)),
-        FULL: AirModel(two, AddedMass(robot, air)),
-        "lifting line, two states, stall delay": AirModel(delayed),
-    }
+MODELS: dict[str, Callable[[Robot, Air], AirModel]] = {
+    FIRST: lambda robot, air: AirModel(QuasiSteady(robot, air)),
+    "as published": lambda robot, air: AirModel(Published(robot, air)),
+    "DeLaurier's strips": lambda robot, air: AirModel(DeLaurier(robot, air)),
+    "lifting line, one state": lambda robot, air: AirModel(LiftingLine(robot, air, ONE_STATE)),
+    "lifting line, two states": lambda robot, air: AirModel(LiftingLine(robot, air, TWO_STATE)),
+    "lifting line, four states": lambda robot, air: AirModel(LiftingLine(robot, air, FOUR_STATE)),
+    "lifting line, two states, added mass": lambda robot, air: AirModel(
+        LiftingLine(robot, air, TWO_STATE), AddedMass(robot, air)
+    ),
+    "lifting line, two states, stall delay": lambda robot, air: AirModel(
+        LiftingLine(robot, air, TWO_STATE, stall_delay=StallDelay())
+    ),
+}
+"""Every model of the air for a machine with strips, by name."""
 
 
 def model_cost(robot: Robot, name: str) -> float:
@@ -79,13 +72,13 @@ def model_cost(robot: Robot, name: str) -> float:
 
     Args:
         robot: A machine with strips.
-        name: One of `air_models`.
+        name: Key of `MODELS`.
     """
-    return _cost(air_models(robot)[name])[0]
+    return _cost(MODELS[name](robot, Air()))[0]
 
 
 def model_results(robot: Robot) -> Iterator[Result]:
-    """Every model of the air on the same robot, beside the quasi-steady one.
+    """Every model of the air on the same robot, beside the quasi-steady model.
 
     Args:
         robot: A machine with strips.
@@ -93,7 +86,7 @@ def model_results(robot: Robot) -> Iterator[Result]:
     note = f"force and rate of the states, {len(robot.strips)} strips, one state a call"
     base = model_cost(robot, FIRST)
     yield Result(FIRST, base, "ns", note=note)
-    for name in air_models(robot):
+    for name in MODELS:
         if name != FIRST:
             yield compared(name, model_cost(robot, name), "ns", FIRST, base, note)
 

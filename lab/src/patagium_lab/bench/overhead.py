@@ -1,20 +1,20 @@
-"""What the paper's two figures of overhead show, measured like for like.
+"""Overheads of dynamics and of aerodynamics, as in two figures of the paper, like for like.
 
-Dynamics: symbolic against algorithmic differentiation, interpreted and compiled, as
-published and as it should be. Aerodynamics: every model of the air and what learned it.
-Medians on
-random states; times of other machines differ, ratios less.
+Dynamics: symbolic against algorithmic differentiation, interpreted and compiled, as published and
+as it should be. Aerodynamics: every model of the air, and the networks that learned it. Times are
+medians on random states.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from patagium.aerodynamics import Air
 from patagium.dynamics import equations
 from patagium.learning.models.flow import FlowNetwork
 from patagium.learning.models.hidden import HiddenStripNetwork
@@ -26,101 +26,82 @@ from patagium.robot.model import Robot
 from patagium_lab.bench import air as benchmark_air
 from patagium_lab.bench import learning
 from patagium_lab.bench.dynamics import DynamicsBench, random_states, walk
+from patagium_lab.jobs import Job
 from patagium_lab.rivals import energy_rival, symbolic_rival
 from patagium_lab.rivals.compiled import Rival, compile_rival, library_calls
 from patagium_lab.rivals.python_rivals import interpreted_energy, python_rivals
 from patagium_lab.timing import one_core, time_call, time_python
-from patagium_lab.workers import Job
 
 _NAN = float("nan")
 CALLS = 40_000
-"""Of the air in a second of flight: Runge-Kutta of four stages at 1e-4 s."""
+"""Calls of the model of the air in 1 s of flight: Runge-Kutta of four stages at 1e-4 s."""
 
 
-def dynamics_overhead(robot: Robot, published: bool = True) -> list[dict[str, Any]]:
-    """Time of D, of C v + G and of both, by formulation and by how it is run.
+def dynamics_overhead(robot: Robot, rivals: Sequence[str]) -> list[dict[str, Any]]:
+    """Times of D, of C v + G and of both, by formulation and by how it is run.
 
     Args:
         robot: An Aerobat: symbolic equations are stored for it.
-        published: Whether the experiment's own formulation and the symbolic one without
-            `cse` are among them: their C compiles for about a minute the first time.
+        rivals: Keys of `RIVALS` that are timed compiled.
 
     Returns:
-        One dictionary a formulation: formulation, run ("compiled" or "interpreted"),
-        mass_matrix, bias, both [ns] (NaN where it offers none), derivation_time [s],
-        compile_time [s], code_size [bytes].
+        Rows with the keys formulation, run ("compiled" or "interpreted"), mass_matrix, bias,
+        both [ns] (NaN where a formulation offers none), derivation_time [s], compile_time [s],
+        code_size [bytes].
     """
     bench = DynamicsBench(robot)
     rows = [_interpreted(bench, kind) for kind in ("symbolic", "differentiated")]
-    made = [RIVALS[name](robot) for name in rival_costs(published)]
+    made = [RIVALS[name].make(robot) for name in rivals]
     with one_core():
         rows += [_compiled(bench, rival) for rival in made if isinstance(rival, Rival)]
     return rows
 
 
-def rival_costs(published: bool = True) -> dict[str, float]:
-    """Rivals of the dynamics, and about how long a compiler takes for each the first time [s].
+def compile_jobs(
+    rivals: Sequence[str], models: Sequence[str], networks: Sequence[str]
+) -> list[Job]:
+    """Jobs that compile into the cache what is timed here.
 
     Args:
-        published: Whether those that take long are among them.
+        rivals: Keys of `RIVALS`.
+        models: Keys of `bench.air.MODELS`.
+        networks: Keys of `WING_NETWORKS`.
     """
-    costs = {"shared": 11.0, "unshared": 36.0, "published": 33.0, "short": 4.0, "recursive": 1.0}
-    return {name: cost for name, cost in costs.items() if published or cost < 20.0}
-
-
-def models_of_air(short: bool = False) -> tuple[list[str], list[str]]:
-    """Models of the air and networks that are timed, by name.
-
-    Args:
-        short: Only the quasi-steady air, and the lifting line with added mass.
-    """
-    if short:
-        return [benchmark_air.FIRST, benchmark_air.FULL], []
-    return list(benchmark_air.air_models(load_robot("aerobat"))), list(WING_NETWORKS)
-
-
-def compiled_ahead(published: bool = True, short: bool = False) -> list[Job]:
-    """What fills the cache with all that is timed here, for workers with nothing to time.
-
-    Args:
-        published: Whether rivals that compile for long are among it.
-        short: Whether only some models of the air are.
-    """
-    models, networks = models_of_air(short)
-    jobs = [Job(compile_ahead, ("rival", name), s) for name, s in rival_costs(published).items()]
+    jobs = [Job(compile_ahead, ("rival", name), RIVALS[name].cost) for name in rivals]
     jobs += [Job(compile_ahead, ("air", name), 3.0) for name in models]
     return jobs + [Job(compile_ahead, ("network", name), 5.0) for name in networks]
 
 
 def compile_ahead(kind: str, name: str) -> None:
-    """One of `compiled_ahead`, compiled into the cache.
+    """Compile one function into the cache.
 
     Args:
         kind: "rival", "air" or "network".
-        name: Of that kind.
+        name: Key of that kind.
     """
     robot = load_robot("aerobat")
     if kind == "rival":
-        RIVALS[name](robot)
+        RIVALS[name].make(robot)
     elif kind == "air":
-        benchmark_air.compiled(benchmark_air.air_models(robot)[name])
+        benchmark_air.compiled(benchmark_air.MODELS[name](robot, Air()))
     else:
         learning.compiled_network(WING_NETWORKS[name](robot))
 
 
-def aerodynamics_overhead(short: bool = False) -> list[dict[str, Any]]:
-    """Time of the force of the Aerobat's air by its equations and by networks.
+def aerodynamics_overhead(models: Sequence[str], networks: Sequence[str]) -> list[dict[str, Any]]:
+    """Times of the force of the Aerobat's air by its equations and by networks.
 
     Args:
-        short: Whether only some models of the air are timed.
+        models: Keys of `bench.air.MODELS`.
+        networks: Keys of `WING_NETWORKS`.
 
     Returns:
-        One dictionary a model: model, kind ("equations" or "learned"), single [ns a state, one
-        state a call, compiled, rates of its own states with it], batch [ns a state, many
-        states in one Python call; NaN if not timed], flight_second (time of it in one second
-        of flight, `CALLS` calls [s]), times_real_time.
+        Rows with the keys model, kind ("equations" or "learned"), single [ns a state, one
+        state a call, compiled, with rates of its own states], batch [ns a state, many
+        states in one Python call; NaN if not timed], flight_second (time in one second of
+        flight, `CALLS` calls [s]), times_real_time.
     """
-    robot, (models, networks) = load_robot("aerobat"), models_of_air(short)
+    robot = load_robot("aerobat")
     values = {result.name: result.value or _NAN for result in learning.on_one_thread("air")}
     with one_core():
         rows = [
@@ -237,16 +218,32 @@ def _compiled(bench: DynamicsBench, rival: Rival) -> dict[str, Any]:
     }
 
 
-RIVALS: dict[str, Callable[[Robot], Rival | str]] = {
-    "shared": _shared,
-    "unshared": _unshared,
-    "published": energy_rival.published_rival,
-    "short": energy_rival.short_rival,
-    "recursive": _recursive,
+class RivalMaker(NamedTuple):
+    """A formulation of the dynamics that is timed.
+
+    Attributes:
+        make: Gives the compiled functions, or the reason why there are none.
+        cost: Expected time of the C compiler the first time [s].
+    """
+
+    make: Callable[[Robot], Rival | str]
+    cost: float
+
+
+RIVALS = {
+    "shared": RivalMaker(_shared, 11.0),
+    "unshared": RivalMaker(_unshared, 36.0),
+    "published": RivalMaker(energy_rival.published_rival, 33.0),
+    "short": RivalMaker(energy_rival.short_rival, 4.0),
+    "recursive": RivalMaker(_recursive, 1.0),
 }
-"""Makers of the rivals by name."""
+"""Formulations of the dynamics, by name."""
+QUICK_RIVALS = ("shared", "recursive")
+"""Formulations that compile in seconds, one symbolic and one differentiated."""
 WING_NETWORKS: dict[str, Callable[[Robot], Network]] = {
     "dense of the flow": FlowNetwork,
     "hidden states": HiddenStripNetwork,
 }
-"""Networks that the bench of updates does not know, by name."""
+"""Networks that the bench of updates does not time, by name."""
+AIR_MODELS, AIR_NETWORKS = tuple(benchmark_air.MODELS), tuple(WING_NETWORKS)
+"""Names of all models of the air and of all networks that are timed."""

@@ -16,7 +16,7 @@ from patagium.report.style import TRUTH, color, legend_above, panels, styled
 from patagium_lab.bench.run import CONDITIONS, GROUPS
 from patagium_lab.bench.targets import figure_text, speed_targets
 from patagium_lab.conditions import conditions
-from patagium_lab.verdicts import count_met, verdict
+from patagium_lab.targets import count_met, verdict
 
 Row = dict[str, Any]
 SUMMARY = (

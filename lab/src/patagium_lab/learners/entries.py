@@ -23,7 +23,7 @@ from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import LowRank, NoiseEstimation
-from patagium_lab.learners.course import Course
+from patagium_lab.learners.data_sets import Course
 
 Array = NDArray[np.float64]
 Setting = Mapping[str, float]

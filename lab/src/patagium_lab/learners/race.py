@@ -19,7 +19,7 @@ from scipy.stats import qmc
 from patagium.errors import PatagiumError
 from patagium.learning.schedule import Indices, thin, used_samples
 from patagium.learning.scores import INTERVAL, normalized_error
-from patagium_lab.learners.course import Course
+from patagium_lab.learners.data_sets import Course
 from patagium_lab.learners.entries import SPANS, Entrant, Entry
 
 Array = NDArray[np.float64]

@@ -33,7 +33,7 @@ EVERY = (1, 10, 100)
 HORIZONS = {"10ms": 0.01, "100ms": 0.1, "1s": 1.0}
 HIDDEN = (8, 8)
 FEATURES = 100
-MEASUREMENT_DEVIATION = 0.6
+MEASUREMENT_STD = 0.6
 """Of the vertical specific force: vibration, and what the commands do not tell [m/s^2]."""
 BOUNDED: dict[str, Any] = {"prior_share": 1e-5, "noise_estimation": NoiseEstimation(300)}
 """A memory of 10^5 samples used, and noise found online: how learners are set to keep learning."""
@@ -145,7 +145,7 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[Section]:
                 "commands and the rates. Alone, the network sees the commands as they are. With a "
                 "bounded memory a share of 1e-5 of the covariance before any sample is mixed in "
                 "before each, and the noise of the measurement is found online; the others take "
-                f"it as {MEASUREMENT_DEVIATION} m/s^2, which learners with bounded memory only "
+                f"it as {MEASUREMENT_STD} m/s^2, which learners with bounded memory only "
                 "start from.",
                 ReportTable(
                     list(columns),
@@ -163,7 +163,7 @@ def _makers(table: Table) -> dict[str, Callable[[], Learner]]:
     physics, linear = thrust_network_for(table, HIDDEN), network_for(table, ())
     prior: dict[str, Any] = {
         "prior_std": 0.5,
-        "measurement_std": MEASUREMENT_DEVIATION,
+        "measurement_std": MEASUREMENT_STD,
     }
     beside, alone = f"physics and network {HIDDEN}", f"dense network {HIDDEN}"
     return {

@@ -1,34 +1,32 @@
-"""The paper's claims, one by one: what the published experiment does, and what we find.
+"""The paper's claims, one by one: the published experiment beside our results.
 
-Every figure comes from the metrics that the
-report is made of; nothing is measured here. Neglected: claims without a number behind them.
+Every figure comes from the metrics of the page; nothing is measured here. Claims without a number
+behind them are left out.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from patagium.report import Table, cell_text
 from patagium.report.figures import seconds_text
-from patagium_lab.reproduction.subjects import STRIPS
-
-Metrics = Mapping[str, Any]
-Row = dict[str, Any]
+from patagium_lab.reproduction.cases import STRIPS
+from patagium_lab.study import Metrics, table_of
 
 
-def run_of(
+def scores_of_trial(
     metrics: Metrics, flight: str, network: str, learner: str = "cubature", every: int = 100
-) -> Row:
-    """Scores of a run; empty where it was not made.
+) -> dict[str, Any]:
+    """Scores of a trial; empty where it was not run.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
         flight: Key of the flight.
         network: Key of the network.
         learner: Key of the learner.
-        every: One sample in so many.
+        every: One sample in this many was learned.
     """
     wanted = (flight, network, learner, every)
     for row in metrics["learning"]:
@@ -37,14 +35,16 @@ def run_of(
     return {}
 
 
-def starts_of(metrics: Metrics, flight: str, network: str, every: int, key: str) -> list[float]:
+def scores_of_starts(
+    metrics: Metrics, flight: str, network: str, every: int, key: str
+) -> list[float]:
     """One score of all starts of a strip network.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
         flight: Key of the flight.
         network: Key of the network.
-        every: One sample in so many.
+        every: One sample in this many was learned.
         key: Name of the score.
     """
     wanted = (flight, network, every)
@@ -56,18 +56,15 @@ def starts_of(metrics: Metrics, flight: str, network: str, every: int, key: str)
 
 
 def best_strip(flight: str) -> str:
-    """The strip network that can represent the air of a flight."""
+    """Key of the strip network that can represent the air of a flight."""
     return STRIPS[flight][0]
 
 
-def claims(metrics: Metrics) -> list[Row]:
-    """The paper's claims.
+def claims(metrics: Metrics) -> list[dict[str, Any]]:
+    """Rows of the paper's claims, with the keys claim, published and ours.
 
     Args:
-        metrics: Of the reproduction.
-
-    Returns:
-        One dictionary a claim: claim, published, ours.
+        metrics: Metrics of the reproduction.
     """
     makers = (
         _overhead,
@@ -83,25 +80,38 @@ def claims(metrics: Metrics) -> list[Row]:
         _cheaper,
         _morphing,
     )
-    return [
-        dict(zip(("claim", "published", "ours"), make(metrics), strict=True)) for make in makers
-    ]
+    return [make(metrics)._asdict() for make in makers]
 
 
 def claims_table(metrics: Metrics) -> Table:
-    """The claims as a table.
+    """Table of the claims.
 
     Args:
-        metrics: Of the reproduction, `claims` among them.
+        metrics: Metrics of the reproduction, `claims` among them.
     """
-    rows = [[row["claim"], row["published"], row["ours"]] for row in metrics["claims"]]
-    return Table(("the paper says", "its published experiment", "here"), rows)
+    columns = {
+        "claim of the paper": "claim",
+        "published experiment": "published",
+        "this reproduction": "ours",
+    }
+    return table_of(columns, metrics["claims"])
 
 
-Claim = tuple[str, str, str]
+class PaperClaim(NamedTuple):
+    """A claim of the paper.
+
+    Attributes:
+        claim: What the paper says.
+        published: What its published experiment does.
+        ours: What this reproduction finds.
+    """
+
+    claim: str
+    published: str
+    ours: str
 
 
-def _overhead(metrics: Metrics) -> Claim:
+def _overhead(metrics: Metrics) -> PaperClaim:
     rows = {row["formulation"]: row for row in metrics["overhead"]["dynamics"]}
     compiled = {name: row for name, row in rows.items() if row["run"] == "compiled"}
     times = "; ".join(
@@ -116,7 +126,7 @@ def _overhead(metrics: Metrics) -> Claim:
             f"{seconds_text(symbolic['derivation_time'])} symbolically, "
             f"{seconds_text(recursive['derivation_time'])} here."
         )
-    return (
+    return PaperClaim(
         "Algorithmic differentiation gives D, C and G much faster than symbolic terms.",
         "First-call timings, interpreted against compiled, a smaller symbolic model, no shared "
         "subexpressions (E13).",
@@ -126,18 +136,18 @@ def _overhead(metrics: Metrics) -> Claim:
     )
 
 
-def _accuracy(metrics: Metrics) -> Claim:
+def _accuracy(metrics: Metrics) -> PaperClaim:
     found = []
     for flight in ("published", "corrected"):
         for network, word in (("dense", "dense"), (best_strip(flight), "strip")):
-            row = run_of(metrics, flight, network)
+            row = scores_of_trial(metrics, flight, network)
             if row:
                 found.append(
                     f"{flight}, {word}: mean {_text(row['nmse_second_half_mean'])}, worst "
                     f"{_text(row['nmse_second_half_worst'])}, held sample "
                     f"{_text(row['persistence_second_half_mean'])}"
                 )
-    return (
+    return PaperClaim(
         "The mean square error is 0.04 % for all generalized forces.",
         "No normalization is stated, and pitch is visibly wrong in its figure (E12).",
         "Normalized by the variance of each force, one sample in 100, second half: "
@@ -146,15 +156,15 @@ def _accuracy(metrics: Metrics) -> Claim:
     )
 
 
-def _sparse(metrics: Metrics) -> Claim:
+def _sparse(metrics: Metrics) -> PaperClaim:
     found = []
     for flight in ("published", "corrected"):
         parts = [
             f"{word} {_text(row['nmse_second_half_worst'])}"
             for every, word in ((100, "one in 100"), (10, "one in 10"), (1, "every sample"))
-            if (row := run_of(metrics, flight, best_strip(flight), every=every))
+            if (row := scores_of_trial(metrics, flight, best_strip(flight), every=every))
         ]
-        rival = run_of(metrics, flight, "", "features")
+        rival = scores_of_trial(metrics, flight, "", "features")
         tail = ""
         if rival:
             tail = (
@@ -162,7 +172,7 @@ def _sparse(metrics: Metrics) -> Claim:
                 f"{_text(rival['nmse_second_half_worst'])})"
             )
         found.append(f"{flight}: {', '.join(parts)}{tail}")
-    return (
+    return PaperClaim(
         "One sample in 100 is enough.",
         "Its script updates at every sample (E10).",
         f"Strip network, worst force, second half: {'; '.join(found)}. It is enough, also for "
@@ -170,7 +180,7 @@ def _sparse(metrics: Metrics) -> Claim:
     )
 
 
-def _unseen(metrics: Metrics) -> Claim:
+def _unseen(metrics: Metrics) -> PaperClaim:
     found = []
     for flight in ("published", "corrected"):
         for network, learner, word in (
@@ -178,11 +188,11 @@ def _unseen(metrics: Metrics) -> Claim:
             ("dense", "cubature", "dense"),
             ("", "features", "least squares on random features"),
         ):
-            row = run_of(metrics, flight, network, learner)
+            row = scores_of_trial(metrics, flight, network, learner)
             if row.get("unseen"):
                 worst = max(gait["worst"] for gait in row["unseen"].values())
                 found.append(f"{flight}, {word} {_text(worst)}")
-    return (
+    return PaperClaim(
         "The learned model predicts the forces in a 200 ms envelope, where backpropagation would "
         "be trapped around a local attractor.",
         "Only the gait that was learned is shown, while it is learned.",
@@ -191,22 +201,22 @@ def _unseen(metrics: Metrics) -> Claim:
     )
 
 
-def _confidence(metrics: Metrics) -> Claim:
+def _confidence(metrics: Metrics) -> PaperClaim:
     found = [
         f"{flight}: {_text(row['prior_variance'])} before the first sample, "
         f"{_text(row['largest_variance'])} at the end, {_percent(row['coverage_second_half'])} "
         "of samples in the 95 % interval"
         for flight in ("published", "corrected")
-        if (row := run_of(metrics, flight, best_strip(flight)))
+        if (row := scores_of_trial(metrics, flight, best_strip(flight)))
     ]
-    dense = run_of(metrics, "published", "dense")
+    dense = scores_of_trial(metrics, "published", "dense")
     tail = ""
     if dense:
         tail = (
             " The dense network, which has to forget, ends at "
             f"{_text(dense['largest_variance'])} with its errors falling."
         )
-    return (
+    return PaperClaim(
         "The diagonal of P is below 1e-2, which reflects the confidence of the filter.",
         "P starts at 1e-3, so it is below 1e-2 before the first sample; the predicted P is about "
         "Q at every step (E10).",
@@ -215,9 +225,9 @@ def _confidence(metrics: Metrics) -> Claim:
     )
 
 
-def _noise(metrics: Metrics) -> Claim:
+def _noise(metrics: Metrics) -> PaperClaim:
     std = metrics["choices"]["strip_std"]
-    return (
+    return PaperClaim(
         "Process and measurement noise are zero.",
         "Its script has Q = R = 1e-3.",
         "R = 0 makes the innovation covariance singular. Here R stands for what the network "
@@ -228,15 +238,15 @@ def _noise(metrics: Metrics) -> Claim:
     )
 
 
-def _real_time(metrics: Metrics) -> Claim:
+def _real_time(metrics: Metrics) -> PaperClaim:
     parts = []
     for network, word in (("strip", "strip"), ("dense", "dense"), ("dense_published", "dense")):
-        row = run_of(metrics, "corrected", network)
+        row = scores_of_trial(metrics, "corrected", network)
         if row:
             parts.append(
                 f"{word}, {row['weights']} weights, {seconds_text(row['time_per_update'])}"
             )
-    return (
+    return PaperClaim(
         "The model can be estimated in real time.",
         "No time of an update is given.",
         f"An update takes: {'; '.join(parts)}, on one core of this machine. One sample in 100 "
@@ -244,16 +254,16 @@ def _real_time(metrics: Metrics) -> Claim:
     )
 
 
-def _layers(metrics: Metrics) -> Claim:
+def _layers(metrics: Metrics) -> PaperClaim:
     found = []
     for flight in ("published", "corrected"):
         for network in ("dense", "dense_published", "dense_velocity"):
-            row = run_of(metrics, flight, network, every=10)
+            row = scores_of_trial(metrics, flight, network, every=10)
             if row:
                 found.append(
                     f"{flight} {row['weights']} weights {_text(row['nmse_second_half_worst'])}"
                 )
-    return (
+    return PaperClaim(
         "The network has three layers with two softplus activations.",
         "One softplus layer of 20 neurons; 400 recurrent weights are multiplied by zero (E10).",
         "Both are run: 28-16-12-14 (850 weights), 28-20-14 (874), and 8-20-14 (474). One sample "
@@ -261,12 +271,12 @@ def _layers(metrics: Metrics) -> Claim:
     )
 
 
-def _extended(metrics: Metrics) -> Claim:
+def _extended(metrics: Metrics) -> PaperClaim:
     found = []
     for network, word in (("strip", "strip"), ("dense_published", "dense, 874 weights")):
         for flight in ("published", "corrected"):
-            ours = run_of(metrics, flight, network)
-            rival = run_of(metrics, flight, network, "extended")
+            ours = scores_of_trial(metrics, flight, network)
+            rival = scores_of_trial(metrics, flight, network, "extended")
             if ours and rival:
                 found.append(
                     f"{word}, {flight}: extended {seconds_text(rival['time_per_update'])} and "
@@ -274,7 +284,7 @@ def _extended(metrics: Metrics) -> Claim:
                     f"{seconds_text(ours['time_per_update'])} and "
                     f"{_text(ours['nmse_second_half_worst'])}"
                 )
-    return (
+    return PaperClaim(
         "The extended Kalman filter is too costly, because of the Jacobian.",
         "It is not tried.",
         f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. Both are "
@@ -282,7 +292,7 @@ def _extended(metrics: Metrics) -> Claim:
     )
 
 
-def _backpropagation(metrics: Metrics) -> Claim:
+def _backpropagation(metrics: Metrics) -> PaperClaim:
     found = []
     for flight in ("published", "corrected"):
         for network, word in (("dense_published", "dense"), (best_strip(flight), "strip")):
@@ -293,10 +303,10 @@ def _backpropagation(metrics: Metrics) -> Claim:
                     ("replay", "with replay"),
                     ("cubature", "cubature"),
                 )
-                if (row := run_of(metrics, flight, network, learner, 10))
+                if (row := scores_of_trial(metrics, flight, network, learner, 10))
             ]
             found.append(f"{flight}, {word}: {', '.join(parts)}")
-    return (
+    return PaperClaim(
         "Backpropagation needs large data sets and offline training.",
         "It is not tried.",
         "One step of Adam a sample, one sample in 10, worst force, second half: "
@@ -305,12 +315,12 @@ def _backpropagation(metrics: Metrics) -> Claim:
     )
 
 
-def _cheaper(metrics: Metrics) -> Claim:
+def _cheaper(metrics: Metrics) -> PaperClaim:
     parts = [
         f"{row['model'].replace('_', ' ')} {seconds_text(1e-9 * row['single'])}"
         for row in metrics["overhead"]["aerodynamics"]
     ]
-    return (
+    return PaperClaim(
         "The estimated aerodynamic model has a low overhead.",
         "Interpreted model against generated code.",
         f"One state, compiled: {'; '.join(parts)}. A quasi-steady model is as cheap as any "
@@ -318,9 +328,9 @@ def _cheaper(metrics: Metrics) -> Claim:
     )
 
 
-def _morphing(metrics: Metrics) -> Claim:
+def _morphing(metrics: Metrics) -> PaperClaim:
     flights = metrics["flights"]
-    return (
+    return PaperClaim(
         "The data come from morphing wing flight.",
         "Elbow, feather and mediolateral are held at zero; joints are overwritten (E3); 15 Hz at "
         "2 m/s is a reduced frequency of "

@@ -1,4 +1,4 @@
-"""What each error of the published experiment does to the flight.
+"""Effects of each error of the published experiment on the flight.
 
 Two baselines: the corrected model, into which each error is put alone, at a gait within the
 robot's means; and the published model, from which each is taken away, at the published gait.
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.model import aero_functions
-from patagium.report import Table
 from patagium.robot import load_robot
 from patagium.simulation import gaits, simulate
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
@@ -29,7 +28,7 @@ Array = NDArray[np.float64]
 GENTLE_GAIT = {"frequency": 5.0, "amplitude": 0.6, "speed": 3.0}
 """The corrected baseline: beats a second [Hz], plunge [rad], initial speed [m/s]."""
 DIRECTIONS = 10_000
-"""Velocity directions in which the sign of the air's power is asked."""
+"""Number of velocity directions in which the sign of the air's power is computed."""
 AIR_ERRORS = {
     "E1 sign of incidence": "sign",
     "E2 drag pushes backwards": "backwards_drag",
@@ -63,11 +62,11 @@ class Variant:
         return Published(robot, errors=self.errors)
 
     def fly(self, gait: dict[str, float], duration: float) -> xr.Dataset:
-        """The flight, or what there is of it.
+        """The flight, up to where it ends.
 
         Args:
             gait: frequency [Hz], amplitude [rad], speed [m/s].
-            duration: [s].
+            duration: Duration of the flight [s].
         """
         aero = self.air()
         span: dict[str, Any] = {"duration": duration, "time_step": TIME_STEP, "throw": False}
@@ -110,13 +109,13 @@ def taken_away() -> dict[str, Variant]:
 
 
 @dataclass(frozen=True)
-class Case:
-    """A variant to fly, and where its row stands.
+class ErrorCase:
+    """A flight with some of the errors.
 
     Attributes:
-        table: "put_in" or "taken_away".
-        name: Of the variant.
-        variant: What is flown.
+        table: Table of its row, "put_in" or "taken_away".
+        name: Name of the variant.
+        variant: Robot, air and stepping.
         gait: frequency [Hz], amplitude [rad], speed [m/s].
     """
 
@@ -126,10 +125,10 @@ class Case:
     gait: dict[str, float]
 
 
-def error_cases() -> list[Case]:
-    """Every variant of both tables."""
+def error_cases() -> list[ErrorCase]:
+    """Flights of both tables."""
     return [
-        Case(table, name, variant, gait)
+        ErrorCase(table, name, variant, gait)
         for table, gait, variants in (
             ("put_in", GENTLE_GAIT, put_in()),
             ("taken_away", dict(PUBLISHED_GAIT), taken_away()),
@@ -138,22 +137,22 @@ def error_cases() -> list[Case]:
     ]
 
 
-def fly_case(case: Case, duration: float) -> dict[str, Any]:
-    """A variant flown: its name and what `measure` finds.
+def fly_case(case: ErrorCase, duration: float) -> dict[str, Any]:
+    """Name of a variant, and the figures of its flight as `measure` gives them.
 
     Args:
-        case: What to fly.
-        duration: [s].
+        case: The flight.
+        duration: Duration of the flight [s].
     """
     flight = case.variant.fly(case.gait, duration)
-    return {"table": case.table, "variant": case.name, **measure(case.variant, flight)}
+    return {"variant": case.name, **measure(case.variant, flight)}
 
 
 def measure(variant: Variant, flight: xr.Dataset) -> dict[str, Any]:
-    """What a flight shows of its errors.
+    """Figures that show the errors of a flight.
 
     Args:
-        variant: What was flown.
+        variant: Robot, air and stepping of the flight.
         flight: The flight.
 
     Returns:
@@ -203,23 +202,14 @@ def driven_directions(aero: Aerodynamics) -> float:
 
 COLUMNS = {
     "variant": "variant",
-    "peak_speed": "peak speed [m/s]",
-    "peak_force": "peak force [N]",
-    "lift_over_weight": "mean lift / weight",
-    "energy_residual": "energy residual / exchanged",
-    "momentum_residual": "momentum residual / exchanged",
-    "joint_work": "work of the joints [J]",
-    "driven_time": "time driven by the air",
-    "driven_directions": "directions with F·v > 0",
-    "seconds": "flown [s]",
+    "peak speed [m/s]": "peak_speed",
+    "peak force [N]": "peak_force",
+    "mean lift / weight [1]": "lift_over_weight",
+    "energy residual / exchanged [1]": "energy_residual",
+    "momentum residual / exchanged [1]": "momentum_residual",
+    "work of the joints [J]": "joint_work",
+    "share of time driven by the air [1]": "driven_time",
+    "share of directions with F·v > 0 [1]": "driven_directions",
+    "flown [s]": "seconds",
 }
-
-
-def error_table(rows: list[dict[str, Any]], caption: str) -> Table:
-    """Rows of `fly_case` as a table.
-
-    Args:
-        rows: One dictionary a variant.
-        caption: What it shows.
-    """
-    return Table(list(COLUMNS.values()), [[row[key] for key in COLUMNS] for row in rows], caption)
+"""Headings of the tables, and the figures under them."""

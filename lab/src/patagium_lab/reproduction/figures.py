@@ -1,14 +1,11 @@
-"""The figures of the reproduction: the paper's four, and what they leave out.
+"""Figures of the reproduction: the paper's four, and further ones.
 
-Each is written as PNG and SVG and put on the page. Forces are shown over the last few
-wingbeats, the start is in the innovations. Neglected: the wing in three dimensions.
+Forces are shown over the last few wingbeats; the innovations show the start.
 """
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,25 +13,24 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from patagium.report import Picture
 from patagium.report.figures import (
     comparison,
     innovation_and_covariance,
     overhead_bars,
-    save_figure,
     score_bars,
 )
 from patagium.report.style import color, dash, legend_above, panels, styled
 from patagium.report.views import flight_overview
-from patagium_lab.reproduction.learning import Run
-from patagium_lab.reproduction.subjects import LEARNERS, NETWORKS, STRIPS
+from patagium_lab.gallery import Gallery
+from patagium_lab.reproduction.cases import LEARNERS, NETWORKS, STRIPS
+from patagium_lab.reproduction.trials import TrialResult
 
 Array = NDArray[np.float64]
 
 BEATS = 3
-"""Wingbeats shown of the forces."""
+"""Number of wingbeats in the figures of forces."""
 SILENT = 1e-9
-"""Share of the largest force below which a force is rounding, and drawn as zero."""
+"""Share of the largest force below which a force is rounding error and is drawn as zero."""
 BODY = ("x", "y", "z")
 ATTITUDE = ("roll", "pitch", "yaw")
 LEFT_WING = ("left_plunge", "left_mediolateral", "left_elbow", "left_feather")
@@ -47,33 +43,6 @@ WORDS = {
 PARTS = ("body", "attitude", "left_wing")
 
 
-class Gallery:
-    """Figures as files in a folder and as pictures for a page.
-
-    Args:
-        folder: Where the files go.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.pictures = folder, dict[str, Picture]()
-
-    def add(self, name: str, figure: Figure, caption: str) -> None:
-        """Write a figure as `name`.png and `name`.svg, and keep it for the page."""
-        for kind in ("png", "svg"):
-            save_figure(figure, self.folder / f"{name}.{kind}")
-            figure.set_layout_engine("none")  # laid out once: it takes half of the time
-        image = base64.b64encode((self.folder / f"{name}.png").read_bytes()).decode("ascii")
-        self.pictures[name] = Picture(f"data:image/png;base64,{image}", caption)
-
-    def vectors(self) -> dict[str, Picture]:
-        """The same pictures as vectors, which are smaller where lines are few."""
-        found = {}
-        for name, one in self.pictures.items():
-            image = base64.b64encode((self.folder / f"{name}.svg").read_bytes()).decode("ascii")
-            found[name] = Picture(f"data:image/svg+xml;base64,{image}", one.caption)
-        return found
-
-
 def force_figures(
     gallery: Gallery,
     flight: str,
@@ -84,11 +53,11 @@ def force_figures(
     """Generalized forces of body and left wing, actual and estimated, one sample in 100.
 
     Args:
-        gallery: Where they go.
+        gallery: Gallery that receives them.
         flight: Key of the flight.
-        runs: Name of a network to its predictions, the first with its interval.
-        beat: One wingbeat [s].
-        parts: Which figures.
+        runs: Predictions of each network, by its name.
+        beat: Duration of a wingbeat [s].
+        parts: Groups of forces that are drawn.
     """
     groups = {"body": BODY, "attitude": ATTITUDE, "left_wing": LEFT_WING}
     titles = {
@@ -110,10 +79,10 @@ def _forces(runs: Mapping[str, xr.Dataset], names: Sequence[str], beat: float) -
     time = first["time"].to_numpy()
     shown = time > time[-1] - BEATS * beat
     actual = first["measurement"].sel(output=list(names)).to_numpy()
-    heard = np.abs(actual).max(axis=0) > SILENT * np.abs(first["measurement"]).max().item()
-    truth = np.where(heard, actual, 0.0)[shown]
+    moving = np.abs(actual).max(axis=0) > SILENT * np.abs(first["measurement"]).max().item()
+    truth = np.where(moving, actual, 0.0)[shown]
     chosen = {
-        name: np.where(heard, record["prediction"].sel(output=list(names)).to_numpy(), 0.0)[shown]
+        name: np.where(moving, record["prediction"].sel(output=list(names)).to_numpy(), 0.0)[shown]
         for name, record in runs.items()
     }
     units = ["N" if name in BODY else "N m" for name in names]
@@ -121,12 +90,12 @@ def _forces(runs: Mapping[str, xr.Dataset], names: Sequence[str], beat: float) -
 
 
 def innovation_figure(gallery: Gallery, flight: str, record: xr.Dataset) -> None:
-    """What each update of the strip network learned, and its largest variance.
+    """Innovation of each update of the strip network, and its largest variance.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         flight: Key of the flight.
-        record: Predictions of its cubature run.
+        record: Predictions of its trial.
     """
     looked = np.isfinite(record["largest_variance"].to_numpy())
     chosen = record.isel(update_time=looked).sel(output=["x", "z", "pitch", "left_plunge"])
@@ -148,7 +117,7 @@ def overview_figure(gallery: Gallery, flight: str, record: xr.Dataset) -> None:
     """The flight at a glance.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         flight: Key of the flight.
         record: The flight.
     """
@@ -156,13 +125,13 @@ def overview_figure(gallery: Gallery, flight: str, record: xr.Dataset) -> None:
     gallery.add(f"{flight}_flight", flight_overview(record), caption)
 
 
-def curve_figure(gallery: Gallery, flight: str, runs: Sequence[Run]) -> None:
+def curve_figure(gallery: Gallery, flight: str, runs: Sequence[TrialResult]) -> None:
     """Learning curves: error against samples used.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         flight: Key of the flight.
-        runs: Runs of the flight, seeds and settings left out.
+        runs: Results of the trials of the flight.
     """
     curves = {_curve_name(run): run.scores["curve"] for run in _curves(runs)}
     caption = (
@@ -172,7 +141,7 @@ def curve_figure(gallery: Gallery, flight: str, runs: Sequence[Run]) -> None:
     gallery.add(f"{flight}_learning", _learning(curves), caption)
 
 
-def _curves(runs: Sequence[Run]) -> Iterator[Run]:
+def _curves(runs: Sequence[TrialResult]) -> Iterator[TrialResult]:
     best = STRIPS[runs[0].trial.flight][0]
     wanted = (
         (best, "cubature", 100),
@@ -190,7 +159,7 @@ def _curves(runs: Sequence[Run]) -> Iterator[Run]:
                 yield run
 
 
-def _curve_name(run: Run) -> str:
+def _curve_name(run: TrialResult) -> str:
     trial = run.trial
     rate = "every sample" if trial.every == 1 else f"one in {trial.every}"
     network = NETWORKS.get(trial.network)
@@ -214,13 +183,13 @@ def _learning(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> Figure:
     return figure
 
 
-def unseen_figure(gallery: Gallery, flight: str, runs: Mapping[str, Run]) -> None:
-    """Error of frozen weights on each gait they never saw.
+def unseen_figure(gallery: Gallery, flight: str, runs: Mapping[str, TrialResult]) -> None:
+    """Error of frozen weights on each gait that was not learned.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         flight: Key of the flight.
-        runs: Name of a method to its run.
+        runs: Result of each method, by its name.
     """
     gaits = list(next(iter(runs.values())).scores["unseen"])
     scores = {
@@ -231,11 +200,11 @@ def unseen_figure(gallery: Gallery, flight: str, runs: Mapping[str, Run]) -> Non
 
 
 def overhead_figures(gallery: Gallery, overhead: Mapping[str, Any]) -> None:
-    """The paper's two figures of overhead.
+    """Figures of the overheads of dynamics and of aerodynamics, as in the paper.
 
     Args:
-        gallery: Where they go.
-        overhead: Rows "dynamics" and "aerodynamics" of `studies.overhead`.
+        gallery: Gallery that receives them.
+        overhead: Rows of `dynamics_overhead` and `aerodynamics_overhead`.
     """
     quantities = {"mass_matrix": "D", "bias": "C v + G", "both": "D and C v + G"}
     times = {

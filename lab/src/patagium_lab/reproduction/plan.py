@@ -1,22 +1,25 @@
-"""What the reproduction runs, and what it leaves out and why.
+"""Plan of the reproduction: what is run, and what is left out and why.
 
-A run of the whole takes a few minutes on two cores; without a C compiler, or when a quick
-look is asked for, the longest runs are left out and the report says so.
+The whole takes a few minutes on two cores. Without a C compiler, or for a quick look, the longest
+runs are left out and the page says so.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from patagium.native.compiler import compiler_path
-from patagium_lab.reproduction.errors import HEADING, STEPPING, Case, error_cases
-from patagium_lab.reproduction.learning import Trial
-from patagium_lab.reproduction.subjects import AS_RUN, STRIPS, SUBJECTS, Setting
+from patagium_lab.bench.overhead import AIR_MODELS, AIR_NETWORKS, QUICK_RIVALS, RIVALS
+from patagium_lab.reproduction.cases import AS_RUN, FLIGHT_CASES, STRIPS, DenseSettings
+from patagium_lab.reproduction.errors import HEADING, STEPPING, ErrorCase, error_cases
+from patagium_lab.reproduction.trials import Trial
+from patagium_lab.reproduction.unsteady_models import CANDIDATES
 
 EVERY = (100, 10, 1)
 QUICK_ERRORS = ("corrected", "E2 drag pushes backwards", STEPPING, HEADING, "published")
-"""Variants of the errors in a short run."""
+"""Errors that a quick run flies."""
 LIMITS = {
     "as run": ("dense_velocity", AS_RUN),
     "inputs not scaled (E7)": ("dense_velocity", replace(AS_RUN, scaled=False)),
@@ -35,27 +38,31 @@ LIMITS = {
     "all 28 inputs": ("dense_published", AS_RUN),
     "all 28 inputs, two hidden layers": ("dense", AS_RUN),
 }
-"""What is changed, one thing at a time, to find what limits the dense network."""
+"""Networks and settings that show what limits the dense network, one change at a time."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How much is run.
+class ReproductionPlan:
+    """What the reproduction runs.
 
     Attributes:
-        duration: Of each flight [s].
-        unseen_duration: Of each flight that is not learned [s].
-        every: Rates of samples, one in so many.
-        starts: How many starts of the strip network.
-        dense_every: Large networks learn from one sample in so many at most.
-        published_overhead: Whether the published C, which compiles for a minute, is timed.
-        short_overhead: Whether only two models of the air are timed.
-        errors: Variants of the errors that are flown, by name; None for all.
+        duration: Duration of each flight [s].
+        unseen_duration: Duration of each flight that is not learned [s].
+        every: Rates of samples: one in this many is learned.
+        starts: Number of starts of the strip networks.
+        dense_every: Large networks learn from one sample in this many at most.
+        rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.
+        air_models: Models of the air that are timed, by name.
+        air_networks: Networks beside those of the bench that are timed, by name.
+        errors: Names of the errors that are flown; None: all.
+        limits: Names of `LIMITS` that are run.
         yeo_cycles: Cycles of the measured wing.
-        unsteady_duration: Of each flight through air with memory [s].
-        unsteady_unseen_duration: Of each of those that is not learned [s].
-        unsteady_every: Rates of samples there, one in so many.
-        unsteady_starts: How many starts of the networks of strips there.
+        unsteady_duration: Duration of each flight through air with memory [s].
+        unsteady_unseen_duration: Duration of each of those that is not learned [s].
+        unsteady_every: Rates of samples in air with memory: one in this many is learned.
+        unsteady_starts: Number of starts of the strip networks in air with memory.
+        unsteady_candidates: Learners in air with memory, keys of `CANDIDATES`.
+        crazyflie: Log of a quadrotor, `log16.csv.gz`, for a section on it.
     """
 
     duration: float = 2.0
@@ -63,73 +70,70 @@ class Plan:
     every: tuple[int, ...] = EVERY
     starts: int = 8
     dense_every: int = 1
-    published_overhead: bool = True
-    short_overhead: bool = False
-    yeo_cycles: int = 10
+    rivals: tuple[str, ...] = tuple(RIVALS)
+    air_models: tuple[str, ...] = AIR_MODELS
+    air_networks: tuple[str, ...] = AIR_NETWORKS
     errors: tuple[str, ...] | None = None
+    limits: tuple[str, ...] = tuple(LIMITS)
+    yeo_cycles: int = 10
     unsteady_duration: float = 2.0
     unsteady_unseen_duration: float = 0.6
     unsteady_every: tuple[int, ...] = (100, 1)
     unsteady_starts: int = 3
+    unsteady_candidates: tuple[str, ...] = tuple(CANDIDATES)
+    crazyflie: Path | None = None
 
     @classmethod
-    def of(cls, quick: bool) -> Plan:
+    def of(cls, quick: bool, crazyflie: Path | None = None) -> ReproductionPlan:
         """The plan for this machine.
 
         Args:
-            quick: Short flights and fewer runs.
+            quick: Whether flights are short and runs are few.
+            crazyflie: Log of a quadrotor, or None.
         """
         compiled = compiler_path() is not None
-        if quick:
-            return cls(
-                duration=0.2,
-                unseen_duration=0.1,
-                every=(100, 10),
-                starts=2,
-                dense_every=10 if compiled else 100,
-                published_overhead=False,
-                short_overhead=True,
-                yeo_cycles=3,
-                errors=QUICK_ERRORS,
-                unsteady_duration=0.2,
-                unsteady_unseen_duration=0.1,
-                unsteady_every=(100,),
-                unsteady_starts=1,
-            )
-        return cls(dense_every=1 if compiled else 100)
+        if not quick:
+            return cls(dense_every=1 if compiled else 100, crazyflie=crazyflie)
+        return cls(
+            duration=0.2,
+            unseen_duration=0.1,
+            every=(100, 10),
+            starts=2,
+            dense_every=10 if compiled else 100,
+            rivals=QUICK_RIVALS,
+            air_models=AIR_MODELS[:1],
+            air_networks=(),
+            errors=QUICK_ERRORS,
+            limits=tuple(LIMITS)[:3],
+            yeo_cycles=3,
+            unsteady_duration=0.2,
+            unsteady_unseen_duration=0.1,
+            unsteady_every=(100,),
+            unsteady_starts=1,
+            unsteady_candidates=tuple(key for key in CANDIDATES if key != "grey"),
+            crazyflie=crazyflie,
+        )
 
     def trials(self) -> list[Trial]:
         """Every run of a learner."""
-        table = [trial for flight in SUBJECTS for trial in self._table(flight)]
+        table = [trial for flight in FLIGHT_CASES for trial in self._table(flight)]
         starts = [
             Trial(flight, network, "cubature", every, seed, kind="start")
-            for flight in SUBJECTS
+            for flight in FLIGHT_CASES
             for network in STRIPS[flight]
             for every in (100, 10)
             for seed in range(1, self.starts)
         ]
-        limits = [
-            Trial(
-                "published",
-                network,
-                "cubature",
-                max(10, self.dense_every),
-                setting=setting,
-                label=label,
-                kind="limit",
-            )
-            for label, (network, setting) in self._limits().items()
-        ]
-        return table + starts + limits
+        return table + starts + [self._limit(label, *LIMITS[label]) for label in self.limits]
 
-    def error_cases(self) -> list[Case]:
-        """Every variant of the errors to fly."""
+    def error_cases(self) -> list[ErrorCase]:
+        """Every flight with errors."""
         cases = error_cases()
         return [case for case in cases if self.errors is None or case.name in self.errors]
 
     @property
     def left_out(self) -> list[str]:
-        """What was not run, and why, in sentences."""
+        """What is not run, and why, in sentences."""
         words = [
             "The extended filter, a rival, learns from one sample in 10 at most, with the large "
             "network from one in 100. Gradient steps with replay learn from one sample in 10 at "
@@ -137,62 +141,60 @@ class Plan:
         ]
         if self.dense_every > 1:
             words.append(
-                f"Large networks learn from one sample in {self.dense_every} at most: a short run "
-                "was asked for, or there is no C compiler."
+                f"Large networks learn from one sample in {self.dense_every} at most, because a "
+                "short run was asked for or there is no C compiler."
             )
-        if self.errors is not None:
-            words.append("Of the errors only some are put in: a short run was asked for.")
-        if not self.published_overhead:
-            words.append("The published experiment's own C is not timed: it compiles for a minute.")
-        if self.short_overhead:
-            words.append("Of the models of the air two are timed: a short run was asked for.")
-        return words
+        missing = {
+            "Only some of the errors are put in": self.errors is not None,
+            "The published experiment's own C, which compiles for a minute, is not timed": (
+                "published" not in self.rivals
+            ),
+            "Only some models of the air are timed": self.air_models != AIR_MODELS,
+            "Only some learners learn the air with memory": (
+                self.unsteady_candidates != tuple(CANDIDATES)
+            ),
+        }
+        reason = ", because a short run was asked for."
+        return words + [text + reason for text, left_out in missing.items() if left_out]
 
     def describe(self) -> dict[str, Any]:
         """The plan as JSON-able values."""
-        return {
-            "duration": self.duration,
-            "unseen_duration": self.unseen_duration,
-            "every": list(self.every),
-            "starts": self.starts,
-            "dense_every": self.dense_every,
-            "published_overhead": self.published_overhead,
-            "unsteady_duration": self.unsteady_duration,
-            "unsteady_unseen_duration": self.unsteady_unseen_duration,
-            "unsteady_every": list(self.unsteady_every),
-            "unsteady_starts": self.unsteady_starts,
-        }
+        left_out = ("crazyflie", "errors", "limits", "rivals", "air_models", "air_networks")
+        plan = {key: value for key, value in asdict(self).items() if key not in left_out}
+        return {**plan, "published_overhead": "published" in self.rivals}
 
-    def _limits(self) -> dict[str, tuple[str, Setting]]:
-        return LIMITS if self.errors is None else dict(list(LIMITS.items())[:3])
+    def _limit(self, label: str, network: str, settings: DenseSettings) -> Trial:
+        every = max(10, self.dense_every)
+        return Trial(
+            "published", network, "cubature", every, settings=settings, label=label, kind="limit"
+        )
 
     def _table(self, flight: str) -> list[Trial]:
+        kept = (STRIPS[flight][0], "dense")
         return [
             Trial(
                 flight,
                 network,
                 learner,
                 every,
-                keep=every == 100
-                and learner == "cubature"
-                and network in (STRIPS[flight][0], "dense"),
+                keep=every == 100 and learner == "cubature" and network in kept,
             )
-            for network, learner, rates in self._methods(flight)
+            for network, learner, fastest in self._methods(flight)
             for every in self.every
-            if every >= rates
+            if every >= fastest
         ]
 
     def _methods(self, flight: str) -> list[tuple[str, str, int]]:
-        """Network, learner, and the most samples it learns from: one in so many."""
-        slow = self.dense_every
+        """Network, learner, and the highest rate of samples: one in this many."""
+        slow, best = self.dense_every, STRIPS[flight][0]
         return [
             *((network, "cubature", 1) for network in STRIPS[flight]),
             *((network, "cubature", slow) for network in ("dense", "dense_velocity")),
             ("dense_published", "cubature", max(10, slow)),
-            (STRIPS[flight][0], "extended", 10),
+            (best, "extended", 10),
             ("dense_published", "extended", 100),
-            *((network, "gradient", 1) for network in (STRIPS[flight][0], "dense_published")),
-            *((network, "replay", 10) for network in (STRIPS[flight][0], "dense_published")),
+            *((network, "gradient", 1) for network in (best, "dense_published")),
+            *((network, "replay", 10) for network in (best, "dense_published")),
             ("", "linear", 1),
             ("", "features", 1),
         ]

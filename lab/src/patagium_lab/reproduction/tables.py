@@ -8,171 +8,178 @@ from typing import Any
 import numpy as np
 
 from patagium.report import Table
-from patagium_lab.reproduction.subjects import LEARNERS, NETWORKS
+from patagium_lab.reproduction.cases import LEARNERS, NETWORKS
+from patagium_lab.study import Columns, Metrics, Row, table_of
 
-Metrics = Mapping[str, Any]
+FLIGHT_FIGURES = {
+    "duration [s]": "duration",
+    "wingbeat frequency [Hz]": "beat_frequency",
+    "speed at the start [m/s]": "speed_start",
+    "largest speed [m/s]": "speed_largest",
+    "speed at the end [m/s]": "speed_end",
+    "distance [m]": "distance",
+    "change of height [m]": "height_change",
+    "largest force of the air [N]": "force_largest",
+    "mean lift over weight, second half [1]": "lift_over_weight",
+    "largest incidence [rad]": "incidence_largest",
+    "reduced frequency at the start [1]": "reduced_frequency_start",
+    "reduced frequency at the end [1]": "reduced_frequency_end",
+    "energy residual over energy exchanged [1]": "energy_audit",
+    "momentum residual over impulse exchanged [1]": "momentum_audit",
+    "largest power of the air [W]": "aero_power_largest",
+}
+"""Headings and names of the figures of a flight."""
 
 
-def flight_table(metrics: Metrics) -> Table:
-    """The two flights in numbers.
+def flight_table(
+    flights: Mapping[str, Mapping[str, Any]], figures: Mapping[str, str] = FLIGHT_FIGURES
+) -> Table:
+    """Table of flights, one column each.
 
     Args:
-        metrics: Of the reproduction.
+        flights: Figures of each flight, by its heading.
+        figures: Headings and names of the figures that are shown.
     """
-    flights = metrics["flights"]
-    quantities = {
-        "duration [s]": "duration",
-        "beats a second [Hz]": "beat_frequency",
-        "speed at the start [m/s]": "speed_start",
-        "largest speed [m/s]": "speed_largest",
-        "speed at the end [m/s]": "speed_end",
-        "distance [m]": "distance",
-        "change of height [m]": "height_change",
-        "largest force of the air [N]": "force_largest",
-        "mean lift over weight, second half": "lift_over_weight",
-        "largest incidence [rad]": "incidence_largest",
-        "reduced frequency at the start": "reduced_frequency_start",
-        "reduced frequency at the end": "reduced_frequency_end",
-        "energy residual over energy exchanged": "energy_audit",
-        "momentum residual over impulse exchanged": "momentum_audit",
-        "largest power of the air [W]": "aero_power_largest",
-    }
-    rows = [
-        [title, *(flights[name][key] for name in ("published", "corrected"))]
-        for title, key in quantities.items()
-    ]
-    return Table(("quantity", "published", "corrected"), rows)
+    rows = [[title, *(one[key] for one in flights.values())] for title, key in figures.items()]
+    return Table(("quantity", *flights), rows)
+
+
+def learner_name(row: Row) -> str:
+    """Name of the learner of a row, and whether it diverged.
+
+    Args:
+        row: Scores of a trial, or of the held sample.
+    """
+    if row["learner"] == HELD:
+        return HELD
+    return LEARNERS[row["learner"]] + ("" if row["outcome"] == "COMPLETED" else ", diverged")
+
+
+def network_name(row: Row) -> str | None:
+    """Name of the network of a row.
+
+    Args:
+        row: Scores of a trial, or of the held sample.
+    """
+    return None if row["learner"] == HELD else NETWORKS.get(row["network"], "all inputs")
+
+
+HELD = "last used sample held"
+SCORES: Columns = {
+    "one sample in": "every",
+    "NMSE, mean force [1]": "nmse_second_half_mean",
+    "NMSE, worst force [1]": "nmse_second_half_worst",
+    "NMSE 10 ms ahead, worst force [1]": "horizon_10ms_nmse_second_half_worst",
+}
+"""Headings and names of the scores that every table of learners shows."""
+
+
+def held_row(row: Row) -> dict[str, Any]:
+    """Scores of holding the last used sample, with the names of a learner's scores.
+
+    Args:
+        row: Scores of a trial that used the same samples.
+    """
+    names = [key for key in row if key.startswith(("persistence", "horizon"))]
+    held = {key.replace("persistence", "nmse"): row[key] for key in names if "persistence" in key}
+    return {"learner": HELD, "every": row["every"], **held}
+
+
+def with_held_rows(rows: Sequence[Row], keys: Sequence[str]) -> list[Row]:
+    """Rows of learners, with a row of the held sample before each group of them.
+
+    Args:
+        rows: Scores of trials.
+        keys: Names of the values that a group has in common.
+    """
+    found: list[Row] = []
+    groups = set[tuple[Any, ...]]()
+    for row in rows:
+        group = tuple(row[key] for key in keys)
+        if group not in groups:
+            groups.add(group)
+            found.append(held_row(row) | {key: row[key] for key in keys})
+        found.append(row)
+    return found
 
 
 def learner_table(metrics: Metrics, flight: str) -> Table:
-    """Every learner, network and rate of samples on one flight.
+    """Table of every learner, network and rate of samples on one flight.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
         flight: Key of the flight.
     """
-    rows, held = [], set[int]()
     runs = [row for row in metrics["learning"] if row["flight"] == flight]
-    for row in sorted(runs, key=lambda row: -row["every"]):
-        if row["every"] not in held:
-            held.add(row["every"])
-            rows.append(_persistence(row))
-        rows.append(_learner(row))
-    columns = (
-        "learner",
-        "network",
-        "one in",
-        "NMSE mean",
-        "NMSE worst",
-        "10 ms ahead",
-        "one beat ahead",
-        "in the 95 % interval",
-        "largest variance",
-        "update [µs]",
+    columns: Columns = {
+        "learner": learner_name,
+        "network": network_name,
+        **SCORES,
+        "NMSE one beat ahead, worst force [1]": "horizon_beat_nmse_second_half_worst",
+        "share in the 95 % interval [1]": "coverage_second_half",
+        "largest variance of a weight [1]": "largest_variance",
+        "time of an update [µs]": "microseconds_per_update",
+    }
+    caption = (
+        "Normalized mean square error (NMSE) over the second half, predicted before the sample was "
+        "used; at the two horizons with frozen weights. A learner is of use where it is better "
+        "than the last used sample held."
     )
-    return Table(
-        columns,
-        rows,
-        "Normalized mean square error over the second half: mean and worst of the forces, "
-        "predicted before the sample was used; worst at two horizons with frozen weights. Holding "
-        "the last used sample is the bar.",
-    )
-
-
-def _persistence(row: Mapping[str, Any]) -> list[Any]:
-    return [
-        "last used sample held",
-        None,
-        row["every"],
-        row.get("persistence_second_half_mean"),
-        row.get("persistence_second_half_worst"),
-        row.get("horizon_10ms_persistence_second_half_worst"),
-        row.get("horizon_beat_persistence_second_half_worst"),
-        None,
-        None,
-        None,
-    ]
-
-
-def _learner(row: Mapping[str, Any]) -> list[Any]:
-    completed = row["outcome"] == "COMPLETED"
-    return [
-        LEARNERS[row["learner"]] + ("" if completed else ", diverged"),
-        NETWORKS.get(row["network"], "all inputs"),
-        row["every"],
-        row.get("nmse_second_half_mean"),
-        row.get("nmse_second_half_worst"),
-        row.get("horizon_10ms_nmse_second_half_worst"),
-        row.get("horizon_beat_nmse_second_half_worst"),
-        row.get("coverage_second_half"),
-        row.get("largest_variance"),
-        row["microseconds_per_update"],
-    ]
+    ordered = sorted(runs, key=lambda row: -row["every"])
+    return table_of(columns, with_held_rows(ordered, ("every",)), caption)
 
 
 def unseen_table(metrics: Metrics, flight: str) -> Table:
-    """Frozen models on gaits they never saw, learned from one sample in 100.
+    """Table of frozen models on gaits that were not learned.
 
     Args:
-        metrics: Of the reproduction.
-        flight: Key of the flight.
+        metrics: Metrics of the reproduction.
+        flight: Key of the flight that was learned, from one sample in 100.
     """
-    runs = [
+    rows = [
         row
         for row in metrics["learning"]
         if row["flight"] == flight and row["every"] == 100 and row["unseen"]
     ]
-    gaits = list(runs[0]["unseen"]) if runs else []
-    held = [runs[0]["unseen"][gait]["persistence_worst"] for gait in gaits]
-    rows: list[list[Any]] = [["last sample held (it sees one in 100)", None, *held]] if runs else []
-    for row in runs:
+    gaits = list(rows[0]["unseen"]) if rows else []
+    held = [rows[0]["unseen"][gait]["persistence_worst"] for gait in gaits]
+    cells: list[list[Any]] = [["last sample held (one in 100)", None, *held]] if rows else []
+    for row in rows:
         name = [LEARNERS[row["learner"]], NETWORKS.get(row["network"], "all inputs")]
-        rows.append([*name, *(row["unseen"][gait]["worst"] for gait in gaits)])
+        cells.append([*name, *(row["unseen"][gait]["worst"] for gait in gaits)])
     return Table(
-        ("learner", "network", *gaits),
-        rows,
-        "Worst normalized mean square error of the forces over 1 s of a gait that was not "
-        "learned, weights frozen after the flight that was.",
+        ("learner", "network", *(f"{gait} [1]" for gait in gaits)),
+        cells,
+        "Normalized mean square error of the worst force over a gait that was not learned, with "
+        "weights frozen after the flight that was learned.",
     )
 
 
 def limit_table(metrics: Metrics) -> Table:
-    """What limits the dense network.
+    """Table of what limits the dense network.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
     """
-    rows = [
-        [
-            row["label"],
-            row["every"],
-            row["weights"],
-            row.get("nmse_second_half_mean"),
-            row.get("nmse_second_half_worst"),
-            row.get("coverage_second_half"),
-            row.get("largest_variance"),
-            row["outcome"] == "COMPLETED",
-        ]
-        for row in metrics["limits"]
-    ]
-    columns = (
-        "published flight",
-        "one in",
-        "weights",
-        "NMSE mean",
-        "NMSE worst",
-        "in the 95 % interval",
-        "largest variance",
-        "finished",
-    )
-    return Table(columns, rows, "One thing changed at a time; second half of the flight.")
+    columns: Columns = {
+        "published flight": "label",
+        "one sample in": "every",
+        "weights": "weights",
+        "NMSE, mean force [1]": "nmse_second_half_mean",
+        "NMSE, worst force [1]": "nmse_second_half_worst",
+        "share in the 95 % interval [1]": "coverage_second_half",
+        "largest variance of a weight [1]": "largest_variance",
+        "completed": lambda row: row["outcome"] == "COMPLETED",
+    }
+    caption = "One thing is changed at a time; second half of the flight."
+    return table_of(columns, metrics["limits"], caption)
 
 
 def start_spans(starts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Least, median and most of the scores over the starts of a strip network.
+    """Least, median and most of the scores over the starts of each strip network.
 
     Args:
-        starts: Scores of runs that differ in where they start.
+        starts: Scores of trials that differ in their first weights.
     """
     groups: dict[tuple[str, str, int], list[Mapping[str, Any]]] = {}
     for row in starts:
@@ -196,87 +203,77 @@ def start_spans(starts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def starts_table(metrics: Metrics) -> Table:
-    """How much the strip network's scores depend on the weights it starts from.
+    """Table of how much the scores of a strip network depend on its first weights.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
     """
-    columns = {
+    columns: Columns = {
         "flight": "flight",
-        "network": "network",
-        "every": "one in",
+        "network": lambda row: NETWORKS[row["network"]],
+        "one sample in": "every",
         "starts": "starts",
-        "error_least": "NMSE worst: best start",
-        "error_median": "median",
-        "error_most": "worst start",
-        "coverage_least": "in the 95 % interval: least",
-        "coverage_median": "median",
-        "coverage_most": "most",
-        "unseen_median": "unseen gaits: median",
-        "unseen_most": "worst start",
+        "NMSE, best start [1]": "error_least",
+        "NMSE, median start [1]": "error_median",
+        "NMSE, worst start [1]": "error_most",
+        "share in the 95 % interval, least [1]": "coverage_least",
+        "share in the interval, median [1]": "coverage_median",
+        "share in the interval, most [1]": "coverage_most",
+        "NMSE on unseen gaits, median start [1]": "unseen_median",
+        "NMSE on unseen gaits, worst start [1]": "unseen_most",
     }
-    rows = [
-        [NETWORKS[row[key]] if key == "network" else row[key] for key in columns]
-        for row in metrics["start_spans"]
-    ]
-    return Table(
-        list(columns.values()),
-        rows,
-        "Strip network, cubature filter, from several random starts. Worst force, second half; "
-        "worst force of the worst unseen gait within the incidences learned.",
+    caption = (
+        "Strip network and cubature filter from several random starts. Worst force of the second "
+        "half; on unseen gaits worst force of the worst gait within the incidences learned."
     )
+    return table_of(columns, metrics["start_spans"], caption)
 
 
 def dynamics_table(metrics: Metrics) -> Table:
-    """Overhead of dynamics by formulation.
+    """Table of the overhead of dynamics, by formulation.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
     """
-    rows = [
-        [
-            row["formulation"],
-            row["run"],
-            row["mass_matrix"],
-            row["bias"],
-            row["both"],
-            row["derivation_time"],
-            row["compile_time"],
-            row["code_size"] or None,
-        ]
-        for row in metrics["overhead"]["dynamics"]
-    ]
-    columns = (
-        *("formulation", "run", "D [ns]", "C v + G [ns]", "both [ns]"),
-        *("derivation [s]", "compiling [s]", "code [bytes]"),
-    )
-    return Table(columns, rows, "Median time of a call on random states, one core.")
+    columns: Columns = {
+        "formulation": "formulation",
+        "run": "run",
+        "D [ns]": "mass_matrix",
+        "C v + G [ns]": "bias",
+        "D and C v + G [ns]": "both",
+        "derivation [s]": "derivation_time",
+        "compiling [s]": "compile_time",
+        "code [bytes]": lambda row: row["code_size"] or None,
+    }
+    caption = "Median time of a call on random states, on one core."
+    return table_of(columns, metrics["overhead"]["dynamics"], caption)
 
 
 def aerodynamics_table(metrics: Metrics) -> Table:
-    """Overhead of aerodynamics, actual and estimated.
+    """Table of the overhead of aerodynamics, by model.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
     """
-    keys = ("model", "kind", "single", "batch", "flight_second", "times_real_time")
-    rows = [[row[key] for key in keys] for row in metrics["overhead"]["aerodynamics"]]
-    columns = (
-        *("model", "by", "one state a call [ns]", "a state of many [ns]"),
-        *("in 1 s of flight [s]", "times real time"),
+    columns: Columns = {
+        "model": "model",
+        "kind": "kind",
+        "one state a call [ns]": "single",
+        "one of many states [ns]": "batch",
+        "time in 1 s of flight [s]": "flight_second",
+        "times real time [1]": "times_real_time",
+    }
+    caption = (
+        "Force, and rates of the model's own states, compiled, on one core. One second of flight "
+        "calls the model 40 000 times (Runge-Kutta at 0.1 ms). Lags of hidden states are given."
     )
-    return Table(
-        columns,
-        rows,
-        "Force and rates of the model's own states, compiled, one core; 1 s of flight asks for "
-        "the air 40 000 times (Runge-Kutta at 0.1 ms). Lags of hidden states are given.",
-    )
+    return table_of(columns, metrics["overhead"]["aerodynamics"], caption)
 
 
 def stage_table(metrics: Metrics) -> Table:
-    """Where the time of the reproduction went.
+    """Table of the time that each stage of the reproduction took.
 
     Args:
-        metrics: Of the reproduction.
+        metrics: Metrics of the reproduction.
     """
     return Table(("stage", "time [s]"), list(metrics["stages"].items()))

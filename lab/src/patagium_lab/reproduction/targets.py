@@ -1,106 +1,74 @@
-"""The targets the reproduction set itself: limit, found, met or not.
+"""Targets of the reproduction.
 
-Every figure comes from the metrics that the report is made of; nothing is measured here.
-Neglected: targets of speed, which are the bench's.
+Every figure comes from the metrics of the page; nothing is measured here. Targets of speed belong
+to the bench.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
-import numpy as np
+from collections.abc import Mapping
+from typing import Any
 
 from patagium.report import Table
-from patagium_lab.reproduction.claims import Metrics, Row, best_strip, run_of, starts_of
-from patagium_lab.reproduction.unsteady_report import unsteady_targets
-from patagium_lab.verdicts import verdict
+from patagium_lab.reproduction.claims import best_strip, scores_of_starts, scores_of_trial
+from patagium_lab.reproduction.unsteady_page import unsteady_targets
+from patagium_lab.study import Columns, Metrics, table_of
+from patagium_lab.targets import at_most, between, row_verdict
+
+COVERAGE = (0.90, 0.99)
+"""Share of samples in the 95 % interval that counts as calibrated."""
 
 
-def targets(metrics: Metrics) -> list[Row]:
-    """What this reproduction set out to reach, and what it reached.
+def targets(metrics: Metrics) -> list[dict[str, Any]]:
+    """Rows of the targets, with the keys target, limit, found, worst (of all starts) and met.
 
     Args:
-        metrics: Of the reproduction.
-
-    Returns:
-        One dictionary a target: target, limit, found, worst (of all starts), met.
+        metrics: Metrics of the reproduction.
     """
     rows = []
-    for flight, every, limit in (("published", 100, 4e-5), ("published", 10, 5e-6),
-                                 ("corrected", 100, 1e-4)):  # fmt: skip
-        found = starts_of(metrics, flight, best_strip(flight), every, "nmse_second_half_worst")
-        rows.append(
-            _below(f"{flight}: strip network, one in {every}, worst force, second half", limit,
-                   found)
-        )  # fmt: skip
+    for flight, every, limit in (
+        ("published", 100, 4e-5),
+        ("published", 10, 5e-6),
+        ("corrected", 100, 1e-4),
+    ):
+        found = scores_of_starts(
+            metrics, flight, best_strip(flight), every, "nmse_second_half_worst"
+        )
+        name = f"{flight}: strip network, one in {every}, worst force, second half"
+        rows.append(at_most(name, limit, ".1e").row_of_starts(found))
     for key, limit in (("mean", 1.3e-3), ("worst", 6.4e-3)):
         for network, size in (("dense_velocity", 474), ("dense", 850)):
-            row = run_of(metrics, "published", network, every=1)
+            row = scores_of_trial(metrics, "published", network, every=1)
             found = [row[f"nmse_second_half_{key}"]] if row else []
-            rows.append(
-                _below(f"published: dense, {size} weights, every sample, {key}", limit, found)
-            )
-    unseen = starts_of(metrics, "corrected", best_strip("corrected"), 100, "unseen_worst")
-    rows.append(_below("corrected: strip network frozen, unseen gaits, worst force", 1e-3, unseen))
-    for flight in ("published", "corrected"):
-        variance = starts_of(metrics, flight, best_strip(flight), 100, "largest_variance")
-        rows.append(_below(f"{flight}: strip network, largest variance at the end", 1e-2, variance))
-    for flight in ("published", "corrected"):
-        share = starts_of(metrics, flight, best_strip(flight), 100, "coverage_second_half")
-        rows.append(_between(f"{flight}: strip network, samples in the 95 % interval", share))
-    for target, limit, found, below in unsteady_targets(metrics):
-        rows.append(_below(target, limit, found) if below else _above(target, limit, found))
-    return rows
+            name = f"published: dense, {size} weights, every sample, {key}"
+            rows.append(at_most(name, limit, ".1e").row_of_starts(found))
+    found = scores_of_starts(metrics, "corrected", best_strip("corrected"), 100, "unseen_worst")
+    name = "corrected: strip network frozen, unseen gaits, worst force"
+    rows.append(at_most(name, 1e-3, ".1e").row_of_starts(found))
+    for key in ("largest_variance", "coverage_second_half"):
+        for flight in ("published", "corrected"):
+            found = scores_of_starts(metrics, flight, best_strip(flight), 100, key)
+            words = f"{flight}: strip network, "
+            if key == "largest_variance":
+                target = at_most(f"{words}largest variance at the end", 1e-2, ".1e")
+            else:
+                target = between(f"{words}samples in the 95 % interval", *COVERAGE, ideal=0.95)
+            rows.append(target.row_of_starts(found))
+    return rows + [target.row_of_starts(found) for target, found in unsteady_targets(metrics)]
 
 
-def targets_table(metrics: Metrics) -> Table:
-    """The targets as a table.
+def targets_table(metrics: Mapping[str, Any]) -> Table:
+    """Table of the targets.
 
     Args:
-        metrics: Of the reproduction, `targets` among them.
+        metrics: Metrics of the reproduction, `targets` among them.
     """
-    rows = [
-        [row["target"], row["limit"], row["found"], row["worst"], verdict(row["met"])]
-        for row in metrics["targets"]
-    ]
-    return Table(
-        ("target", "limit", "found (median of the starts)", "worst start", "met"),
-        rows,
-        "Second half of the flights. A target is met by the median of the starts.",
-    )
-
-
-def _below(target: str, limit: float, found: Sequence[float]) -> Row:
-    middle = float(np.median(found)) if found else math.nan
-    worst = float(max(found)) if found else math.nan
-    return {
-        "target": target,
-        "limit": f"at most {limit:.1e}",
-        "found": middle,
-        "worst": worst,
-        "met": bool(middle <= limit) if found else "not run",
+    columns: Columns = {
+        "target": "target",
+        "limit": "limit",
+        "found (median of the starts)": "found",
+        "worst start": "worst",
+        "met": row_verdict,
     }
-
-
-def _above(target: str, limit: float, found: Sequence[float]) -> Row:
-    middle = float(np.median(found)) if found else math.nan
-    return {
-        "target": target,
-        "limit": f"at least {limit:.3g}",
-        "found": middle,
-        "worst": float(min(found)) if found else math.nan,
-        "met": bool(middle >= limit) if found else "not run",
-    }
-
-
-def _between(target: str, found: Sequence[float]) -> Row:
-    middle = float(np.median(found)) if found else math.nan
-    worst = max(found, key=lambda share: abs(share - 0.95)) if found else math.nan
-    return {
-        "target": target,
-        "limit": "0.90 to 0.99",
-        "found": middle,
-        "worst": worst,
-        "met": bool(0.90 <= middle <= 0.99) if found else "not run",
-    }
+    caption = "Second half of the flights. A target is met by the median of the starts."
+    return table_of(columns, metrics["targets"], caption)

@@ -9,10 +9,7 @@ Neglected: control; the flight slowly departs from its trim.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -119,23 +116,3 @@ def relative_samples(flight: xr.Dataset) -> tuple[Array, Array, Array]:
     half = x.shape[1] // 2
     x[:, half : half + 3] -= flight["wind"].to_numpy()
     return time, x, y
-
-
-def write_unsteady_samples(
-    folder: Path, mount: str, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset]
-) -> Path:
-    """Samples of a flight and of those that are not learned, for the workers.
-
-    Args:
-        folder: Where to.
-        mount: Key of `MOUNTS`.
-        flight: The flight.
-        unseen: Flights that are not learned.
-    """
-    arrays: dict[str, Any] = {"unseen": np.array(list(unseen))}
-    for label, one in (("", flight), *((f"_{k}", one) for k, one in enumerate(unseen.values()))):
-        for key, values in zip(("time", "x", "y"), relative_samples(one), strict=True):
-            arrays[key + label] = values
-    path = folder / f"unsteady_{mount}.npz"
-    np.savez(path, **arrays)
-    return path

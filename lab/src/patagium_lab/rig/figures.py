@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from patagium.report.figures import comparison, score_bars
 from patagium.report.style import TRUTH, color, dash, legend_above, panels, styled
 from patagium.report.views import flight_overview
-from patagium_lab.reproduction.figures import Gallery
-from patagium_lab.rig.learning import SOURCES, LogRun
+from patagium_lab.gallery import Gallery
+from patagium_lab.rig.learning import SOURCES, LogResult
 from patagium_lab.rig.plan import RigPlan
 from patagium_lab.rig.scores import LEARNED_LIMIT, UNSEEN_LIMIT, true_force
 
@@ -39,7 +39,7 @@ def flight_figure(gallery: Gallery, flight: xr.Dataset) -> None:
     """The flight that is learned, at a glance.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         flight: The truth.
     """
     caption = "The flight that is learned, as the simulation knows it: path, joints, air, energy."
@@ -50,7 +50,7 @@ def noise_figure(gallery: Gallery, rows: Sequence[Mapping[str, Any]]) -> None:
     """Errors against the noise of the instruments, for each source of forces.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         rows: Scores at each factor of noise.
     """
     caption = (
@@ -90,12 +90,12 @@ def _noise(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def force_figure(
-    gallery: Gallery, plan: RigPlan, flight: xr.Dataset, run: LogRun, factor: float
+    gallery: Gallery, plan: RigPlan, flight: xr.Dataset, run: LogResult, factor: float
 ) -> None:
     """True, measured and learned forces over the last wingbeats.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         plan: The plan.
         flight: The truth.
         run: What a log gave.
@@ -134,7 +134,7 @@ def wingbeat_figure(gallery: Gallery, cycles: Mapping[str, xr.Dataset], factor: 
     """A wingbeat as a load-cell laboratory draws it, and the true one.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         cycles: Cycle statistics of "truth" and "measured".
         factor: Noise over that of the data sheets.
     """
@@ -169,7 +169,7 @@ def limits_figure(gallery: Gallery, rows: Sequence[Mapping[str, Any]]) -> None:
     """What limits the measured force.
 
     Args:
-        gallery: Where it goes.
+        gallery: Gallery that receives it.
         rows: Worst error by source, one row a case.
     """
     scores = {source: [row[source] for row in rows] for source in SOURCES}

@@ -29,7 +29,7 @@ from patagium.sensing import (
     motor_forces,
 )
 from patagium.sensing.sensors import SensorLog, load_sensor_log
-from patagium_lab.reproduction.subjects import lever_arms
+from patagium_lab.reproduction.cases import lever_arms
 from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
 
 Array = NDArray[np.float64]
@@ -38,12 +38,12 @@ SOURCES = ("inverse dynamics", "momentum observer", "load cell")
 """Ways to the force of the air; the first two ask motors and load cell, the last the cell alone."""
 OBSERVER_GAIN = 500.0
 """Of the momentum observer [1/s]."""
-PRIOR, STRIP_DEVIATION, NOISE_MEMORY = 0.1, 5.5e-4, 50
+PRIOR, STRIP_STD, NOISE_MEMORY = 0.1, 5.5e-4, 50
 """Prior deviation of a weight; of a strip's force to start from [N]; samples of its estimate."""
 
 
 @dataclass(frozen=True)
-class SourceRun:
+class SourceResult:
     """What was learned from one source of forces.
 
     Attributes:
@@ -66,7 +66,7 @@ class SourceRun:
 
 
 @dataclass(frozen=True)
-class LogRun:
+class LogResult:
     """What a log gave.
 
     Attributes:
@@ -82,11 +82,11 @@ class LogRun:
     shift_stds: dict[str, float]
     motion: xr.Dataset
     whole_air: ForceSamples
-    runs: dict[str, SourceRun]
+    runs: dict[str, SourceResult]
     seconds: dict[str, float]
 
 
-def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogRun:
+def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogResult:
     """Everything a laboratory would do with a log.
 
     Args:
@@ -107,7 +107,7 @@ def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogRun:
         for name, samples in forces.items()
     }
     torque = np.nan_to_num(motor_forces(log, motion, MOTORS).values)
-    return LogRun(
+    return LogResult(
         dict(shifts.seconds),
         dict(shifts.std),
         motion.drop_vars("covariance").assign(u1=(("time", "dof"), torque)),
@@ -152,12 +152,12 @@ def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
     return ExtendedLearner(
         HiddenStripNetwork(robot, air=air),
         prior_std=PRIOR,
-        measurement_std=STRIP_DEVIATION * lever_arms(robot),
+        measurement_std=STRIP_STD * lever_arms(robot),
         noise_estimation=NoiseEstimation(NOISE_MEMORY),
     )
 
 
-def _learned(plan: RigPlan, samples: ForceSamples, air: Air, model: Path) -> SourceRun:
+def _learned(plan: RigPlan, samples: ForceSamples, air: Air, model: Path) -> SourceResult:
     begun = perf_counter()
     learner = new_learner(samples.robot, air)
     result = identify(samples, learner, every=plan.every)
@@ -165,7 +165,7 @@ def _learned(plan: RigPlan, samples: ForceSamples, air: Air, model: Path) -> Sou
     checked = np.searchsorted(record["time"].values, record["check_time"].values)
     whole = record["predicted_std"].values ** 2
     stated = np.nan_to_num(samples.std[checked]) ** 2
-    return SourceRun(
+    return SourceResult(
         samples,
         record["prediction"].values,
         checked,

@@ -19,6 +19,7 @@ from patagium.sensing.sensors import MotorCurrent, Sensor, presets
 from patagium.simulation import gaits, mounts, paths
 from patagium.simulation.gaits import Gait
 from patagium.simulation.mounts import Mount
+from patagium_lab.jobs import WORKERS
 
 CENTER = (0.65, 0.0, 0.2)
 """Of all paths, seen from the arm's foot [m]."""
@@ -43,6 +44,41 @@ CELL, MOTORS = "cell", "motors"
 _SHUNT, _TORQUE_CONSTANT, _RESERVE = 0.05, 1.5e-3, 1.5
 
 
+MISTAKE = 1e-3
+"""Error of a clock in the cases of a wrong clock [s]."""
+
+
+@dataclass(frozen=True)
+class LimitCase:
+    """One thing that is changed against the rig as it is.
+
+    Attributes:
+        name: The change in words.
+        ideal: Instruments with a tenth of their errors.
+        wrong: Errors of clocks that nobody corrects, by instrument [s].
+        order: Order of the smoother of motion.
+    """
+
+    name: str
+    ideal: tuple[str, ...] = ()
+    wrong: tuple[tuple[str, float], ...] = ()
+    order: int = 4
+
+
+LIMIT_CASES = (
+    LimitCase("as on the data sheets, clocks known"),
+    LimitCase("encoders, a tenth of the errors", (ENCODERS,)),
+    LimitCase("inertial units, a tenth of the errors", (UNIT, WING_UNIT)),
+    LimitCase("cameras, a tenth of the errors", (CAMERAS,)),
+    LimitCase("load cell and motors, a tenth of the errors", (CELL, MOTORS)),
+    LimitCase("encoders .1 ms late", wrong=((ENCODERS, 1e-4),)),
+    LimitCase("encoders 1 ms late", wrong=((ENCODERS, MISTAKE),)),
+    LimitCase("cameras 1 ms late", wrong=((CAMERAS, MISTAKE),)),
+    LimitCase("load cell 1 ms late", wrong=((CELL, MISTAKE),)),
+    LimitCase("white jerk in the smoother, not snap", order=3),
+)
+
+
 @dataclass(frozen=True)
 class RigPlan:
     """What is flown, measured and learned.
@@ -59,7 +95,8 @@ class RigPlan:
         rate: Of all instruments but the cameras [Hz].
         every: One sample in so many is learned.
         seed: Of the instruments' errors.
-        limits: Whether each source of error is looked at alone.
+        limits: Names of the `LIMIT_CASES` that are run.
+        workers: Number of processes; 0: everything runs in this process.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -76,7 +113,8 @@ class RigPlan:
     rate: float = 500.0
     every: int = 2
     seed: int = 0
-    limits: bool = True
+    limits: tuple[str, ...] = tuple(case.name for case in LIMIT_CASES)
+    workers: int = WORKERS
 
     def __post_init__(self) -> None:
         for name in ("frequency", "speed", "wind", "eights", "rate"):
@@ -98,7 +136,7 @@ class RigPlan:
 
     def describe(self) -> dict[str, Any]:
         """All choices, JSON-able."""
-        return asdict(self)
+        return asdict(self) | {"limits": bool(self.limits)}
 
 
 @dataclass(frozen=True)

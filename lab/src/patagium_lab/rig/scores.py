@@ -17,7 +17,7 @@ from patagium.learning import load_learner
 from patagium.learning.scores import coverage, normalized_error, silent_outputs
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
-from patagium_lab.rig.learning import LogRun, SourceRun
+from patagium_lab.rig.learning import LogResult, SourceResult
 from patagium_lab.rig.plan import UNIT, RigPlan
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def true_force(flight: xr.Dataset, times: Array) -> Array:
 
 
 def compare(
-    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: LogRun
+    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: LogResult
 ) -> dict[str, Any]:
     """Scores of all that one log gave.
 
@@ -61,7 +61,7 @@ def measured_error(flight: xr.Dataset, samples: Any) -> float:
     return float(normalized_error(truth[:, heard], samples.force[late][:, heard]).max())
 
 
-def clock_rows(sensors: Sequence[Sensor], run: LogRun) -> list[dict[str, Any]]:
+def clock_rows(sensors: Sequence[Sensor], run: LogResult) -> list[dict[str, Any]]:
     """How late each instrument is, against what was found.
 
     Args:
@@ -98,7 +98,7 @@ def motion_errors(flight: xr.Dataset, motion: xr.Dataset) -> dict[str, dict[str,
     return errors
 
 
-def cycles(plan: RigPlan, flight: xr.Dataset, run: LogRun) -> dict[str, xr.Dataset]:
+def cycles(plan: RigPlan, flight: xr.Dataset, run: LogResult) -> dict[str, xr.Dataset]:
     """Cycle statistics of the truth and of what a laboratory has, over the same wingbeats.
 
     Args:
@@ -114,7 +114,7 @@ def cycles(plan: RigPlan, flight: xr.Dataset, run: LogRun) -> dict[str, xr.Datas
     }
 
 
-def _as_flight(plan: RigPlan, run: LogRun) -> xr.Dataset:
+def _as_flight(plan: RigPlan, run: LogResult) -> xr.Dataset:
     """What was measured, as a flight whose air pushes on the body alone."""
     robot, count = run.whole_air.robot, len(run.motion["time"])
     base = next(body.floating_dofs for body in robot.bodies if body.floating_dofs is not None)
@@ -130,7 +130,7 @@ def _as_flight(plan: RigPlan, run: LogRun) -> xr.Dataset:
 
 
 def _source_scores(
-    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: SourceRun
+    plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: SourceResult
 ) -> dict[str, Any]:
     count = len(run.samples.time)
     late = slice(count // 2, None)
@@ -157,7 +157,7 @@ def _source_scores(
 
 
 def unseen_scores(
-    plan: RigPlan, unseen: Mapping[str, xr.Dataset], run: SourceRun
+    plan: RigPlan, unseen: Mapping[str, xr.Dataset], run: SourceResult
 ) -> dict[str, dict[str, float]]:
     """Frozen weights on flights never seen, true states in, after the first wingbeat.
 

@@ -20,18 +20,18 @@ from patagium.sensing.force.training_data import training_data
 from patagium.sensing.logs.table import read_table
 from patagium_lab.measured.crazyflie import (
     HIDDEN,
-    MEASUREMENT_DEVIATION,
+    MEASUREMENT_STD,
     crazyflie_mapping,
     in_flight,
 )
-from patagium_lab.reproduction.flights import corrected_flight
-from patagium_lab.reproduction.subjects import (
+from patagium_lab.reproduction.cases import (
+    FLIGHT_CASES,
     SPREAD,
-    SUBJECTS,
-    WEIGHT_DEVIATION,
+    WEIGHT_STD,
     lever_arms,
     make_network,
 )
+from patagium_lab.reproduction.flights import corrected_flight
 
 NOISES = (0.0, 0.02, 0.1)
 """Deviations of the noise added to a flight, as shares of each output's own."""
@@ -53,11 +53,11 @@ def flight_calibration(noise: float, duration: float = DURATION) -> dict[str, An
     """
     time, x, y = training_data(corrected_flight(duration))
     y = y + noise * y.std(axis=0) * np.random.default_rng(0).normal(size=y.shape)
-    subject = SUBJECTS["corrected"]
+    subject = FLIGHT_CASES["corrected"]
     network = make_network(subject, "strip")
     learner = CubatureLearner(
         network,
-        prior_std=WEIGHT_DEVIATION * np.sqrt(network.fan_in),
+        prior_std=WEIGHT_STD * np.sqrt(network.fan_in),
         measurement_std=subject.strip_std * lever_arms(load_robot(subject.robot)),
         spread=SPREAD,
         noise_estimation=NoiseEstimation(600),
@@ -82,7 +82,7 @@ def log_calibration(path: str | Path) -> dict[str, Any]:
     learner = CubatureLearner(
         network_for(table, HIDDEN),
         prior_std=0.5,
-        measurement_std=MEASUREMENT_DEVIATION,
+        measurement_std=MEASUREMENT_STD,
         spread=SPREAD,
         prior_share=1e-5,
         noise_estimation=NoiseEstimation(300),

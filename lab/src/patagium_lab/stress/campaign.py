@@ -32,8 +32,8 @@ from patagium.learning.settings import (
 )
 from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
+from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import corrected_flight
-from patagium_lab.reproduction.subjects import SPREAD, SUBJECTS, lever_arms
 from patagium_lab.stress.faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Feed
 from patagium_lab.stress.network import dense_network, is_definite
 
@@ -253,7 +253,7 @@ def learner_of(pilot: Pilot) -> CubatureLearner:
     Args:
         pilot: What it is.
     """
-    subject = SUBJECTS["corrected"]
+    subject = FLIGHT_CASES["corrected"]
     robot, lever = load_robot(subject.robot), lever_arms(load_robot(subject.robot))
     strip = pilot.network == "strip"
     network = StripNetwork(robot, (6,), activation="tanh") if strip else dense_network((3,))

@@ -26,8 +26,8 @@ from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screeni
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium.simulation import mounts, simulate
+from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import LEARNED
-from patagium_lab.reproduction.subjects import SPREAD, SUBJECTS, lever_arms
 from patagium_lab.stress.network import dense_network
 
 Array = NDArray[np.float64]
@@ -204,7 +204,7 @@ def filter_learner(
         detection: When it opens anew.
         hidden: Neurons of its network's hidden layers.
     """
-    subject = SUBJECTS["corrected"]
+    subject = FLIGHT_CASES["corrected"]
     return CubatureLearner(
         dense_network(hidden),
         prior_std=0.5,

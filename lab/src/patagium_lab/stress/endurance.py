@@ -16,7 +16,7 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.native import load_kernel
 from patagium_lab.kernels import KERNELS
-from patagium_lab.reproduction.subjects import SPREAD
+from patagium_lab.reproduction.cases import SPREAD
 from patagium_lab.stress.network import is_definite
 
 Array = NDArray[np.float64]

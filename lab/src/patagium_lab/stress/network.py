@@ -12,7 +12,7 @@ import numpy as np
 
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium_lab.reproduction.subjects import SUBJECTS, make_network
+from patagium_lab.reproduction.cases import FLIGHT_CASES, make_network
 
 
 def dense_network(hidden: Sequence[int]) -> DenseNetwork:
@@ -21,7 +21,7 @@ def dense_network(hidden: Sequence[int]) -> DenseNetwork:
     Args:
         hidden: Neurons of its hidden layers.
     """
-    scales = cast(DenseNetwork, make_network(SUBJECTS["corrected"], "inputs"))
+    scales = cast(DenseNetwork, make_network(FLIGHT_CASES["corrected"], "inputs"))
     return DenseNetwork(
         scales.inputs,
         hidden,

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from patagium.report import Section, Table, picture, write_page
 from patagium.report.figures import curves
 from patagium_lab.conditions import conditions
+from patagium_lab.targets import count_met, verdict
 from patagium_lab.validation.cases.case import CaseResult
 from patagium_lab.validation.run import error_rows, target_rows
-from patagium_lab.verdicts import count_met, verdict
 
 SUMMARY = (
     "The models of the air beside closed forms, classical functions and measurements. No constant "

@@ -86,10 +86,10 @@ def _learners(
 ) -> None:
     from patagium.cli.words import existing, json_text, stage_bar
     from patagium.whole_file import write_whole
-    from patagium_lab.learners.bench import run_learners
-    from patagium_lab.learners.course import flight_course, log_course
+    from patagium_lab.learners.data_sets import flight_course, log_course
     from patagium_lab.learners.page import write_learners
     from patagium_lab.learners.race import QUICK, RacePlan
+    from patagium_lab.learners.run import run_learners
 
     plan = QUICK if quick else RacePlan()
     path = None if log is None else existing(log)

@@ -31,9 +31,14 @@ def reproduce(
     Writes report.html, metrics.json, the flights (*.nc) and figures/.
     """
     from patagium.cli.words import existing, stage_bar
-    from patagium_lab.reproduction.experiment import reproduce as run
+    from patagium_lab.reproduction import page as pages
+    from patagium_lab.reproduction.plan import ReproductionPlan
+    from patagium_lab.reproduction.run import run
+    from patagium_lab.study import write_study
 
+    plan = ReproductionPlan.of(quick, None if crazyflie is None else existing(crazyflie))
     with stage_bar("Reproducing the paper") as progress:
-        log = None if crazyflie is None else existing(crazyflie)
-        report = run(out, progress=progress, quick=quick, crazyflie=log, page=page)
+        report, found = write_study(out, plan, run, pages.page, progress)
+        if page is not None:
+            found.only(pages.RESULTS).write(page)
     typer.echo(f"The report is in {report}")

@@ -47,8 +47,10 @@ def rig(
     Writes report.html, metrics.json, logs/, models/, truth/ and figures/.
     """
     from patagium.cli.words import stage_bar
-    from patagium_lab.rig.experiment import run_rig
+    from patagium_lab.rig import page as pages
     from patagium_lab.rig.plan import RigPlan
+    from patagium_lab.rig.run import run
+    from patagium_lab.study import write_study
 
     plan = RigPlan(
         robot=robot,
@@ -57,11 +59,12 @@ def rig(
         wind=wind,
         noise=_factors(noise),
         seed=seed,
-        eights=1.0 if quick else 2.0,
-        limits=not quick,
+        **({"eights": 1.0, "limits": ()} if quick else {}),  # type: ignore[arg-type]
     )
     with stage_bar("Rig") as progress:
-        report = run_rig(out, plan, progress=progress, page=page)
+        report, found = write_study(out, plan, run, pages.page, progress)
+        if page is not None:
+            found.only(pages.RESULTS).write(page)
     typer.echo(f"The report is in {report}")
 
 

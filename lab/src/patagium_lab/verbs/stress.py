@@ -33,8 +33,8 @@ def stress(
     A run of the campaign is drawn from seed and number; any of them can be flown again.
     """
     from patagium.cli.words import existing, progress_bar, say_json, show_table
-    from patagium_lab.stress import study
-    from patagium_lab.stress.report import fault_table, write_stress
+    from patagium_lab.stress import run as study
+    from patagium_lab.stress.page import fault_table, write_stress
 
     found = None if log is None else existing(log)
     with progress_bar("Stressing") as progress:

@@ -20,11 +20,11 @@ import numpy as np
 from patagium.errors import ParameterError
 from patagium_lab.bench.result import Progress
 from patagium_lab.conditions import conditions, load_average
-from patagium_lab.learners.course import Course, load_course
+from patagium_lab.jobs import WORKERS, Job, run_jobs
+from patagium_lab.learners.data_sets import Course, load_course
 from patagium_lab.learners.entries import ENTRIES, Entry, entries_of, entry
 from patagium_lab.learners.race import RacePlan, race, search
 from patagium_lab.timing import one_core
-from patagium_lab.workers import WORKERS, Job, run_jobs
 
 ROUNDS = 7
 """Times everybody's turn comes."""

@@ -21,10 +21,10 @@ from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden import HiddenStripNetwork
 from patagium.learning.models.strip import StripNetwork
 from patagium.robot import Robot
-from patagium_lab.reproduction.subjects import SPREAD, WEIGHT_DEVIATION, lever_arms
+from patagium_lab.reproduction.cases import SPREAD, WEIGHT_STD, lever_arms
 from patagium_lab.reproduction.unsteady_flights import CRUISE
 
-STRIP_DEVIATION = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
+STRIP_STD = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
 """What a strip's force may be wrong by and still fit [N]."""
 HIDDEN_PRIOR = 0.1
 """Prior deviation of each weight of the network with hidden states, divided by sqrt(fan-in)."""
@@ -59,19 +59,19 @@ class Candidate:
 
 def _strip(robot: Robot, interval: float, seed: int) -> Learner:
     network = StripNetwork(robot, (8, 8), activation="tanh", coefficient_scale=4.0)
-    return _filtered(network, STRIP_DEVIATION["strip"], seed)
+    return _filtered(network, STRIP_STD["strip"], seed)
 
 
 def _strip_rotation(robot: Robot, interval: float, seed: int) -> Learner:
     network = StripNetwork(robot, (8, 8), activation="tanh", rotation=True, coefficient_scale=4.0)
-    return _filtered(network, STRIP_DEVIATION["strip_rotation"], seed)
+    return _filtered(network, STRIP_STD["strip_rotation"], seed)
 
 
 def _hidden(robot: Robot, interval: float, seed: int) -> Learner:
     return ExtendedLearner(
         HiddenStripNetwork(robot),
         prior_std=HIDDEN_PRIOR,
-        measurement_std=STRIP_DEVIATION["hidden"] * lever_arms(robot),
+        measurement_std=STRIP_STD["hidden"] * lever_arms(robot),
         seed=seed,
     )
 
@@ -93,7 +93,7 @@ def _grey(robot: Robot, interval: float, seed: int) -> Learner:
     return ExtendedLearner(
         GreyBox(model, estimate, start="still"),
         prior_std=1.0,
-        measurement_std=STRIP_DEVIATION["grey"] * lever_arms(robot),
+        measurement_std=STRIP_STD["grey"] * lever_arms(robot),
         seed=seed,
     )
 
@@ -115,7 +115,7 @@ def _filtered(network: StripNetwork, std: float, seed: int) -> Learner:
     return CubatureLearner(
         network,
         spread=SPREAD,
-        prior_std=WEIGHT_DEVIATION * network.fan_in**0.5,
+        prior_std=WEIGHT_STD * network.fan_in**0.5,
         measurement_std=std * lever_arms(network.robot),
         seed=seed,
     )

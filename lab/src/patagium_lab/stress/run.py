@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from patagium.errors import ParameterError
+from patagium_lab.jobs import WORKERS, Job, run_jobs
 from patagium_lab.stress.calibration import NOISES, flight_calibration, log_calibration
 from patagium_lab.stress.campaign import FAULT_NAMES, campaign
 from patagium_lab.stress.damage import damage_row, learner_names
 from patagium_lab.stress.endurance import GLIDE, UPDATES, single_precision, steady_glide
-from patagium_lab.workers import WORKERS, Job, run_jobs
 
 RUNS = 1000
 CHUNK = 25

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from patagium_lab.workers import Job, by_urgency, run_jobs
+from patagium_lab.jobs import Job, by_urgency, run_jobs
 
 
 def test_the_longest_line_of_work_comes_first():

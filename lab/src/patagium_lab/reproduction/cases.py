@@ -1,8 +1,8 @@
-"""What is learned in the reproduction: two flights, five networks, seven learners.
+"""Cases of the reproduction: two flights, six networks, six learners and their settings.
 
-Every choice a person made is here, the same for a whole family of runs: scales from what
-is known of a flight before it is flown (its envelope, the force a strip makes), deviations,
-spread, memory. Nothing is taken from the flight itself.
+Every number that a person chose is here, and it is the same for a whole family of runs: scales from
+what is known of a flight before it is flown (its envelope, the force of a strip), standard
+deviations, spread, memory. Nothing is taken from the flight itself.
 """
 
 from __future__ import annotations
@@ -30,37 +30,37 @@ Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 SPREAD = sqrt(3.0)
-"""Of the cubature points in standard deviations; sqrt(n) is the paper's rule."""
-WEIGHT_DEVIATION = 0.0999
-"""Prior deviation of each weight of a strip network: its variance is just below 1e-2."""
+"""Spread of the cubature points [standard deviations]; sqrt(n) is the paper's rule."""
+WEIGHT_STD = 0.0999
+"""Prior standard deviation of each weight of a strip network; its square is just below 1e-2."""
 DENSE_PRIOR = 0.5
-"""Prior deviation of each weight of a dense network, divided by sqrt(fan-in)."""
+"""Prior standard deviation of each weight of a dense network, before division by sqrt(fan-in)."""
 DENSE_NOISE = 0.01
-"""Measurement deviation of a dense network, in its output scales."""
+"""Measurement standard deviation of a dense network, over its output scales."""
 MEMORY = 0.1
 """Time in which a dense network forgets to a share 1/e [s]; strip networks never forget."""
 LEAST_MEMORY = 20
-"""The same in samples, where they are rare: the memory is the longer of the two."""
+"""Least memory in samples, which counts where samples are rare."""
 REPLAY = 32
 FEATURES = 100
 STEP = {"strip": 0.01, "dense": 0.003, "dense, replayed": 0.03}
-"""Step of Adam: the best of 0.001 to 0.1 for each."""
+"""Step size of Adam: the best of 0.001 to 0.1 for each family."""
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A flight to learn, and what is known of it beforehand.
+class FlightCase:
+    """A flight that is learned, and what is known of it beforehand.
 
     Attributes:
         name: Key of the flight.
         robot: Preset whose geometry the strip network knows.
         strip_force: Size of the air's force on a strip [N].
-        strip_std: What a strip's force may be wrong by and still fit: sensors, and air
-            that the network cannot represent [N].
-        coefficient_scale: Size of the section coefficients.
-        envelope: Coordinate to the span it moves in [m, rad].
-        rates: The same of velocities [m/s, rad/s].
-        chosen: What the network of velocity inputs sees.
+        strip_std: Standard deviation of a strip's force, for sensors and for air that the
+            network cannot represent [N].
+        coefficient_scale: Size of the section coefficients [1].
+        envelope: Range of each coordinate [m, rad].
+        rates: Range of each velocity [m/s, rad/s].
+        chosen: Inputs of the network with few inputs.
     """
 
     name: str
@@ -79,8 +79,8 @@ def _both(**spans: Span) -> dict[str, Span]:
 
 _UNIT = (-1.0, 1.0)
 _BEAT = (-2 * pi * 15, 2 * pi * 15)
-SUBJECTS = {
-    "published": Subject(
+FLIGHT_CASES = {
+    "published": FlightCase(
         name="published",
         robot="aerobat-published",
         strip_force=25.0,
@@ -99,7 +99,7 @@ SUBJECTS = {
             *("q.left_plunge", "v.left_plunge", "q.right_plunge", "v.right_plunge"),
         ),
     ),
-    "corrected": Subject(
+    "corrected": FlightCase(
         name="corrected",
         robot="aerobat",
         strip_force=0.05,
@@ -130,7 +130,7 @@ STRIPS = {
     "published": ("strip_midchord", "strip", "strip_rotation"),
     "corrected": ("strip", "strip_rotation"),
 }
-"""Strip networks of each flight; the first can represent its air with the fewest weights."""
+"""Strip networks of each flight; the first has the fewest weights that can represent its air."""
 LEARNERS = {
     "cubature": "cubature filter",
     "extended": "extended filter",
@@ -143,13 +143,13 @@ LEARNERS = {
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What of a dense run is varied to find what limits it.
+class DenseSettings:
+    """Settings of a dense network that are varied to find what limits it.
 
     Attributes:
-        scaled: Whether inputs are scaled; else they go in as they are (E7).
-        spread: Of the cubature points; None is sqrt(n).
-        memory: See `MEMORY` and `LEAST_MEMORY`; None never forgets [s].
+        scaled: Whether inputs are scaled; without it they go in as they are (E7).
+        spread: Spread of the cubature points [standard deviations]; None is sqrt(n).
+        memory: See `MEMORY` and `LEAST_MEMORY` [s]; None never forgets.
         prior: See `DENSE_PRIOR`.
         noise: See `DENSE_NOISE`.
     """
@@ -161,34 +161,34 @@ class Setting:
     noise: float = DENSE_NOISE
 
 
-AS_RUN = Setting()
+AS_RUN = DenseSettings()
 
 
-def inputs_of(subject: Subject, network: str) -> tuple[str, ...]:
-    """Names of what a network sees: q.<coordinate> and v.<coordinate>.
+def inputs_of(case: FlightCase, network: str) -> tuple[str, ...]:
+    """Names of the inputs of a network: q.<coordinate> and v.<coordinate>.
 
     Args:
-        subject: The flight.
+        case: The flight.
         network: Key of `NETWORKS`.
     """
     if network == "dense_velocity":
-        return subject.chosen
-    names = load_robot(subject.robot).dof_names
+        return case.chosen
+    names = load_robot(case.robot).dof_names
     return tuple(f"{kind}.{name}" for kind in "qv" for name in names)
 
 
-def make_network(subject: Subject, network: str, setting: Setting = AS_RUN) -> Network:
+def make_network(case: FlightCase, network: str, settings: DenseSettings = AS_RUN) -> Network:
     """A network for a flight.
 
     Args:
-        subject: The flight.
-        network: Key of `NETWORKS`, or "inputs": the linear one of all inputs.
-        setting: Whether inputs are scaled.
+        case: The flight.
+        network: Key of `NETWORKS`, or "inputs" for the linear network of all inputs.
+        settings: Settings that say whether inputs are scaled.
 
     Raises:
         ParameterError: If there is no such network.
     """
-    robot = load_robot(subject.robot)
+    robot = load_robot(case.robot)
     if network.startswith("strip"):
         return StripNetwork(
             robot,
@@ -196,57 +196,57 @@ def make_network(subject: Subject, network: str, setting: Setting = AS_RUN) -> N
             activation="tanh",
             chord_fraction=0.5 if network == "strip_midchord" else None,
             rotation=network == "strip_rotation",
-            coefficient_scale=subject.coefficient_scale,
+            coefficient_scale=case.coefficient_scale,
         )
     hidden = {"dense": (16, 12), "dense_published": (20,), "dense_velocity": (20,), "inputs": ()}
     if network not in hidden:
         raise ParameterError("network", f"one of {', '.join(NETWORKS)}, inputs", network)
-    names = inputs_of(subject, network)
-    spans = np.array([_span(subject, name) for name in names])
+    names = inputs_of(case, network)
+    spans = np.array([_span(case, name) for name in names])
     scales: dict[str, Any] = {}
-    if setting.scaled:
+    if settings.scaled:
         scales = {
             "input_center": spans.mean(axis=1),
             "input_scale": np.ptp(spans, axis=1) / 2,
         }
-    output_scale = subject.strip_force * lever_arms(robot)
+    output_scale = case.strip_force * lever_arms(robot)
     return DenseNetwork(
         len(names), hidden[network], robot.dof_names, output_scale=output_scale, **scales
     )
 
 
 def make_learner(
-    subject: Subject,
+    case: FlightCase,
     network: str,
     learner: str,
     interval: float,
     seed: int = 0,
-    setting: Setting = AS_RUN,
+    settings: DenseSettings = AS_RUN,
 ) -> Learner:
     """A learner at its start.
 
     Args:
-        subject: The flight.
+        case: The flight.
         network: Key of `NETWORKS`; ignored by least squares, which sees all inputs.
         learner: Key of `LEARNERS`.
-        interval: Time between two samples it learns from [s].
-        seed: Of the weights to start from.
-        setting: Of a dense network.
+        interval: Time between two samples that are learned [s].
+        seed: Seed of the first weights.
+        settings: Settings of a dense network.
 
     Raises:
         ParameterError: If there is no such learner or network.
     """
     squares = learner in ("linear", "features")
-    model: Any = make_network(subject, "inputs" if squares else network, setting)
+    model: Any = make_network(case, "inputs" if squares else network, settings)
     strip = isinstance(model, StripNetwork)
-    lever = lever_arms(load_robot(subject.robot))
+    lever = lever_arms(load_robot(case.robot))
     if strip:
-        std, forget = subject.strip_std * lever, 1.0
-        prior = WEIGHT_DEVIATION * np.sqrt(model.fan_in)
+        std, forget = case.strip_std * lever, 1.0
+        prior = WEIGHT_STD * np.sqrt(model.fan_in)
     else:
-        std = setting.noise * subject.strip_force * lever
-        forget = _forgetting(interval, setting.memory)
-        prior = setting.prior
+        std = settings.noise * case.strip_force * lever
+        forget = _forgetting(interval, settings.memory)
+        prior = settings.prior
     filtering = {
         "prior_std": prior,
         "measurement_std": std,
@@ -254,7 +254,7 @@ def make_learner(
         "seed": seed,
     }
     if learner == "cubature":
-        return CubatureLearner(model, spread=setting.spread, **filtering)
+        return CubatureLearner(model, spread=settings.spread, **filtering)
     if learner == "extended":
         return ExtendedLearner(model, **filtering)
     if squares:
@@ -267,10 +267,10 @@ def make_learner(
 
 
 def lever_arms(robot: Robot) -> Array:
-    """How a force error on each strip adds up in each generalized force, (n,) [-, m].
+    """Lever arms of the strips: how errors of strip forces add up in each coordinate, (n,) [-, m].
 
     l_k = sqrt(sum over strips of |dp/dq_k|^2) with p the strip's quarter chord, the robot as
-    drawn: independent errors of deviation s on the strips give s l_k.
+    drawn: independent errors of standard deviation s on the strips give s l_k.
 
     Args:
         robot: The machine.
@@ -284,11 +284,11 @@ def lever_arms(robot: Robot) -> Array:
 
 
 def _forgetting(interval: float, memory: float | None) -> float:
-    """Factor a sample of a memory [s], None: it never forgets."""
+    """Forgetting factor of a memory [s]; 1 where the memory is None."""
     return 1.0 if memory is None else exp(-min(interval / memory, 1.0 / LEAST_MEMORY))
 
 
-def _span(subject: Subject, name: str) -> Span:
+def _span(case: FlightCase, name: str) -> Span:
     kind, coordinate = name.split(".", 1)
-    spans = subject.envelope if kind == "q" else subject.rates
+    spans = case.envelope if kind == "q" else case.rates
     return spans.get(coordinate, _UNIT)

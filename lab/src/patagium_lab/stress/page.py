@@ -17,7 +17,7 @@ from patagium.report import Section, Table, picture
 from patagium.report.figures import curves
 from patagium.report.page import write_page
 from patagium_lab.stress.campaign import SETTLING, WINDOW, WORST_RATIO
-from patagium_lab.stress.study import StressStudy
+from patagium_lab.stress.run import StressStudy
 
 SUMMARY = (
     "Learners flown through faults drawn from a seed, through damage to a wing, and on and on: "

@@ -23,13 +23,13 @@ from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium.sensing.logs.table import read_table
 from patagium_lab.measured.crazyflie import HIDDEN, crazyflie_mapping, in_flight
+from patagium_lab.reproduction.cases import FLIGHT_CASES, Span, lever_arms, make_network
 from patagium_lab.reproduction.flights import (
     TIME_STEP,
     beat_frequency,
     corrected_flight,
     published_flight,
 )
-from patagium_lab.reproduction.subjects import SUBJECTS, Span, lever_arms, make_network
 
 Array = NDArray[np.float64]
 
@@ -143,7 +143,7 @@ def flight_course(name: str, duration: float) -> Course:
     beat = 1.0 / beat_frequency(fly(1e-3))
     steps = int(np.ceil((duration + 2 * beat) / TIME_STEP)) + EVERY
     time, x, y = training_data(fly(steps * TIME_STEP))
-    subject = SUBJECTS[name]
+    subject = FLIGHT_CASES[name]
     envelope, rates = _WIDE[name]
     wide = replace(subject, envelope=subject.envelope | envelope, rates=subject.rates | rates)
     kinds = {"dense": "dense_published", "linear": "inputs"}

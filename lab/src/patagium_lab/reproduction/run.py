@@ -1,0 +1,256 @@
+"""Run of the reproduction: the paper's whole experiment, as published and corrected.
+
+Two flights are flown and their forces are learned by every network, learner and rate of samples.
+The learned models are frozen and tried on gaits that were not learned. Each error of the published
+experiment is put in and taken away. Overheads are measured, and a measured wing is learned.
+Neglected: hardware, closed loops.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from patagium.learning.result import Identification
+from patagium.report import Section
+from patagium.robot import load_robot
+from patagium.simulation import save_flight
+from patagium.viewer import replay
+from patagium_lab.bench import overhead
+from patagium_lab.conditions import conditions
+from patagium_lab.gallery import Gallery
+from patagium_lab.jobs import Job, run_jobs
+from patagium_lab.measured import yeo
+from patagium_lab.measured.crazyflie import crazyflie_sections, crazyflie_study
+from patagium_lab.reproduction import cases, figures, flights
+from patagium_lab.reproduction.claims import claims
+from patagium_lab.reproduction.errors import fly_case
+from patagium_lab.reproduction.plan import ReproductionPlan
+from patagium_lab.reproduction.tables import start_spans
+from patagium_lab.reproduction.targets import targets
+from patagium_lab.reproduction.trials import TrialResult, fly_known, run_trial
+from patagium_lab.reproduction.unsteady_flights import MOUNTS
+from patagium_lab.reproduction.unsteady_page import draw_unsteady, unsteady_metrics
+from patagium_lab.reproduction.unsteady_trials import (
+    UnsteadyResult,
+    fly_unsteady,
+    run_unsteady_trial,
+    unsteady_trials,
+)
+from patagium_lab.study import Results, Stages
+
+ERROR_COST = 1.5
+"""Expected duration of the flight of one error, most of it compiling the first time [s]."""
+FLIGHT_COST = {"published": 4.0, "corrected": 5.0, "unsteady": 20.0}
+"""Expected duration of a flight and of those that are not learned [s]."""
+
+
+def run(plan: ReproductionPlan, out: Path, stages: Stages) -> Results:
+    """Figures, drawings and flights of the whole reproduction.
+
+    Learners run in worker processes: a script that calls this needs the usual guard
+    `if __name__ == "__main__":`.
+
+    Args:
+        plan: What is run.
+        out: Folder of the flights (*.nc, *.html) and of figures/.
+        stages: Receives progress.
+    """
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        stages.stage("flying, learning, and errors one by one", 0.0, 0.8) as tell,
+    ):
+        work = _work(plan, Path(folder), tell)
+        for key, flight in work.flights.items():
+            save_flight(flight, out / f"{key}.nc")
+    with stages.stage("overheads", 0.8, 0.85):
+        overheads = {
+            "dynamics": overhead.dynamics_overhead(load_robot("aerobat"), plan.rivals),
+            "aerodynamics": overhead.aerodynamics_overhead(plan.air_models, plan.air_networks),
+        }
+    with stages.stage("measured data", 0.85, 0.9):
+        measured, sections = _measured(plan)
+    metrics = _metrics(plan, work) | {"overhead": overheads, **measured}
+    gallery = Gallery(out / "figures")
+    with stages.stage("drawing", 0.9, 0.99):
+        _draw(gallery, metrics, work)
+        draw_unsteady(gallery, metrics, work.unsteady)
+        metrics["replays"] = {name: _replay(out, name, work) for name in work.flights}
+    metrics["stages"] = stages.seconds
+    metrics["targets"] = targets(metrics)
+    metrics["claims"] = claims(metrics)
+    return Results(metrics, gallery, sections)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Results of the worker processes.
+
+    Attributes:
+        flights: Flights that are learned.
+        unseen: Flights that are not learned, by the flight that is.
+        unsteady_flights: Figures of the flights through air with memory, by mount.
+        results: Results of trials in air without memory.
+        unsteady: Results of trials in air with memory.
+        errors: Rows of flights with errors, by table.
+    """
+
+    flights: dict[str, xr.Dataset]
+    unseen: dict[str, dict[str, xr.Dataset]]
+    unsteady_flights: dict[str, Any]
+    results: list[TrialResult]
+    unsteady: list[UnsteadyResult]
+    errors: dict[str, list[dict[str, Any]]]
+
+
+def _work(plan: ReproductionPlan, folder: Path, tell: Callable[[float], None]) -> _Work:
+    """Flights, trials on each flight, errors, and the compiling of what is timed later."""
+    known = list(flights.FLIGHTS)
+    keys, spans = [*known, *MOUNTS], (plan.duration, plan.unseen_duration)
+    slow = (plan.unsteady_duration, plan.unsteady_unseen_duration)
+    trials, errors = plan.trials(), plan.error_cases()
+    others = unsteady_trials(plan.unsteady_every, plan.unsteady_starts, plan.unsteady_candidates)
+    jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in known]
+    jobs += [Job(fly_unsteady, (key, *slow, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
+    jobs += [Job(run_trial, (t, folder), t.cost, (keys.index(t.flight),)) for t in trials]
+    jobs += [Job(run_unsteady_trial, (t, folder), t.cost, (keys.index(t.mount),)) for t in others]
+    jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in errors]
+    jobs += overhead.compile_jobs(plan.rivals, plan.air_models, plan.air_networks)
+    found = iter(run_jobs(jobs, tell))
+    flown = dict(zip(known, islice(found, len(known)), strict=True))
+    unsteady = dict(zip(MOUNTS, islice(found, len(MOUNTS)), strict=True))
+    results, unsteady_results = (list(islice(found, len(part))) for part in (trials, others))
+    tables: dict[str, list[dict[str, Any]]] = {case.table: [] for case in errors}
+    for case, row in zip(errors, found, strict=False):
+        tables[case.table].append(row)
+    return _Work(
+        {key: flight for key, (flight, _) in flown.items()}
+        | {f"unsteady_{key}": flight for key, (flight, _) in unsteady.items()},
+        {key: unseen for key, (_, unseen) in flown.items()},
+        {key: figures for key, (_, figures) in unsteady.items()},
+        results,
+        unsteady_results,
+        tables,
+    )
+
+
+def _metrics(plan: ReproductionPlan, work: _Work) -> dict[str, Any]:
+    """Figures of flights, errors and trials."""
+    summaries = _summaries(work)
+    starts = [
+        _brief(one) | {"unseen_worst": _worst_unseen(one, summaries["unseen_within"])}
+        for one in work.results
+        if one.trial.is_start
+    ]
+    return {
+        "environment": conditions(),
+        "plan": plan.describe(),
+        "choices": _choices(),
+        "flights": summaries,
+        "errors": work.errors,
+        "learning": [one.scores for one in work.results if one.trial.kind == "table"],
+        "starts": starts,
+        "start_spans": start_spans(starts),
+        "limits": [_brief(one) for one in work.results if one.trial.kind == "limit"],
+        "unsteady": unsteady_metrics(work.unsteady, work.unsteady_flights),
+        "left_out": plan.left_out,
+    }
+
+
+def _measured(plan: ReproductionPlan) -> tuple[dict[str, Any], list[Section]]:
+    """Studies of measured data: the Yeo wing, and the quadrotor where its log is given."""
+    wing = yeo.yeo_study(plan.yeo_cycles)
+    metrics: dict[str, Any] = {"yeo": wing.scores}
+    sections = yeo.yeo_sections(wing)
+    if plan.crazyflie is not None:
+        log = crazyflie_study(plan.crazyflie)
+        metrics["crazyflie"] = {"rows": log.rows, "samples": log.samples, "gaps": log.gaps}
+        sections += crazyflie_sections(log)
+    return metrics, sections
+
+
+def _summaries(work: _Work) -> dict[str, Any]:
+    """Figures of each flight, and the gaits within and beyond the incidences of the learned one."""
+    learned: dict[str, Any] = {name: flights.summary(work.flights[name]) for name in work.unseen}
+    unseen = {
+        key: {name: flights.summary(flight) for name, flight in group.items()}
+        for key, group in work.unseen.items()
+    }
+    sides = {
+        f"unseen_{side}": {
+            name: flights.unseen_gaits(learned[name], unseen[name], side) for name in unseen
+        }
+        for side in ("within", "beyond")
+    }
+    return {**learned, "unseen": unseen, **sides}
+
+
+def _draw(gallery: Gallery, metrics: dict[str, Any], work: _Work) -> None:
+    """Figures of the flights through air without memory, and of the overheads."""
+    for name in flights.FLIGHTS:
+        flight = work.flights[name]
+        figures.overview_figure(gallery, name, flight)
+        best = cases.STRIPS[name][0]
+        mine = [
+            one for one in work.results if one.trial.kind == "table" and one.trial.flight == name
+        ]
+        kept = {one.trial.network: one.record for one in mine if one.record is not None}
+        shown = {"strip network": kept[best], "dense network": kept["dense"]}
+        figures.force_figures(gallery, name, shown, 1.0 / flights.beat_frequency(flight))
+        figures.innovation_figure(gallery, name, kept[best])
+        figures.curve_figure(gallery, name, mine)
+        frozen = {
+            cases.NETWORKS.get(one.trial.network, "100 random features"): one
+            for one in mine
+            if one.trial.every == 100 and one.trial.learner in ("cubature", "features")
+        }
+        figures.unseen_figure(gallery, name, frozen)
+    figures.overhead_figures(gallery, metrics["overhead"])
+
+
+def _replay(out: Path, name: str, work: _Work) -> str:
+    """A flight in three dimensions, with the forces that a strip network predicted, if any."""
+    best = cases.STRIPS.get(name, ("",))[0]
+    found = [
+        Identification(one.scores, one.record, one.model)
+        for one in work.results
+        if (one.trial.flight, one.trial.network) == (name, best) and one.record is not None
+    ]
+    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as predicted" * bool(found))
+    predicted = found[0] if found else None
+    path = replay(work.flights[name], out / f"{name}.html", predicted=predicted, title=title)
+    return path.name
+
+
+def _brief(one: TrialResult) -> dict[str, Any]:
+    """Scores of a trial without its learning curve and its scores on each unseen gait."""
+    return {key: value for key, value in one.scores.items() if key not in ("curve", "unseen")}
+
+
+def _worst_unseen(one: TrialResult, within: Mapping[str, Sequence[str]]) -> float:
+    """Worst error on gaits that stay within the incidences of the learned flight."""
+    unseen = one.scores["unseen"]
+    return max((unseen[gait]["worst"] for gait in within[one.trial.flight]), default=math.nan)
+
+
+def _choices() -> dict[str, Any]:
+    """Every number that a person chose, for the page."""
+    known = cases.FLIGHT_CASES
+    return {
+        "spread": cases.SPREAD,
+        "weight_std": cases.WEIGHT_STD,
+        "strip_std": {name: case.strip_std for name, case in known.items()},
+        "coefficient_scale": {name: case.coefficient_scale for name, case in known.items()},
+        "dense_prior": cases.DENSE_PRIOR,
+        "dense_noise": cases.DENSE_NOISE,
+        "memory": cases.MEMORY,
+        "least_memory": cases.LEAST_MEMORY,
+        "steps_of_gradient": dict(cases.STEP),
+    }
