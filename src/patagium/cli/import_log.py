@@ -1,4 +1,4 @@
-"""`patagium import`: a log of another program as one of ours, in SI and our axes."""
+"""Verb `patagium import`: a log of another program in SI units, our axes and one time base."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from patagium.sensing.logs.importing.run import Imported
+    from patagium.sensing.logs.importing.import_log import Imported
 
 NAME = "import"
 EXAMPLES = (
@@ -26,23 +26,22 @@ def import_log(
         ),
     ],
     mapping: Annotated[
-        Path, typer.Option("--map", "--mapping", help="What its columns or fields mean (YAML).")
+        Path, typer.Option("--map", "--mapping", help="Meaning of its columns or fields (YAML).")
     ],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="The log to write: .nc, or .csv for `stream`."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="What came of it, as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:
-    """Bring a log of another program to SI, our axes and one time base.
+    """Bring a log of another program to SI units, our axes and one time base.
 
-    What is suspicious (stamps, gaps, units, axes) is told before anything is computed from it.
-    The log is written whole or not at all; after Ctrl-C the same command goes on where it was.
-    `docs/logs.md` has a mapping for each kind of file.
+    Suspicious stamps, gaps, units and axes are reported before anything is computed from the log.
+    The result is written whole or not at all. `docs/logs.md` has a mapping for each kind of file.
     """
     from patagium.cli.inspect import show_findings
     from patagium.cli.words import existing, progress_bar, say_json
-    from patagium.sensing.logs.importing.run import import_log as bring
+    from patagium.sensing.logs.importing.import_log import import_log as bring
 
     target = out if out is not None else Path(f"{files[0].name.partition('.')[0]}.nc")
     try:
@@ -55,17 +54,18 @@ def import_log(
                 tell=lambda findings: show_findings(findings, err=True),
             )
     except KeyboardInterrupt:
-        typer.echo("patagium: interrupted; the same command goes on from here", err=True)
+        typer.echo(
+            f"patagium: interrupted; {target} is as it was before; repeat the command to import",
+            err=True,
+        )
         raise typer.Exit(130) from None
     if as_json:
         say_json(_facts(found))
         return
-    if found.resumed:
-        typer.echo(f"Went on from {found.resumed} rows read before.")
     typer.echo(f"{found.samples} samples over {found.duration:.6g} s: {found.time_base}.")
     if found.left_out:
-        typer.echo(f"Left out, for lack of some quantity: {found.left_out} samples.")
-    typer.echo("Numbers and vectors linearly, attitudes by slerp; x forward, y left, z up.")
+        typer.echo(f"Samples left out because a quantity is missing: {found.left_out}.")
+    typer.echo("Interpolated linearly, attitudes by slerp; axes are x forward, y left, z up.")
     for fact in found.facts:
         if "residual_rms" in fact:
             mean, spread, moved = (
@@ -74,7 +74,7 @@ def import_log(
             )
             typer.echo(
                 f"{fact['specific_force']} in the world, less gravity, less the change of "
-                f"{fact['velocity']} over {fact['span']:.3g} s: mean ({mean}), deviation "
+                f"{fact['velocity']} over {fact['span']:.3g} s: mean ({mean}), standard deviation "
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")

@@ -1,4 +1,4 @@
-"""`patagium inspect`: what a log of another program holds, and what is suspicious about it."""
+"""Verb `patagium inspect`: content of a log of another program, and findings about it."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def inspect(
         ),
     ],
     topic: Annotated[
-        list[str] | None, typer.Option(help="Show the numbers of this topic; several times.")
+        list[str] | None, typer.Option(help="Topic whose numbers are shown; may be repeated.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All of it as JSON on stdout.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:
-    """Say what a log holds: topics, rates, gaps, ranges, and what is suspicious.
+    """Show the topics, rates, gaps and ranges of a log, and suspicious facts about it.
 
     Topics and fields are named as a mapping for `patagium import` names them.
     """
@@ -59,11 +59,11 @@ def inspect(
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
-    """Findings as a table.
+    """Print findings as a table.
 
     Args:
-        findings: What is suspicious.
-        err: Whether on stderr.
+        findings: The findings.
+        err: Whether to print to stderr.
     """
     from patagium.cli.words import show_table
     from patagium.report import Table

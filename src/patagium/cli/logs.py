@@ -1,4 +1,4 @@
-"""What a verb learns from: a flight, a table with its mapping, or a log that was imported."""
+"""Input of the verbs that learn: a flight, a table with its mapping, or an imported log."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ if TYPE_CHECKING:
 
 
 def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
-    """An imported log, open; None for any other file.
+    """Open imported log; None for any other file. Warnings of the import are printed.
 
     Args:
         file: Any file.
-        mapping: The mapping it came with.
+        mapping: Value of the option --mapping.
 
     Raises:
-        ParameterError: If an imported log comes with a mapping: it carries its own.
+        ParameterError: If a mapping is given for an imported log, which carries its own.
+        LogError: If the imported log is damaged.
     """
     from patagium.errors import ParameterError
     from patagium.sensing.logs.record import LogRecord, is_log
@@ -40,11 +41,14 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
 
 
 def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
-    """An imported log that is too long to be held in memory, open; None for any other file.
+    """Open imported log that is too long for memory; None for any other file.
 
     Args:
         file: Any file.
-        mapping: The mapping it came with.
+        mapping: Value of the option --mapping.
+
+    Raises:
+        LogError: If the imported log is damaged.
     """
     from patagium.learning.long_log import LONG
     from patagium.sensing.logs.record import LogRecord, is_log
@@ -58,17 +62,18 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
 
 
 def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, Table | None]:
-    """A flight, or the table of a log.
+    """Flight or table in a file.
 
     Args:
         file: A flight or an imported log (.nc), or another log.
-        mapping: What the columns or fields of another log mean.
+        mapping: Mapping of another log.
 
     Returns:
         The flight and None, or None and the table.
 
     Raises:
-        ParameterError: If the mapping is missing, or too much.
+        ParameterError: If a mapping is missing, or is given for a file that needs none.
+        LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
     from patagium.cli.words import existing

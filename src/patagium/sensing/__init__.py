@@ -10,11 +10,12 @@ from patagium.sensing.force.sources import (
     motor_forces,
 )
 from patagium.sensing.force.training_data import training_data
+from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
-from patagium.sensing.logs.importing.run import import_log
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
+from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.record import load_log
-from patagium.sensing.logs.table import Table, read_table
+from patagium.sensing.logs.table import Table
 from patagium.sensing.motion.clocks import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate import estimate_motion
 from patagium.sensing.motion.smoothers import Kalman, SavitzkyGolay, Spline

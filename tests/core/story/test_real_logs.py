@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from patagium.cli.main import run
+from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
-from patagium.sensing.logs.importing.run import import_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import load_log
 

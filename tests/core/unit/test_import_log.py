@@ -8,7 +8,7 @@ import pytest
 
 from patagium.errors import LogError
 from patagium.sensing.logs.importing.findings import Finding
-from patagium.sensing.logs.importing.run import Imported, import_log
+from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.mapping import TableMapping, parse_mapping
 from patagium.sensing.logs.record import LogRecord, load_log
 

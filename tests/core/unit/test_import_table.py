@@ -9,8 +9,8 @@ import pytest
 
 from patagium.errors import LogError
 from patagium.sensing import read_table
+from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
-from patagium.sensing.logs.importing.run import Imported, import_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord, is_log
 

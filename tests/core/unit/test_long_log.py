@@ -13,8 +13,7 @@ from patagium.errors import LogError
 from patagium.learning.long_log import identify_record
 from patagium.learning.tables import identify_table, network_for
 from patagium.sensing.logs.files import csv_file
-from patagium.sensing.logs.importing import spool
-from patagium.sensing.logs.importing.run import import_log
+from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import Table
@@ -136,38 +135,30 @@ def test_a_course_of_another_log_is_refused(record: LogRecord, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("calls", [3, 10, 20])
-def test_an_import_goes_on_where_it_was_interrupted(
-    calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("kind", ["nc", "csv"])
+def test_an_interrupted_import_leaves_what_was_there(
+    calls: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(csv_file, "BLOCK", 150)
-    monkeypatch.setattr(spool, "_PERIOD", 0.0)
+    path, words, out = written(tmp_path), parse_mapping(WORDS), tmp_path / f"out.{kind}"
+    for before in (None, b"of another day"):
+        if before is not None:
+            out.write_bytes(before)
+        names = sorted(one.name for one in tmp_path.iterdir())
+        with pytest.raises(Stopped):
+            import_log(path, words, out, progress=stops_after(calls))
+        assert sorted(one.name for one in tmp_path.iterdir()) == names
+        assert before is None or out.read_bytes() == before
+    assert import_log(path, words, out).samples == COUNT
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted({*names, out.name})
+
+
+def test_blocks_do_not_change_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, words = written(tmp_path), parse_mapping(WORDS)
-    straight = import_log(path, words, tmp_path / "straight.nc")
-    out = tmp_path / "out.nc"
-    with pytest.raises(Stopped):
-        import_log(path, words, out, progress=stops_after(calls))
-    assert not out.exists() and (tmp_path / ".out.nc.import").is_dir()
-    found = import_log(path, words, out)
-    assert found.resumed == min(150 * calls, COUNT) and found.findings == straight.findings
-    assert not (tmp_path / ".out.nc.import").exists()
-    with LogRecord(straight.path) as one, LogRecord(out) as other:
+    whole = import_log(path, words, tmp_path / "whole.nc")
+    monkeypatch.setattr(csv_file, "BLOCK", 150)
+    parts = import_log(path, words, tmp_path / "parts.nc")
+    assert parts.findings == whole.findings and parts.samples == whole.samples
+    with LogRecord(whole.path) as one, LogRecord(parts.path) as other:
         np.testing.assert_array_equal(one.time(), other.time())
         np.testing.assert_array_equal(one.values(one.labels), other.values(one.labels))
-
-
-def test_what_is_left_of_another_import_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(csv_file, "BLOCK", 150)
-    monkeypatch.setattr(spool, "_PERIOD", 0.0)
-    path, out = written(tmp_path), tmp_path / "out.nc"
-    with pytest.raises(Stopped):
-        import_log(path, parse_mapping(WORDS), out, progress=stops_after(3))
-    fewer = {**WORDS, "inputs": WORDS["inputs"][:1]}
-    found = import_log(path, parse_mapping(fewer), out)
-    assert found.resumed == 0 and found.samples == COUNT
-    (tmp_path / ".out.nc.import").mkdir()
-    (tmp_path / ".out.nc.import" / "thesis.docx").touch()
-    with pytest.raises(LogError, match="move it away"):
-        import_log(path, parse_mapping(fewer), out)
-    assert (tmp_path / ".out.nc.import" / "thesis.docx").exists()

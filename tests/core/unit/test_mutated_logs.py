@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from patagium.errors import PatagiumError
+from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
-from patagium.sensing.logs.importing.run import import_log
 from patagium.sensing.logs.record import LogRecord
 
 Words = dict[str, Any]

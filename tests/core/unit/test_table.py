@@ -8,7 +8,8 @@ import pytest
 
 from patagium.errors import LogError
 from patagium.sensing.logs.mapping import load_mapping, parse_mapping
-from patagium.sensing.logs.table import read_table, table_from_frame
+from patagium.sensing.logs.read_table import read_table
+from patagium.sensing.logs.table import table_from_frame
 
 WORDS: dict[str, Any] = {
     "time": {"column": "stamp", "unit": "ms"},

@@ -26,7 +26,8 @@ from patagium.learning.tables import evaluate_table, identify_table, network_for
 from patagium.report import Section
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.table import Table, read_table
+from patagium.sensing.logs.read_table import read_table
+from patagium.sensing.logs.table import Table
 from patagium_lab.measured.thrust import thrust_network_for
 
 EVERY = (1, 10, 100)

@@ -17,7 +17,7 @@ from patagium.learning.stream import stream
 from patagium.learning.tables import identify_table, network_for
 from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
-from patagium.sensing.logs.table import read_table
+from patagium.sensing.logs.read_table import read_table
 from patagium_lab.measured.crazyflie import (
     HIDDEN,
     MEASUREMENT_STD,

@@ -1,6 +1,6 @@
-"""Logs that `patagium import` wrote: read whole as a table or a flight, or block by block.
+"""Imported logs on disk, read whole as a table or a flight, or block by block.
 
-Neglected: compression; 10^7 samples of ten numbers are 0.9 GB on the disk.
+Logs are not compressed: 10^7 samples of ten numbers take 0.9 GB on the disk.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from patagium.simulation.flight import quantities
 Array = NDArray[np.float64]
 
 FORMAT = "patagium log 1"
-_CACHE = 1 << 19  # B; the default is many times that for each number
+_CACHE = 1 << 19
+"""Cache of a variable [B]; the default of netCDF4 is many times that."""
 
 
 def is_log(path: str | Path) -> bool:
-    """Whether a file is a log that an import wrote.
+    """Whether a file is an imported log.
 
     Args:
         path: Any file.
@@ -44,21 +45,21 @@ def is_log(path: str | Path) -> bool:
 
 
 class LogRecord:
-    """A log on one time base, in SI and our axes, open.
+    """Open imported log: one time base, SI units, our axes.
 
     Args:
         path: The netCDF file.
 
     Attributes:
         path: The file.
-        count: Samples.
+        count: Number of samples.
         labels: Names of its numbers.
-        units: Their units, by name.
-        gap: A step longer than this many medians is a gap.
-        findings: What was suspicious when it was imported; see `Finding`.
+        units: Units of its numbers, by name.
+        gap: Length from which a step is a gap, in median steps.
+        findings: Findings of the import; see `Finding`.
 
     Raises:
-        LogError: If it is no such log.
+        LogError: If the file is no imported log.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -97,28 +98,28 @@ class LogRecord:
         self.close()
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         self._file.close()
 
     def of_role(self, role: str) -> tuple[str, ...]:
-        """Names of the numbers of a role: "input", "output" or "channel"."""
+        """Names of the numbers of a role, which is "input", "output" or "channel"."""
         return tuple(name for name, column in self._columns.items() if column.role == role)
 
     def ranges(self, names: tuple[str, ...]) -> Array:
-        """Lowest and highest value to expect, (n, 2); NaN where not stated."""
+        """Lowest and highest expected value, (n, 2) in the units of the log; NaN if not stated."""
         nothing = (np.nan, np.nan)
         rows = [getattr(self._columns[name], "expected_range", nothing) for name in names]
         return np.array(rows, float).reshape(-1, 2)
 
     def time(self, begin: int = 0, end: int | None = None) -> Array:
-        """Times of some samples, (k,) [s]."""
+        """Times of the samples from `begin` to `end`, (k,) [s]."""
         return np.asarray(self._file["time"][begin:end], float)
 
     def values(self, names: tuple[str, ...], begin: int = 0, end: int | None = None) -> Array:
-        """Numbers of some samples, (k, n).
+        """Numbers of the samples from `begin` to `end`, (k, n), in the units of the log.
 
         Raises:
-            LogError: If there is no such number.
+            LogError: If the log has no number of such a name.
         """
         missing = [name for name in names if name not in self._columns]
         if missing:
@@ -131,10 +132,10 @@ class LogRecord:
         return np.column_stack(columns) if columns else np.empty((rows, 0))
 
     def table(self, begin: int = 0, end: int | None = None) -> Table:
-        """Inputs and outputs of some samples.
+        """Inputs and outputs of the samples from `begin` to `end`.
 
         Raises:
-            LogError: If its mapping named none.
+            LogError: If the mapping of the log named channels only.
         """
         inputs, outputs = self.of_role("input"), self.of_role("output")
         if not inputs or not outputs:
@@ -160,22 +161,22 @@ class LogRecord:
 
     @property
     def robot(self) -> Robot | None:
-        """The robot its mapping named."""
+        """Robot that the mapping named; None if it named none."""
         if "robot" not in self._file.ncattrs():
             return None
         return load_robot_text(str(self._file.robot), str(self._file.robot_name))
 
     @property
     def is_flight(self) -> bool:
-        """Whether it holds q, v, a and u1 of every coordinate of its robot."""
+        """Whether the log holds q, v, a and u1 of every coordinate of its robot."""
         robot = self.robot
         return robot is not None and not self._missing(robot)
 
     def flight(self) -> xr.Dataset:
-        """Flight of its q, v, a and u1, and of known forces it holds, to teach a learner.
+        """Flight of the q, v, a and u1 in the log, and of the known forces it holds.
 
         Raises:
-            FlightError: If it lacks some, or its robot.
+            FlightError: If the log lacks a robot, or one of these quantities.
         """
         robot = self.robot
         if robot is None:
@@ -208,7 +209,7 @@ class LogRecord:
 
 
 def load_log(path: str | Path) -> xr.Dataset:
-    """A log that an import wrote, in memory: one variable a quantity, with its unit.
+    """Imported log in memory, with one variable for each quantity and its unit.
 
     Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world.
 
@@ -216,7 +217,7 @@ def load_log(path: str | Path) -> xr.Dataset:
         path: The netCDF file.
 
     Raises:
-        LogError: If it is no such log.
+        LogError: If the file is no imported log.
     """
     with LogRecord(path) as record:
         parts: dict[str, list[str]] = {}

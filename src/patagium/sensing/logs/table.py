@@ -1,17 +1,14 @@
-"""A log as a table of named columns: read, checked, scaled, and nothing repaired.
+"""Tables of named columns from a log: checked and scaled, with nothing repaired.
 
-What would have to be guessed is refused with a sentence: missing numbers, time that
-does not advance, columns that are not there, units that do not fit. Gaps in time are
-counted and handed on, never bridged. Neglected: clocks that drift, delays between columns.
+A log that would need repair is refused with a sentence: missing numbers, time that does not
+advance, absent columns, units that do not fit. Gaps in time are counted and passed on, never
+bridged. Neglected: drift of clocks, delays between columns.
 """
 
 from __future__ import annotations
 
 import re
-import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError
-from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion, load_mapping
+from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
 Array = NDArray[np.float64]
 
@@ -28,21 +25,21 @@ _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 @dataclass(frozen=True)
 class Table:
-    """The samples of a log, in the units the model sees.
+    """Samples of a log in the units that a model sees.
 
     Attributes:
-        time: From the first sample, (N,) [s].
-        x: Inputs, (N, n_x).
-        y: Outputs, (N, n_y).
+        time: Time from the first sample, (N,) [s].
+        x: Inputs, (N, n_x), in `input_units`.
+        y: Outputs, (N, n_y), in `output_units`.
         input_names: Names of the inputs.
         output_names: Names of the outputs.
         input_units: Units of the inputs.
         output_units: Units of the outputs.
-        input_range: Lowest and highest value to expect, (n_x, 2); nan where not stated.
-        output_range: The same for the outputs, (n_y, 2).
+        input_range: Lowest and highest expected input, (n_x, 2); NaN where not stated.
+        output_range: Lowest and highest expected output, (n_y, 2); NaN where not stated.
         gaps: Index of the first sample after each gap, (n_gaps,).
-        gap: A time step longer than this many medians is a gap.
-        source: File it came from.
+        gap: Length from which a time step is a gap, in median steps.
+        source: File from which the samples came.
     """
 
     time: Array
@@ -59,10 +56,10 @@ class Table:
     source: str
 
     def where(self, kept: slice | ArrayLike) -> Table:
-        """Some of the samples, time as it was; what is left out becomes a gap.
+        """Table of some of the samples with their times; left-out samples become gaps.
 
         Args:
-            kept: A slice, indices in order, or a bool for each sample.
+            kept: Slice, increasing indices, or a bool for each sample.
         """
         chosen = kept if isinstance(kept, slice) else np.asarray(kept)
         time = self.time[chosen]
@@ -71,7 +68,7 @@ class Table:
         return replace(self, time=time, x=self.x[chosen], y=self.y[chosen], gaps=gaps)
 
     def describe_gaps(self) -> str:
-        """The gaps in one sentence."""
+        """Description of the gaps in one sentence."""
         step = float(np.median(np.diff(self.time)))
         if not len(self.gaps):
             return f"no gap longer than {self.gap:g} times the median step of {step:.4g} s"
@@ -84,11 +81,11 @@ class Table:
 
 
 def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
-    """First sample after each gap: where the time step exceeds `factor` medians.
+    """Index of the first sample after each gap, (n_gaps,).
 
     Args:
-        time: Increasing, (N,) [s].
-        factor: Number of median steps.
+        time: Increasing times, (N,) [s].
+        factor: Length from which a step is a gap, in median steps.
     """
     steps = np.diff(np.asarray(time, float))
     if not len(steps):
@@ -96,46 +93,17 @@ def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
     return np.flatnonzero(steps > factor * np.median(steps)) + 1
 
 
-def read_table(
-    path: str | Path,
-    mapping: TableMapping | str | Path,
-    tell: Callable[[Any], None] | None = None,
-) -> Table:
-    """A CSV or Parquet file as a checked table; other logs as `import_log` brings them.
-
-    A header may carry its unit as `name [unit]`; it must then agree with the mapping. Where
-    the mapping asks for more than columns as they stand (topics, axes, a time base), the log
-    is imported on the way, in a temporary folder.
-
-    Args:
-        path: A `.csv` (also `.csv.gz`) or `.parquet` file with named columns, or another log.
-        mapping: What the columns mean, or the YAML file that says it.
-        tell: Called with the findings of an import.
-
-    Raises:
-        LogError: If the file cannot be read, a column is missing or not numeric, a number
-            is missing or infinite, time does not advance, or a unit does not fit.
-    """
-    file = Path(path)
-    words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
-    if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
-        return table_from_frame(_read(file), words, str(file))
-    from patagium.sensing.logs.importing.run import import_log
-    from patagium.sensing.logs.record import LogRecord
-
-    with tempfile.TemporaryDirectory() as folder:
-        found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
-        with LogRecord(found.path) as record:
-            return replace(record.table(), source=str(file))
-
-
 def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "table") -> Table:
-    """Columns already in memory as a checked table; see `read_table`.
+    """Checked table of columns in memory.
 
     Args:
         frame: Named columns.
-        mapping: What they mean.
-        source: Named in messages.
+        mapping: Meaning of the columns.
+        source: Name of the source in messages.
+
+    Raises:
+        LogError: If a column is missing or not numeric, a number is missing or infinite, time
+            does not advance, or a unit does not fit.
     """
     columns = (*mapping.inputs, *mapping.outputs)
     found = _headers(frame, source)
@@ -170,17 +138,6 @@ def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "
         gap=mapping.gap,
         source=source,
     )
-
-
-def _read(file: Path) -> pd.DataFrame:
-    try:
-        if file.suffix == ".parquet":
-            return pd.read_parquet(file)
-        return pd.read_csv(file, encoding="utf-8-sig")
-    except FileNotFoundError as problem:
-        raise LogError(f"{file}: no such file") from problem
-    except (OSError, ValueError, ImportError) as problem:
-        raise LogError(f"{file}: expected a CSV or Parquet table, found: {problem}") from problem
 
 
 def _headers(frame: pd.DataFrame, source: str) -> dict[str, tuple[str, str | None]]:

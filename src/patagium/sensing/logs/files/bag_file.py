@@ -1,31 +1,38 @@
-"""ROS 1 and ROS 2 bags, by rosbags; parts of one recording are read as one.
+"""Reader of ROS 1 and ROS 2 bags, by rosbags; the parts of one recording are read as one log.
 
-A bag may be compressed, and a ROS 2 bag may store in SQLite or MCAP. Definitions that the bag
-does not carry come from rosbags' collections, and a note says so.
+A bag may be compressed, and a ROS 2 bag may be stored in SQLite or MCAP. Message definitions that
+the bag lacks come from rosbags' collections, and a note says so.
 """
 
 from __future__ import annotations
 
-import heapq
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Base, Block, Topic, Wanted, reading
-from patagium.sensing.logs.files.messages import Message, message_blocks, message_topic
+from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.messages import (
+    NO_MESSAGE,
+    Message,
+    message_blocks,
+    message_topic,
+)
 from patagium.sensing.logs.files.ros_types import MessageTypes
-
-_NOTHING = "no message in the log"
 
 
 class BagFile:
-    """A bag, or the parts of one, open; see `LogFile`.
+    """Open bag, or the open parts of one; see `LogFile`.
 
     Args:
         paths: `.bag` files; or `.db3` files, or folders with a metadata.yaml.
+
+    Raises:
+        LogError: If a bag cannot be read.
     """
 
     def __init__(self, paths: list[Path]) -> None:
@@ -47,13 +54,15 @@ class BagFile:
         for kind, named in sorted(self._types.borrowed.items()):
             self.notes.append(f"the bag carries no definition of {kind}: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, as they are mixed in the bag."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows in the order of the bag."""
+        topics = {one.topic for one in wanted}
         with reading(self.path, self.format):
-            yield from message_blocks(self._messages({w.topic for w in wanted}), wanted, skip)
+            streams = [self._messages(reader, topics) for reader in self._readers]
+            yield from message_blocks(streams, wanted)
 
     def close(self) -> None:
-        """Let the files go."""
+        """Close the files."""
         for reader in self._readers:
             with suppress(Exception):  # one that failed to open
                 reader.close()
@@ -85,31 +94,22 @@ class BagFile:
     def _topic(self, name: str, held: list[tuple[Any, Any]]) -> Topic:
         kind = held[0][1].msgtype
         count = sum(connection.msgcount for _, connection in held)
-        try:
+
+        def first() -> Any:
             for reader, connection in held:
                 for _, _, content in reader.messages(connections=[connection]):
-                    message = self._decoder(connection)(content)
-                    return message_topic(name, kind, count, message)
-            return Topic(name, kind, 0, {}, Base("received"), _NOTHING)
-        except LogError as problem:
-            return Topic(name, kind, count, {}, Base("received"), str(problem))
-        except Exception as problem:  # one topic that cannot be read spoils no other
-            return Topic(name, kind, count, {}, Base("received"), f"cannot be decoded: {problem}")
+                    return self._decoder(connection)(content)
+            raise LogError(NO_MESSAGE)
+
+        topic = message_topic(name, kind, count, first)
+        return replace(topic, count=0) if topic.problem == NO_MESSAGE else topic
 
     def _decoder(self, connection: Any) -> Any:
         language = "idl" if connection.msgdef.format.name == "IDL" else "msg"
         return self._types.decoder(connection.msgtype, connection.msgdef.data, language)
 
-    def _messages(self, topics: set[str]) -> Iterator[Message]:
-        streams = []
-        for reader in self._readers:
-            chosen = [c for c in reader.connections if c.topic in topics]
-            if chosen:
-                streams.append(reader.messages(connections=chosen))
-        for connection, stamp, content in heapq.merge(*streams, key=lambda entry: entry[1]):
-            decoder = self._decoder(connection)
-            yield Message(
-                connection.topic,
-                stamp,
-                lambda d=decoder, c=content: d(c),  # type: ignore[misc]
-            )
+    def _messages(self, reader: Any, topics: set[str]) -> Iterator[Message]:
+        chosen = [one for one in reader.connections if one.topic in topics]
+        for connection, stamp, content in reader.messages(connections=chosen) if chosen else ():
+            decode = partial(self._decoder(connection), content)
+            yield Message(connection.topic, stamp, decode)

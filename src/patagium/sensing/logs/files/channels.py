@@ -1,8 +1,8 @@
-"""What all log files have in common: topics with named numbers, read in blocks with stamps.
+"""Interface of all log files: topics with named numbers, read in blocks with time stamps.
 
-A topic is whatever is stamped together: the messages of one name, or a whole table (its name is
-then empty). Stamps are whole nanoseconds, so that clocks of days lose nothing. Neglected: text,
-images, and whatever else is no number.
+A topic is a group of numbers that share one stamp: the messages of one name, or a whole table
+(its name is then empty). Stamps are whole nanoseconds, so that clocks of days lose nothing.
+Text, images and other content without numbers is not read.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 NO_STAMP = np.iinfo(np.int64).min
-"""In place of a stamp that is missing or no number."""
+"""Stamp of a row without a usable stamp."""
 BLOCK = 1 << 16
-"""Rows read at once."""
+"""Rows of a table that are read at once."""
 _SHOWN = 12
 _CLOSE = 3
 
 
 class Base(NamedTuple):
-    """Where the stamps of a topic come from.
+    """Source of the stamps of a topic.
 
     Attributes:
-        kind: "header", "received", "auto" (the header's where there is one), "column" or "rows".
-        column: Its name.
-        factor: Nanoseconds of its unit.
+        kind: "header" or "received" for messages, "column" for a column or field, "rows" for
+            counted rows.
+        column: Name of the column or field.
+        factor: Its unit [ns].
     """
 
     kind: str
@@ -46,12 +47,12 @@ class Base(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """What to read of a topic.
+    """Request for some numbers of a topic.
 
     Attributes:
-        topic: Its name.
-        base: Where its stamps come from.
-        fields: Paths of numbers.
+        topic: Name of the topic.
+        base: Source of the stamps.
+        fields: Paths of the numbers.
     """
 
     topic: str
@@ -63,26 +64,24 @@ class Block(NamedTuple):
     """Some rows of a topic, in the order of the file.
 
     Attributes:
-        key: Place in the list of what was wanted.
-        stamps: (k,) [ns].
-        values: (k, number of fields), as in the file.
-        consumed: Rows of the topic passed so far, in all.
+        key: Place of the request in the list of requests.
+        stamps: Stamps of the rows, (k,) [ns].
+        values: Numbers in the units of the file, (k, number of fields).
     """
 
     key: int
     stamps: Stamps
     values: Array
-    consumed: int
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A number of a topic.
+    """Number of a topic.
 
     Attributes:
-        name: Its path.
-        dtype: Its type in the file, in words.
-        unit: Its unit where the file or its type tells; empty otherwise.
+        name: Path of the number.
+        dtype: Name of its type in the file.
+        unit: Unit that the file or the message type states; empty if neither does.
     """
 
     name: str
@@ -92,18 +91,18 @@ class Channel:
 
 @dataclass(frozen=True)
 class Topic:
-    """What is stamped together.
+    """Group of numbers that share one stamp.
 
     Attributes:
-        name: Its name; empty for a table.
+        name: Name of the topic; empty for a table.
         kind: Type of its messages, or "table".
-        count: Rows, where the file tells without being read.
+        count: Number of rows; None if the file does not state it.
         channels: Its numbers, by path.
-        base: What stamps it unless a mapping says otherwise.
-        problem: Why it cannot be read; empty if it can.
+        base: Source of its stamps unless a mapping names another.
+        problem: Reason why the topic cannot be read; empty if it can.
         aliases: Other ways to write a path.
-        about: Rows, where they can only be estimated.
-        guess: What was guessed of its stamps, for want of a mapping.
+        about: Estimated number of rows where `count` is None.
+        guess: Note about stamps that had to be guessed without a mapping.
     """
 
     name: str
@@ -118,13 +117,13 @@ class Topic:
 
 
 class LogFile(Protocol):
-    """A log that is open.
+    """Open log file.
 
     Attributes:
-        path: Where it is.
-        format: What it is.
-        notes: What had to be assumed to read it, and what is wrong with it.
-        topics: What it holds.
+        path: Path of the log.
+        format: Name of its format.
+        notes: Assumptions made to read it, and damage found in it.
+        topics: Its topics, by name.
     """
 
     path: Path
@@ -132,30 +131,32 @@ class LogFile(Protocol):
     notes: list[str]
     topics: dict[str, Topic]
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, topic by topic or as they are mixed in the file.
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows, topic by topic or interleaved as in the file.
 
         Args:
-            wanted: What to read.
-            skip: Rows of each that were read before.
+            wanted: Requests.
+
+        Raises:
+            LogError: If the file is damaged, or a column holds text.
         """
         ...
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         ...
 
 
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
-    """Whatever a library raises on a broken file, as one sentence.
+    """Guard that turns errors of a reading library into a `LogError` of one sentence.
 
     Args:
         path: The file.
-        kind: What it was taken for.
+        kind: Format the file was taken for.
 
     Raises:
-        LogError: For anything but our own errors; damaged lengths may ask for all memory.
+        LogError: If the library is missing, or fails in any way on a damaged file.
     """
     try:
         yield
@@ -172,11 +173,14 @@ def reading(path: Path, kind: str) -> Iterator[None]:
 
 
 def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
-    """Stamps of a column as whole nanoseconds; what is no number becomes `NO_STAMP`.
+    """Stamps of a column in whole nanoseconds, `NO_STAMP` where the column has no number.
 
     Args:
-        raw: The column.
-        factor: Nanoseconds of its unit.
+        raw: Column, (k,) [unit].
+        factor: Its unit [ns].
+
+    Returns:
+        Stamps, (k,) [ns].
     """
     if raw.dtype.kind == "M":
         stamps = raw.astype("datetime64[ns]").astype(np.int64)
@@ -192,15 +196,15 @@ def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
 
 
 def find_topic(log: LogFile, name: str, where: str) -> Topic:
-    """A topic by its name.
+    """Topic of a name.
 
     Args:
         log: The log.
-        name: Wanted.
-        where: Named in messages.
+        name: Name of the topic.
+        where: Place in the mapping, for messages.
 
     Raises:
-        LogError: If there is none, with what there is; or it cannot be read.
+        LogError: If the log has no such topic, or the topic cannot be read.
     """
     topic = log.topics.get(name) or log.topics.get(name.removesuffix("/0"))
     if topic is None:
@@ -217,13 +221,13 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     """Paths of the components of a quantity.
 
     Args:
-        topic: Where it is.
-        source: Its path, or those of its components.
+        topic: Topic that holds the quantity.
+        source: Path of the quantity, or the paths of its components.
         size: Number of components: 1, 3 or 4.
-        where: Named in messages.
+        where: Place in the mapping, for messages.
 
     Raises:
-        LogError: If a path is not there, with the closest ones that are.
+        LogError: If the topic has no such path; the message names the closest ones.
     """
     if not isinstance(source, str):
         return [find_fields(topic, one, 1, where)[0] for one in source]
@@ -253,7 +257,7 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
 
 
 def components_are_named(fields: list[str], size: int) -> bool:
-    """Whether four components were found by the names w, x, y, z rather than by their order."""
+    """Whether four components are named w, x, y, z, so that their order is known."""
     return size == 4 and [name[-1:] for name in fields] == list("wxyz")
 
 

@@ -1,6 +1,7 @@
-"""CSV and its kin: one line a row, names in the first, comma, semicolon or tab between.
+"""Reader of CSV files: one line a row, names in the first line, plain or gzip.
 
-Neglected: line ends within quotes, comments, thousands separators.
+The separator is a comma, a semicolon or a tab. Line ends within quotes, comments and thousands
+separators are not supported.
 """
 
 from __future__ import annotations
@@ -13,32 +14,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    BLOCK,
-    Array,
-    Block,
-    Stamps,
-    Topic,
-    Wanted,
-    nanoseconds,
-    reading,
-)
-from patagium.sensing.logs.files.tables import as_numbers, distinct, table_topic
+from patagium.sensing.logs.files.channels import BLOCK, Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.tables import columns_of, distinct, table_block, table_topic
 
 _LOOK = 200
+"""Lines from which types are found."""
 _PACKED = 4.0
-"""Size of such a text over that of its gzip, about."""
+"""Typical size of a CSV text over that of its gzip."""
 
 
 class CsvFile:
-    """A CSV file that is open; see `LogFile`.
+    """Open CSV file; see `LogFile`.
 
     Args:
         path: The file, plain or gzip.
+
+    Raises:
+        LogError: If the file cannot be read, or has no names in its first line.
     """
 
     format = "CSV"
@@ -59,40 +54,22 @@ class CsvFile:
         self._decimal = "," if self._separator == ";" and _comma_decimal(look) else "."
         self.topics: dict[str, Topic] = {"": self._table(look)}
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, one pass for each."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
-            with reading(self.path, "CSV"):
-                yield from self._pass(key, one, skip[key])
+            with reading(self.path, "CSV"), self._opened() as text:
+                text.readline()
+                row = 0
+                for frame in self._frames(text, columns_of(one)):
+                    columns = {
+                        name: _calendar(frame[name]) if name in self._calendar else frame[name]
+                        for name in frame
+                    }
+                    yield table_block(key, one, columns, row, len(frame), str(self.path))
+                    row += len(frame)
 
     def close(self) -> None:
-        """Nothing is held."""
-
-    def _pass(self, key: int, wanted: Wanted, skip: int) -> Iterator[Block]:
-        stamped = (wanted.base.column,) if wanted.base.kind == "column" else ()
-        chosen = list(dict.fromkeys((*stamped, *wanted.fields)))
-        with self._opened() as text:
-            text.readline()
-            for _ in range(skip):
-                text.readline()
-            row = skip
-            for frame in self._frames(text, chosen):
-                stamps = self._stamps(frame, wanted, row)
-                columns = [as_numbers(frame[f], f, str(self.path), row) for f in wanted.fields]
-                values = _stacked(columns, len(frame))
-                row += len(frame)
-                yield Block(key, stamps, values, row)
-
-    def _stamps(self, frame: Any, wanted: Wanted, row: int) -> Stamps:
-        if wanted.base.kind == "rows":
-            return np.arange(row, row + len(frame), dtype=np.int64) * 10**9
-        column = frame[wanted.base.column]
-        if wanted.base.column in self._calendar:
-            return nanoseconds(_calendar(column).to_numpy(), 1.0)
-        if column.dtype.kind in "iu":
-            return nanoseconds(column.to_numpy(), wanted.base.factor)
-        numbers = as_numbers(column, wanted.base.column, str(self.path), row)
-        return nanoseconds(numbers, wanted.base.factor)
+        """Do nothing: the file is open only while it is read."""
 
     def _frames(self, text: io.TextIOBase, chosen: list[str] | None) -> Iterator[Any]:
         try:
@@ -124,12 +101,9 @@ class CsvFile:
         self._calendar = [name for name in others if _is_calendar(frames[0][name])]
         types.update(dict.fromkeys(self._calendar, "timestamp"))
         topic = table_topic(types, None, stamped=dict.fromkeys(self._calendar, 1.0))
-        return replace(topic, about=self._rows_about(look))
-
-    def _rows_about(self, look: str) -> int:
         lines = look.count("\n") or 1
         size = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
-        return int(size * lines / max(1, len(look)))
+        return replace(topic, about=int(size * lines / max(1, len(look))))
 
     def _opened(self) -> io.TextIOWrapper:
         binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
@@ -165,7 +139,3 @@ def _is_calendar(column: Any) -> bool:
 def _comma_decimal(look: str) -> bool:
     fields = look.replace("\n", ";").split(";")
     return any("," in field for field in fields) and not any("." in field for field in fields)
-
-
-def _stacked(columns: list[Array], count: int) -> Array:
-    return np.column_stack(columns) if columns else np.empty((count, 0))

@@ -1,7 +1,7 @@
-"""MATLAB files up to version 7, by SciPy; fields of structures by dotted path.
+"""Reader of MATLAB files up to version 7, by SciPy; fields of structures by dotted path.
 
-Arrays of two dimensions are columns `name[0]`, `name[1]` ...; the longer side is time. Neglected:
-memory (a file is read whole), objects such as timetables, and version 7.3, which is HDF5.
+Arrays of two dimensions are columns `name[0]`, `name[1]` ...; the longer side is time. A file is
+read whole. Objects such as timetables, and version 7.3, which is HDF5, are not read.
 """
 
 from __future__ import annotations
@@ -14,24 +14,20 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    BLOCK,
-    Block,
-    Topic,
-    Wanted,
-    nanoseconds,
-    reading,
-)
-from patagium.sensing.logs.files.tables import table_topic
+from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.tables import column_blocks, table_topic
 
 _MOST_COLUMNS = 64
 
 
 class MatFile:
-    """A MATLAB file, in memory; see `LogFile`.
+    """MATLAB file in memory; see `LogFile`.
 
     Args:
         path: The file.
+
+    Raises:
+        LogError: If the file cannot be read, is of version 7.3, or holds no arrays of numbers.
     """
 
     format = "MAT"
@@ -62,32 +58,14 @@ class MatFile:
         types = {name: str(column.dtype) for name, column in self._columns.items()}
         self.topics: dict[str, Topic] = {"": table_topic(types, lengths.most_common(1)[0][0])}
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, one pass for each."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows, one request after the other."""
         for key, one in enumerate(wanted):
-            columns = [self._columns[field] for field in one.fields]
-            stamps = self._stamps(one, columns)
-            for field, column in zip(one.fields, columns, strict=True):
-                if len(column) != len(stamps):
-                    raise LogError(
-                        f"{self.path}: {field}: expected {len(stamps)} rows as "
-                        f"{one.base.column!r} has, found {len(column)}; name its own stamp"
-                    )
-            for first in range(skip[key], len(stamps), BLOCK):
-                rows = slice(first, first + BLOCK)
-                parts = [column[rows].astype(float) for column in columns]
-                values = np.column_stack(parts) if parts else np.empty((len(stamps[rows]), 0))
-                yield Block(key, stamps[rows], values, min(first + BLOCK, len(stamps)))
+            yield from column_blocks(key, one, self._columns, str(self.path))
 
     def close(self) -> None:
-        """Let the memory go."""
+        """Release the memory."""
         self._columns = {}
-
-    def _stamps(self, wanted: Wanted, columns: list[Any]) -> Any:
-        if wanted.base.kind == "rows":
-            lengths = Counter(len(column) for column in columns or self._columns.values())
-            return np.arange(lengths.most_common(1)[0][0], dtype=np.int64) * 10**9
-        return nanoseconds(self._columns[wanted.base.column], wanted.base.factor)
 
 
 def _columns(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -1,29 +1,41 @@
-"""MCAP files: messages of ROS 1 and ROS 2, JSON, and Protobuf where its package is there.
+"""Reader of MCAP files with messages of ROS 1, ROS 2, JSON or Protobuf.
 
 A file whose recording was cut off has no index: it is read from its start to where it ends, and a
-note says so. Neglected: attachments, metadata, other encodings.
+note says so. Attachments and metadata are not read.
 """
 
 from __future__ import annotations
 
-import heapq
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Base, Block, Topic, Wanted, reading
-from patagium.sensing.logs.files.messages import Message, message_blocks, message_topic
+from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.messages import (
+    NO_MESSAGE,
+    Message,
+    message_blocks,
+    message_topic,
+    one_line,
+    unreadable_topic,
+)
 from patagium.sensing.logs.files.ros_types import MessageTypes
 
 
 class McapFile:
-    """An MCAP file, or the parts of one recording; see `LogFile`.
+    """Open MCAP file, or the parts of one recording; see `LogFile`.
 
     Args:
-        paths: The parts.
+        paths: The file, or the parts.
+
+    Raises:
+        LogError: If a file cannot be read.
     """
 
     format = "MCAP"
@@ -41,13 +53,14 @@ class McapFile:
             for kind, named in sorted(types.borrowed.items()):
                 self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, as they are mixed in the file."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows in the order in which they were logged."""
+        topics = {one.topic for one in wanted}
         with reading(self.path, self.format):
-            yield from message_blocks(self._messages({w.topic for w in wanted}), wanted, skip)
+            yield from message_blocks([self._messages(p, topics) for p in self._paths], wanted)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: files are open only while they are read."""
 
     def _look(self) -> dict[str, Topic]:
         counts: Counter[str] = Counter()
@@ -55,20 +68,20 @@ class McapFile:
         for path in self._paths:
             for schema, channel, message in self._records(path, None, counts):
                 if channel.topic not in topics:
-                    topics[channel.topic] = self._topic(schema, channel, message)
-        for name in [name for name in counts if name not in topics]:
-            topics[name] = Topic(name, "", 0, {}, Base("received"), "no message in the log")
-        return {
-            name: Topic(name, t.kind, counts[name], t.channels, t.base, t.problem, t.aliases)
-            for name, t in sorted(topics.items())
-        }
+                    kind = schema.name if schema is not None else channel.message_encoding
+                    decode = partial(self._decoded, schema, channel, message)
+                    topics[channel.topic] = message_topic(channel.topic, kind, None, decode)
+        for name in counts:
+            topics.setdefault(name, unreadable_topic(name, "", 0, NO_MESSAGE))
+        return {name: replace(topics[name], count=counts[name]) for name in sorted(topics)}
 
     def _records(
         self, path: Path, topics: set[str] | None, counts: Counter[str] | None = None
     ) -> Iterator[tuple[Any, Any, Any]]:
-        """Messages by the time they were logged; all of them when the file has no index.
+        """Messages by the time they were logged, or as they come if the file has no index.
 
-        With `counts`, only the first of each topic if the index knows how many there are.
+        With `counts`, only the first message of each topic is read where the index states how
+        many there are.
         """
         from mcap.reader import SeekingReader
 
@@ -86,7 +99,7 @@ class McapFile:
                 return
             for key, channel in summary.channels.items():
                 counts[channel.topic] += summary.statistics.channel_message_counts.get(key, 0)
-                yield from _first(reader.iter_messages(topics=[channel.topic]))
+                yield from islice(reader.iter_messages(topics=[channel.topic]), 1)
 
     def _summary(self, path: Path, file: Any) -> Any:
         from mcap.exceptions import InvalidMagic, McapError
@@ -118,7 +131,7 @@ class McapFile:
                 except (McapError, Exception) as problem:
                     if not got:
                         raise
-                    note = f"{path.name}: breaks off after {got} message(s): {_short(problem)}"
+                    note = f"{path.name}: breaks off after {got} message(s): {one_line(problem)}"
                     if topics is None:
                         self.notes.append(note)
                     return
@@ -127,26 +140,13 @@ class McapFile:
                 got += 1
                 yield record
 
-    def _topic(self, schema: Any, channel: Any, message: Any) -> Topic:
-        kind = schema.name if schema is not None else channel.message_encoding
-        try:
-            first = self._decoder(schema, channel)(message.data)
-            return message_topic(channel.topic, kind, None, first)
-        except LogError as problem:
-            reason = str(problem)
-        except Exception as problem:  # one topic that cannot be read spoils no other
-            reason = f"cannot be decoded: {_short(problem)}"
-        return Topic(channel.topic, kind, None, {}, Base("received"), reason)
+    def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
+        for schema, channel, message in self._records(path, topics):
+            decode = partial(self._decoder(schema, channel), message.data)
+            yield Message(channel.topic, message.log_time, decode)
 
-    def _messages(self, topics: set[str]) -> Iterator[Message]:
-        streams = [self._records(path, topics) for path in self._paths]
-        for schema, channel, message in heapq.merge(*streams, key=lambda r: r[2].log_time):
-            decoder = self._decoder(schema, channel)
-            yield Message(
-                channel.topic,
-                message.log_time,
-                lambda d=decoder, c=message.data: d(c),  # type: ignore[misc]
-            )
+    def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
+        return self._decoder(schema, channel)(message.data)
 
     def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any]:
         name, content = ("", b"") if schema is None else (schema.name, schema.data)
@@ -176,13 +176,3 @@ def _protobuf(schema: Any) -> Callable[[bytes], Any]:
         pool.Add(file)
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
     return kind.FromString  # type: ignore[no-any-return]
-
-
-def _first(messages: Iterator[Any]) -> Iterator[Any]:
-    for message in messages:
-        yield message
-        return
-
-
-def _short(problem: Exception) -> str:
-    return " ".join(str(problem).split())[:200] or type(problem).__name__

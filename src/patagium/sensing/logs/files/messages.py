@@ -1,12 +1,13 @@
-"""Numbers inside messages, by dotted path, whatever library made the message.
+"""Numbers inside messages by dotted path, whatever library decoded the message.
 
-`pose.pose.position.x`, `position[2]`; in brackets also a name: of a joint where the message
-lists names beside its arrays, of a frame or an id where it holds parts (`transforms[base_link]`).
-Neglected: paths through parts whose kind changes from message to message.
+Paths are `pose.pose.position.x` or `position[2]`. Brackets also take a name: that of a joint where
+the message lists names beside its arrays, that of a frame or an id where the message holds parts
+(`transforms[base_link]`). All messages of a topic are expected to have the parts of its first one.
 """
 
 from __future__ import annotations
 
+import heapq
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     NO_STAMP,
     Base,
@@ -30,6 +32,8 @@ _MOST_PARTS = 16
 _ROWS = 4096
 _NAMES = ("name", "names", "joint_names")
 _KEYS = ("child_frame_id", "name", "id")
+NO_MESSAGE = "no message in the log"
+"""Problem of a topic without messages."""
 _SECONDS = ("sec", "secs", "seconds")
 _NANOS = ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 
@@ -37,12 +41,12 @@ Getter = Callable[[Any], Any]
 
 
 class Message(NamedTuple):
-    """A message that may yet have to be decoded.
+    """Message that is decoded when its content is needed.
 
     Attributes:
-        topic: Its name.
-        received: When it was written to the log [ns].
-        decode: What makes the message of its bytes.
+        topic: Name of its topic.
+        received: Time at which it was written to the log [ns].
+        decode: Function that returns the decoded content.
     """
 
     topic: str
@@ -50,51 +54,55 @@ class Message(NamedTuple):
     decode: Callable[[], Any]
 
 
-def message_topic(name: str, kind: str, count: int | None, first: Any) -> Topic:
-    """The topic of messages like its first one.
+def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], Any]) -> Topic:
+    """Topic of messages, described by its first message.
+
+    A message that cannot be decoded makes a topic with a `problem`, so that one damaged topic
+    does not prevent the others from being read.
 
     Args:
-        name: Its name.
-        kind: Its type.
-        count: Messages, if known.
-        first: Its first message.
+        name: Name of the topic.
+        kind: Type of its messages.
+        count: Number of messages, if known.
+        decode: Function that returns the decoded first message.
     """
     channels, aliases = {}, {}
-    for path, dtype, other in _leaves(first, "", None):
-        channels[path] = Channel(path, dtype, unit_in_message(kind, path))
-        if other:
-            aliases[other] = path
+    try:
+        first = decode()
+        for path, dtype, other in _leaves(first, "", None):
+            channels[path] = Channel(path, dtype, unit_in_message(kind, path))
+            if other:
+                aliases[other] = path
+    except LogError as problem:
+        return unreadable_topic(name, kind, count, str(problem))
+    except Exception as problem:  # decoders raise their own errors
+        return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = Base("header" if stamp not in (None, 0) else "received")
     return Topic(name, kind, count, channels, base, aliases=aliases)
 
 
 def message_blocks(
-    messages: Iterable[Message], wanted: Sequence[Wanted], skip: Sequence[int]
+    streams: Sequence[Iterable[Message]], wanted: Sequence[Wanted]
 ) -> Iterator[Block]:
-    """Rows of what is wanted, as messages come.
+    """Requested rows in the order in which messages were received.
 
-    A message that does not hold a part that was asked for by name makes no row.
+    A message without a part that is requested by name makes no row.
 
     Args:
-        messages: In the order of the log.
-        wanted: What to read.
-        skip: Messages of each that were read before.
+        streams: Messages of each file of a recording, by the time they were received.
+        wanted: Requests.
     """
     rows = [_Rows(key, one) for key, one in enumerate(wanted)]
     listeners: dict[str, list[_Rows]] = defaultdict(list)
     for row in rows:
         listeners[wanted[row.key].topic].append(row)
-    passed: dict[str, int] = defaultdict(int)
-    for message in messages:
-        passed[message.topic] += 1
-        number = passed[message.topic]
-        eager = [row for row in listeners[message.topic] if number > skip[row.key]]
-        if not eager:
+    for message in heapq.merge(*streams, key=lambda message: message.received):
+        if not listeners[message.topic]:
             continue
         content = message.decode()
-        for row in eager:
-            row.add(content, message.received, number)
+        for row in listeners[message.topic]:
+            row.add(content, message.received)
             if len(row.stamps) >= _ROWS:
                 yield row.block()
     for row in rows:
@@ -102,19 +110,27 @@ def message_blocks(
             yield row.block()
 
 
+def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
+    """Topic without numbers that says why it cannot be read."""
+    return Topic(name, kind, count, {}, Base("received"), problem)
+
+
+def one_line(problem: Exception) -> str:
+    """Message of an error on one line of at most 200 characters."""
+    return " ".join(str(problem).split())[:200] or type(problem).__name__
+
+
 class _Rows:
-    """Rows of one wanted topic that wait to be a block."""
+    """Rows of one request that are collected for a block."""
 
     def __init__(self, key: int, wanted: Wanted) -> None:
         self.key, self.wanted = key, wanted
         self.getters = [getter(path) for path in wanted.fields]
         self.stamps: list[int] = []
         self.values: list[list[float]] = []
-        self.consumed = 0
         self._path: str | None = None
 
-    def add(self, content: Any, received: int, number: int) -> None:
-        self.consumed = number
+    def add(self, content: Any, received: int) -> None:
         try:
             values = [float(get(content)) for get in self.getters]
         except (KeyError, IndexError):
@@ -126,7 +142,7 @@ class _Rows:
         stamps = np.array(self.stamps, np.int64)
         values = np.array(self.values, float).reshape(len(stamps), len(self.getters))
         self.stamps, self.values = [], []
-        return Block(self.key, stamps, values, self.consumed)
+        return Block(self.key, stamps, values)
 
     def _stamp(self, content: Any, received: int) -> int:
         kind = self.wanted.base.kind
@@ -141,10 +157,13 @@ class _Rows:
 
 
 def getter(path: str) -> Getter:
-    """What takes the value at a path out of a message.
+    """Function that takes the value at a path out of a message.
 
     Args:
         path: Names with dots, indices or names in brackets.
+
+    Returns:
+        The function; it raises KeyError or IndexError if a message has no such part.
     """
     steps = [(a, b, bool(a)) for a, b in _STEP.findall(path)]
 
@@ -161,7 +180,11 @@ def getter(path: str) -> Getter:
 
 
 def member(value: Any, name: str) -> Any:
-    """What a message or a dict holds by a name; KeyError if nothing."""
+    """Part of a message or a dict by its name.
+
+    Raises:
+        KeyError: If there is no such part.
+    """
     if isinstance(value, dict):
         return value[name]
     try:
@@ -207,7 +230,7 @@ def _key_of(part: Any) -> str | None:
 
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
-    """Path, type and other path of every number."""
+    """Path, type and alternative path of every number."""
     if isinstance(value, bool | np.bool_):
         yield path, "bool", ""
     elif isinstance(value, int | np.integer):
@@ -257,7 +280,7 @@ def _members(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _stamp_path(message: Any, fields: list[str]) -> str | None:
-    """Path of the stamp a message carries, that of its named part first."""
+    """Path of the stamp in a message; the stamp of the named part comes first."""
     prefix = fields[0].rpartition("]")[0] + "]" if fields and "]" in fields[0] else ""
     while prefix.count("]") > 1 and _stamp(message, f"{prefix}.header.stamp") is None:
         prefix = prefix[: prefix.rindex("[")].rpartition("]")[0] + "]"

@@ -1,13 +1,31 @@
-"""Which reader a file needs: by its first bytes where it has some, else by its ending."""
+"""Registry of log formats: the reader of a file, by its first bytes or its ending."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
+from patagium.sensing.logs.files.bag_file import BagFile
 from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.files.csv_file import CsvFile
+from patagium.sensing.logs.files.mat_file import MatFile
+from patagium.sensing.logs.files.mcap_file import McapFile
+from patagium.sensing.logs.files.parquet_file import ParquetFile
+from patagium.sensing.logs.files.ulog_file import UlogFile
 
+_SINGLE: dict[str, Callable[[Path], LogFile]] = {
+    ".csv": CsvFile,
+    ".parquet": ParquetFile,
+    ".ulg": UlogFile,
+    ".mat": MatFile,
+}
+_PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
+    ".bag": BagFile,
+    ".db3": BagFile,
+    ".mcap": McapFile,
+}
+"""Readers of formats whose recordings may have several parts."""
 _MAGIC = {
     b"#ROSBAG V": ".bag",
     b"\x89MCAP0\r\n": ".mcap",
@@ -23,16 +41,16 @@ _SUMMED_UP = "a CSV, Parquet, MAT, ULog (.ulg), ROS bag (.bag, .db3, its folder)
 
 
 def open_log(paths: str | Path | Sequence[str | Path]) -> LogFile:
-    """A log file of whatever format, open.
+    """Open log file of any known format.
 
     Args:
         paths: A file; a folder of a ROS 2 bag, or of the parts of one recording; or the parts.
 
     Returns:
-        The log; close it.
+        The log, which the caller closes.
 
     Raises:
-        LogError: If it cannot be read, or is of no known format.
+        LogError: If the log cannot be read, or is of no known format.
     """
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     if not given:
@@ -44,6 +62,19 @@ def open_log(paths: str | Path | Sequence[str | Path]) -> LogFile:
             f"{given[0]}: expected parts of one format, found {', '.join(sorted(kinds))}"
         )
     return _reader(kinds.pop(), parts)
+
+
+def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes = b"") -> None:
+    """Make `open_log`, `inspect_log` and `import_log` read one more format.
+
+    Args:
+        ending: Ending of the file names, such as ".tdms".
+        reader: Function or class that opens a file; see `LogFile` for what it returns.
+        magic: First bytes of every such file; empty if they are not fixed.
+    """
+    _SINGLE[ending] = reader
+    if magic:
+        _MAGIC[magic] = ending
 
 
 def _parts(path: Path) -> list[Path]:
@@ -74,36 +105,18 @@ def _kind(path: Path) -> str:
     ending = "".join(path.suffixes[-2:]).lower()
     if path.name.lower().endswith(_TEXT):
         return ".csv"
-    if path.suffix.lower() in (".bag", ".mcap", ".ulg", ".parquet", ".mat", ".db3"):
+    if path.suffix.lower() in {**_SINGLE, **_PARTED}:
         return path.suffix.lower()  # its reader says what is wrong with it
     raise LogError(f"{path}: expected {_SUMMED_UP}, found one that ends in {ending or 'nothing'!r}")
 
 
 def _reader(kind: str, parts: list[Path]) -> LogFile:
-    if kind == ".bag" or kind == ".db3":
-        from patagium.sensing.logs.files.bag_file import BagFile
-
-        return BagFile(parts)
-    if kind == ".mcap":
-        from patagium.sensing.logs.files.mcap_file import McapFile
-
-        return McapFile(parts)
+    if kind in _PARTED:
+        return _PARTED[kind](parts)
+    if kind not in _SINGLE:
+        raise LogError(
+            f"{parts[0]}: expected {_SUMMED_UP}, found HDF5; a log import wrote needs none"
+        )
     if len(parts) > 1:
         raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
-    if kind == ".csv":
-        from patagium.sensing.logs.files.csv_file import CsvFile
-
-        return CsvFile(parts[0])
-    if kind == ".parquet":
-        from patagium.sensing.logs.files.parquet_file import ParquetFile
-
-        return ParquetFile(parts[0])
-    if kind == ".ulg":
-        from patagium.sensing.logs.files.ulog_file import UlogFile
-
-        return UlogFile(parts[0])
-    if kind == ".mat":
-        from patagium.sensing.logs.files.mat_file import MatFile
-
-        return MatFile(parts[0])
-    raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found HDF5; a log import wrote needs none")
+    return _SINGLE[kind](parts[0])

@@ -1,6 +1,6 @@
-"""Parquet tables, read batch by batch.
+"""Reader of Parquet files, batch by batch.
 
-Neglected: columns of lists; columns of structures are read by dotted path.
+Columns of structures are read by dotted path; columns of lists are not read.
 """
 
 from __future__ import annotations
@@ -9,25 +9,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from patagium.sensing.logs.files.channels import (
-    BLOCK,
-    Block,
-    Stamps,
-    Topic,
-    Wanted,
-    nanoseconds,
-    reading,
-)
-from patagium.sensing.logs.files.tables import as_numbers, table_topic
+from patagium.sensing.logs.files.channels import BLOCK, Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.tables import columns_of, table_block, table_topic
 
 
 class ParquetFile:
-    """A Parquet file that is open; see `LogFile`.
+    """Open Parquet file; see `LogFile`.
 
     Args:
         path: The file.
+
+    Raises:
+        LogError: If the file cannot be read.
     """
 
     format = "Parquet"
@@ -44,51 +37,23 @@ class ParquetFile:
         stamped = {name: 1.0 for name, kind, _ in leaves if types.is_timestamp(kind)}
         units = {name: unit for name, _, unit in leaves if unit}
         count = int(self._file.metadata.num_rows)
-        topic = table_topic({**stamped_as_text(stamped), **numbers}, count, units,
-                            stamped=stamped)  # fmt: skip
+        types_by_name = {**dict.fromkeys(stamped, "timestamp"), **numbers}
+        topic = table_topic(types_by_name, count, units, stamped=stamped)
         self.topics: dict[str, Topic] = {"": topic}
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, one pass for each."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
             with reading(self.path, "Parquet"):
-                yield from self._pass(key, one, skip[key])
+                row, names = 0, columns_of(one)
+                for batch in self._file.iter_batches(BLOCK, columns=names, use_threads=False):
+                    columns = {name: _plain(batch, name) for name in names}
+                    yield table_block(key, one, columns, row, len(batch), str(self.path))
+                    row += len(batch)
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         self._file.close()
-
-    def _pass(self, key: int, wanted: Wanted, skip: int) -> Iterator[Block]:
-        stamped = (wanted.base.column,) if wanted.base.kind == "column" else ()
-        chosen = list(dict.fromkeys((*stamped, *wanted.fields)))
-        row = 0
-        for batch in self._file.iter_batches(BLOCK, columns=chosen, use_threads=False):
-            before, row = row, row + len(batch)
-            if row <= skip:
-                continue
-            kept = batch.slice(max(0, skip - before))
-            first = max(skip, before)
-            stamps = self._stamps(kept, wanted, first)
-            columns = [
-                as_numbers(_plain(kept, field), field, str(self.path), first)
-                for field in wanted.fields
-            ]
-            values = np.column_stack(columns) if columns else np.empty((len(kept), 0))
-            yield Block(key, stamps, values, row)
-
-    def _stamps(self, batch: Any, wanted: Wanted, row: int) -> Stamps:
-        if wanted.base.kind == "rows":
-            return np.arange(row, row + len(batch), dtype=np.int64) * 10**9
-        column = _plain(batch, wanted.base.column)
-        if column.dtype.kind in "iuM":
-            return nanoseconds(column, wanted.base.factor)
-        numbers = as_numbers(column, wanted.base.column, str(self.path), row)
-        return nanoseconds(numbers, wanted.base.factor)
-
-
-def stamped_as_text(stamped: dict[str, float]) -> dict[str, str]:
-    """Types of the columns that hold calendar time."""
-    return dict.fromkeys(stamped, "timestamp")
 
 
 def _plain(batch: Any, path: str) -> Any:

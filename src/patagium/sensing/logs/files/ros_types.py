@@ -1,4 +1,4 @@
-"""Message definitions of ROS 1 and ROS 2, from a log itself or from rosbags' collections."""
+"""Decoders of ROS 1 and ROS 2 messages, by the definitions in a log or in rosbags' collections."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ Decoder = Callable[[bytes], Any]
 
 
 class MessageTypes:
-    """What makes messages of bytes, one type at a time.
+    """Decoders of ROS messages, one for each type.
 
     Args:
         ros2: Whether messages are of ROS 2 (CDR).
         distribution: ROS distribution that wrote the log; its collection of types is used where
-            the log carries no definition. None: the latest.
+            the log has no definition. None takes the latest.
+
+    Attributes:
+        borrowed: Types without a definition in the log, and the collection that has theirs.
     """
 
     def __init__(self, *, ros2: bool, distribution: str | None = None) -> None:
@@ -25,11 +28,11 @@ class MessageTypes:
         self.borrowed: dict[str, str] = {}
 
     def decoder(self, kind: str, definition: str, language: str) -> Decoder:
-        """What decodes messages of a type.
+        """Function that decodes messages of a type.
 
         Args:
-            kind: Its name, such as `sensor_msgs/msg/Imu`.
-            definition: Its definition; empty for that of a collection.
+            kind: Name of the type, such as `sensor_msgs/msg/Imu`.
+            definition: Its definition; empty takes that of a collection.
             language: "msg" or "idl".
 
         Raises:

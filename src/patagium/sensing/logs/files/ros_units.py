@@ -1,4 +1,4 @@
-"""Units that the definitions of common ROS messages promise; others state none."""
+"""Units of the numbers in common ROS messages, as their definitions state them."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _SHARED = ("geometry_msgs", "nav_msgs", "sensor_msgs", "tf2_msgs", "tf")
 
 
 def unit_in_message(kind: str, path: str) -> str:
-    """The unit of a number of a message; empty where its definition does not say.
+    """Unit of a number of a message; empty where the definition states none.
 
     Args:
         kind: Type of the message, such as `sensor_msgs/msg/Imu`.
-        path: Of the number.
+        path: Path of the number.
     """
     package, _, name = kind.rpartition("/")
     if package.partition("/")[0] not in _SHARED or "covariance" in path:

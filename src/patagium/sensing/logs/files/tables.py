@@ -1,19 +1,29 @@
-"""Tables: columns with one unit each, stamped by one of them.
+"""Tables of all formats: columns with one unit each, stamped by one of them.
 
-What a file does not say is guessed for `inspect` alone, and said to be a guess.
+Where a file does not name its column of time, a guess is made for `inspect` alone, and the log
+notes say that it is a guess.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Array, Base, Channel, Topic
+from patagium.sensing.logs.files.channels import (
+    BLOCK,
+    Array,
+    Base,
+    Block,
+    Channel,
+    Topic,
+    Wanted,
+    nanoseconds,
+)
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
@@ -32,17 +42,15 @@ def table_topic(
     count: int | None,
     units: Mapping[str, str] | None = None,
     *,
-    name: str = "",
     stamped: Mapping[str, float] | None = None,
 ) -> Topic:
-    """The topic of a table.
+    """Topic of a table.
 
     Args:
         columns: Type of each column with numbers, by its name in the file.
-        count: Rows, if known.
-        units: Units the file states.
-        name: Name of the topic.
-        stamped: Columns that hold calendar time, and the nanoseconds of their unit.
+        count: Number of rows, if known.
+        units: Units that the file states.
+        stamped: Columns that hold calendar time, with their unit [ns].
     """
     channels, aliases = {}, {}
     for column, dtype in columns.items():
@@ -56,11 +64,11 @@ def table_topic(
         if match and bracketed:
             aliases.setdefault(match["name"], column)
     base, guess = _guessed_base(channels, stamped or {})
-    return Topic(name, "table", count, channels, base, aliases=aliases, guess=guess)
+    return Topic("", "table", count, channels, base, aliases=aliases, guess=guess)
 
 
 def unit_of_suffix(name: str) -> str:
-    """The unit that the end of a name tells, such as `_m_s2`; empty if none."""
+    """Unit that the end of a name states, such as `_m_s2`; empty if it states none."""
     stem = re.sub(r"(\[\d+\]|\.[wxyz])+$", "", name.lower())
     if stem.startswith("gyro") and stem.endswith("_rad"):
         return "rad/s"  # as PX4 has it
@@ -83,13 +91,16 @@ def _guessed_base(
 
 
 def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
-    """A column as floats; text that is no number is refused.
+    """Column of numbers as floats; empty text becomes NaN.
 
     Args:
-        raw: The column.
+        raw: Column, (k,).
         column: Its name.
         where: The file, for messages.
-        first: Row of its first entry.
+        first: Row of the first entry.
+
+    Raises:
+        LogError: If an entry is text that is no number, or a complex number.
     """
     array = np.asarray(raw)
     if array.dtype.kind in "fiub":
@@ -114,8 +125,69 @@ def _from_words(words: NDArray[Any], column: str, where: str, first: int) -> Arr
     return numbers
 
 
+def columns_of(wanted: Wanted) -> list[str]:
+    """Columns to read for a request, each once."""
+    stamped = (wanted.base.column,) if wanted.base.kind == "column" else ()
+    return list(dict.fromkeys((*stamped, *wanted.fields)))
+
+
+def table_block(
+    key: int, wanted: Wanted, columns: Mapping[str, Any], first: int, count: int, where: str
+) -> Block:
+    """Block of consecutive rows of a table.
+
+    Args:
+        key: Place of the request.
+        wanted: Request.
+        columns: Columns by name, (count,) each; those that `columns_of` names.
+        first: Row of the first entry.
+        count: Number of rows.
+        where: The file, for messages.
+
+    Raises:
+        LogError: If a column holds text or complex numbers.
+    """
+    values = np.empty((count, len(wanted.fields)))
+    for k, field in enumerate(wanted.fields):
+        values[:, k] = as_numbers(columns[field], field, where, first)
+    if wanted.base.kind == "rows":
+        return Block(key, np.arange(first, first + count, dtype=np.int64) * 10**9, values)
+    raw = np.asarray(columns[wanted.base.column])
+    if raw.dtype.kind not in "iuM":
+        raw = as_numbers(raw, wanted.base.column, where, first)
+    return Block(key, nanoseconds(raw, wanted.base.factor), values)
+
+
+def column_blocks(
+    key: int, wanted: Wanted, columns: Mapping[str, NDArray[Any]], where: str
+) -> Iterator[Block]:
+    """Blocks of a table that is in memory.
+
+    Args:
+        key: Place of the request.
+        wanted: Request.
+        columns: Whole columns by name, (N,) each.
+        where: The file, for messages.
+
+    Raises:
+        LogError: If columns differ in length, or one holds no real numbers.
+    """
+    chosen = {name: columns[name] for name in columns_of(wanted)}
+    sizes = {name: len(column) for name, column in chosen.items()} or {"": 0}
+    first_name, count = next(iter(sizes.items()))
+    for name, size in sizes.items():
+        if size != count:
+            raise LogError(
+                f"{where}: {name}: expected {count} rows as {first_name!r} has, found {size}; "
+                "name its own stamp"
+            )
+    for first in range(0, count, BLOCK):
+        rows = {name: column[first : first + BLOCK] for name, column in chosen.items()}
+        yield table_block(key, wanted, rows, first, min(BLOCK, count - first), where)
+
+
 def distinct(names: Iterable[str]) -> list[str]:
-    """Names, a second of the same told apart as pandas does."""
+    """Names with a number added where one repeats, as pandas does it."""
     seen: dict[str, int] = {}
     told = []
     for name in names:

@@ -1,6 +1,6 @@
-"""PX4 ULog, by pyulog; a second instance of a topic is `name/1`.
+"""Reader of PX4 ULog files, by pyulog; a second instance of a topic is `name/1`.
 
-Neglected: memory; pyulog reads a file whole. Stamps are the topics' `timestamp` [µs].
+Stamps are the topics' `timestamp` [µs]. pyulog reads a file whole.
 """
 
 from __future__ import annotations
@@ -13,24 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from patagium.sensing.logs.files.channels import (
-    BLOCK,
-    Base,
-    Block,
-    Channel,
-    Topic,
-    Wanted,
-    nanoseconds,
-    reading,
-)
-from patagium.sensing.logs.files.tables import unit_of_suffix
+from patagium.sensing.logs.files.channels import Base, Block, Channel, Topic, Wanted, reading
+from patagium.sensing.logs.files.tables import column_blocks, unit_of_suffix
 
 
 class UlogFile:
-    """A ULog file, in memory; see `LogFile`.
+    """ULog file in memory; see `LogFile`.
 
     Args:
         path: The file.
+
+    Raises:
+        LogError: If the file cannot be read.
     """
 
     format = "PX4 ULog"
@@ -53,19 +47,13 @@ class UlogFile:
             self._note_damage(log)
         self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._parts.items()}
 
-    def blocks(self, wanted: tuple[Wanted, ...], skip: tuple[int, ...]) -> Iterator[Block]:
-        """Rows of what is wanted, topic by topic."""
+    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+        """Requested rows, topic by topic."""
         for key, one in enumerate(wanted):
-            part = self._parts[one.topic]
-            stamps = nanoseconds(np.asarray(part[one.base.column]), one.base.factor)
-            for first in range(skip[key], len(stamps), BLOCK):
-                rows = slice(first, first + BLOCK)
-                columns = [np.asarray(part[field][rows], float) for field in one.fields]
-                values = np.column_stack(columns) if columns else np.empty((len(stamps[rows]), 0))
-                yield Block(key, stamps[rows], values, min(first + BLOCK, len(stamps)))
+            yield from column_blocks(key, one, self._parts[one.topic], str(self.path))
 
     def close(self) -> None:
-        """Let the memory go."""
+        """Release the memory."""
         self._parts = {}
 
     def _note_damage(self, log: Any) -> None:
@@ -80,7 +68,7 @@ class UlogFile:
 
 
 class _Watched:
-    """A file that notes whether it ended where more was asked for."""
+    """Binary file that records whether a read came back short."""
 
     def __init__(self, file: Any) -> None:
         self._file, self.cut = file, False

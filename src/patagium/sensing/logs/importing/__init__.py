@@ -1,1 +1,1 @@
-"""From a log of another program to a log of ours: looked at, then brought to one time base."""
+"""Import of logs of other programs: survey, findings, one time base, one file."""

@@ -1,9 +1,9 @@
-"""Whether quantities of a log agree with each other: what sizes alone cannot tell.
+"""Consistency of the quantities of a log with each other, which sizes alone cannot show.
 
 An attitude turns as fast as its rate says, a position moves as its velocity says, and specific
-force turned into the world, less gravity, is the change of velocity. Slips of units, axes and
-component order show there. Looked at in a few stretches spread over the log, as means over about
-50 ms. Neglected: delays between sensors, lever arms, the Earth's turning.
+force turned into the world, less gravity, is the change of velocity. Mistakes in units, axes and
+component order break these relations. They are tested in a few stretches spread over the log, in
+means over about 50 ms. Neglected: delays between sensors, lever arms, the Earth's rotation.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ _LENGTH = 4000
 _SPAN = 0.05  # s
 _WORLDS = ("ned", "enu", "nwu")
 _SURE = 0.6
-"""Correlation from which two quantities are held to be the same one."""
-_LEVEL = 0.5  # of g, horizontally, in the mean
+"""Correlation from which two rates are taken as the same motion."""
+_LEVEL = 0.5
+"""Share of the mean specific force that may be horizontal."""
 
 
 @dataclass
 class _Sums:
-    """Derived against measured rates: moments about zero."""
+    """Second moments about zero of a derived and a measured rate."""
 
     both: float = 0.0
     derived: float = 0.0
@@ -52,13 +53,13 @@ class _Sums:
 
     @property
     def ratio(self) -> float:
-        """Size of the derived over that of the measured."""
+        """Size of the derived rate over the size of the measured one."""
         return float(np.sqrt(self.derived / self.measured)) if self.measured > 0 else np.nan
 
 
 @dataclass
 class _Forces:
-    """Specific force in the world against the change of velocity."""
+    """Sums of specific force in world axes and of its difference from the change of velocity."""
 
     total: Array = field(default_factory=lambda: np.zeros(3))
     offset: Array = field(default_factory=lambda: np.zeros(3))
@@ -71,17 +72,17 @@ class _Forces:
 def consistency(
     spool: Spool, base: TimeBase, gap: float
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
-    """Findings, and how well accelerations explain velocities.
+    """Findings about relations between quantities, and the residuals of specific forces.
 
     Args:
         spool: The streams.
         base: The time base.
-        gap: A step longer than this many medians is a gap.
+        gap: Length from which a step is a gap, in median steps.
 
     Returns:
-        Findings; and for each specific force with an attitude, its mean in the world and, with
-        a velocity in the world, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
-        of the accelerometer, for one), its deviation about that, and its rms.
+        Findings; and for each specific force with an attitude, its mean in world axes and, with
+        a velocity in world axes, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
+        of the accelerometer, for one), its standard deviation and its rms.
     """
     with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
         return _looked_at(spool, base, gap)
@@ -113,7 +114,7 @@ def _looked_at(
 
 
 class _Stretches:
-    """Means over short spans, in stretches without a gap."""
+    """Stretches of a log without a gap, and means over short spans of them."""
 
     def __init__(self, spool: Spool, base: TimeBase, gap: float) -> None:
         self._spool, self._base, self._gap = spool, base, gap
@@ -125,7 +126,7 @@ class _Stretches:
         self._places = [(int(start), int(start) + length) for start in np.unique(starts)]
 
     def of(self, *items: Item) -> list[tuple[Array, list[Array]]]:
-        """Times [s] and values of items, where all of them have some, no step a gap."""
+        """Times, (k,) [s], and values of items, (k, n) each, where all are valid, without a gap."""
         pieces = []
         for begin, end in self._places:
             stamps = stamps_in(self._spool, self._base, begin, end)
@@ -140,14 +141,14 @@ class _Stretches:
         return pieces
 
     def means(self, values: Array) -> Array:
-        """Means over spans, by the trapezoid rule: what a difference over a span compares with."""
+        """Means over spans by the trapezoid rule, (m, n), to compare with differences over them."""
         count = (len(values) - 1) // self.span
         whole = values[: count * self.span + 1]
         middle = (whole[1:] + whole[:-1]) / 2
         return np.asarray(middle.reshape(count, self.span, -1).mean(axis=1))
 
     def ends(self, values: Array) -> Array:
-        """Values between spans."""
+        """Values at the ends of the spans, (m + 1, n)."""
         return values[:: self.span][: (len(values) - 1) // self.span + 1]
 
 

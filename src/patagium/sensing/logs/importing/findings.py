@@ -1,41 +1,40 @@
-"""What is suspicious about a log before anything is computed from it.
+"""Findings about a log from its statistics, before anything is computed from it.
 
-Each finding says what was expected, what was found, and what to do. Rules look at sizes: a body
-at rest or in steady flight feels 1 g, no gyroscope turns faster than 2,300 deg/s, rooms are
-smaller than 500 m. Neglected: slips too small to show in sizes; `consistency` has the others.
+Each finding says what was expected, what was found, and what to do. The rules compare sizes: a
+body at rest or in steady flight feels 1 g, no gyroscope turns faster than 2,300 deg/s, rooms are
+smaller than 500 m. Mistakes that sizes cannot show are found by `consistency`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.sensing.logs.files.channels import Array
-from patagium.sensing.logs.importing.survey import SECOND, StampSurvey
-
-Counts = NDArray[np.int64]
+from patagium.sensing.logs.importing.survey import SECOND, StampSurvey, ValueSurvey
+from patagium.sensing.logs.mapping import conversion
 
 GRAVITY = 9.80665
 _FASTEST = 40.0  # rad/s
 _FARTHEST = 500.0  # m
 _QUICKEST = 150.0  # m/s
 _CLOSE = 1.35
-"""Two sizes are alike when their ratio is below this."""
+"""Ratio below which two sizes are alike."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know before a log is used.
+    """Fact that a user should know before the log is used.
 
     Attributes:
-        level: "warning", or "note" for what needs no action.
+        level: "warning", or "note" if no action is needed.
         where: Topic or quantity.
-        kind: A word or two: "gap", "duplicate stamps", "unit" ...
-        text: What was found, and what to do about it.
+        kind: One or two words: "gap", "duplicate stamps", "unit" ...
+        text: Description of what was found, and of what to do about it.
     """
 
     level: str
@@ -44,18 +43,18 @@ class Finding:
     text: str
 
     def plain(self) -> dict[str, Any]:
-        """As a dict for JSON."""
+        """Finding as a dict for JSON."""
         return asdict(self)
 
 
 def stamp_findings(where: str, stamps: StampSurvey, gap: float, *, column: bool) -> list[Finding]:
-    """What the stamps of a stream tell.
+    """Findings about the stamps of a stream.
 
     Args:
-        where: The stream.
-        stamps: What was counted.
-        gap: A step longer than this many medians is a gap.
-        column: Whether they come from a column, whose unit somebody wrote down.
+        where: Name of the stream.
+        stamps: Statistics of its stamps.
+        gap: Length from which a step is a gap, in median steps.
+        column: Whether the stamps come from a column, whose unit a person wrote down.
     """
     found = []
     for count, kind, what in (
@@ -95,15 +94,15 @@ def stamp_findings(where: str, stamps: StampSurvey, gap: float, *, column: bool)
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large a quantity is, in SI.
+    """Size of a quantity in SI units.
 
     Attributes:
-        unit: As written in the mapping.
-        si: SI unit.
-        factor: From one to the other.
-        mean: Of each component, (n,).
-        rms: Of each component, (n,).
-        largest: Largest magnitude of any component.
+        unit: Unit as written in the mapping or the file.
+        si: SI unit of the same dimension.
+        factor: Factor from the unit to the SI unit.
+        mean: Mean of each component, (n,) [si].
+        rms: Root mean square of each component, (n,) [si].
+        largest: Largest magnitude of any component [si].
     """
 
     unit: str
@@ -114,12 +113,37 @@ class Sizes:
     largest: float
 
 
-def unit_findings(where: str, sizes: Sizes) -> list[Finding]:
-    """Whether a quantity has the size its unit suggests.
+def sizes_of(values: ValueSurvey, places: Sequence[int], unit: str, offset: float = 0.0) -> Sizes:
+    """Size of a quantity.
 
     Args:
-        where: The quantity.
-        sizes: How large it is.
+        values: Statistics of the stream that holds it.
+        places: Its components among the numbers of the stream.
+        unit: Unit of the numbers.
+        offset: Zero of the sensor, in that unit.
+
+    Raises:
+        LogError: If the unit is unknown, or does not only scale.
+    """
+    factor, si = conversion(unit, None, "unit")
+    chosen = list(places)
+    ends = np.array([values.low[chosen], values.high[chosen]]) - offset
+    return Sizes(
+        unit,
+        si,
+        factor,
+        (values.mean[chosen] - offset) * factor,
+        values.rms[chosen] * abs(factor),
+        float(np.abs(ends).max()) * abs(factor),
+    )
+
+
+def unit_findings(where: str, sizes: Sizes) -> list[Finding]:
+    """Finding that a quantity does not have the size that its unit suggests.
+
+    Args:
+        where: Name of the quantity.
+        sizes: Its size.
     """
     written = sizes.largest / sizes.factor
     guess = ""
@@ -161,29 +185,37 @@ def _acceleration_guess(sizes: Sizes) -> str:
     return ""
 
 
-def value_findings(
-    where: str, count: Counts, missing: Counts, low: Array, high: Array
-) -> list[Finding]:
-    """Missing numbers, and channels that never move.
+def missing_findings(where: str, values: ValueSurvey, places: Sequence[int]) -> list[Finding]:
+    """Finding that numbers of a quantity are missing or not finite.
 
     Args:
-        where: The quantity.
-        count: Finite numbers of each component, (n,).
-        missing: Others, (n,).
-        low: Lowest of each, (n,).
-        high: Highest of each, (n,).
+        where: Name of the quantity.
+        values: Statistics of the stream that holds it.
+        places: Its components among the numbers of the stream.
     """
-    found = []
+    missing = values.missing[list(places)]
     lost = int(np.max(missing, initial=0))
-    if lost:
-        total = int(np.max(count + missing))
-        text = f"{lost} of {total} rows are no finite number; not used"
-        found.append(Finding("warning", where, "missing numbers", text))
-    still = (count > 1) & (low == high)
-    if still.all() and len(still):
-        text = f"never changes from {', '.join(f'{v:.6g}' for v in low)}"
-        found.append(Finding("warning", where, "constant", text))
-    return found
+    if not lost:
+        return []
+    total = int(np.max(values.count[list(places)] + missing))
+    text = f"{lost} of {total} rows are no finite number; not used"
+    return [Finding("warning", where, "missing numbers", text)]
+
+
+def constant_findings(where: str, values: ValueSurvey, places: Sequence[int]) -> list[Finding]:
+    """Finding that a quantity never changes.
+
+    Args:
+        where: Name of the quantity.
+        values: Statistics of the stream that holds it.
+        places: Its components among the numbers of the stream.
+    """
+    chosen = list(places)
+    low, high = values.low[chosen], values.high[chosen]
+    if not chosen or not ((values.count[chosen] > 1) & (low == high)).all():
+        return []
+    text = f"never changes from {', '.join(f'{v:.6g}' for v in low)}"
+    return [Finding("warning", where, "constant", text)]
 
 
 def _is(sizes: Sizes, factor: float) -> bool:

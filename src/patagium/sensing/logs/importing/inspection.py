@@ -1,51 +1,57 @@
-"""`inspect_log`: what a log holds, as one pass through it tells, without a mapping.
+"""Inspection of a log without a mapping: topics, rates, gaps, ranges and findings, in one pass.
 
-Units are those that the file or the definitions of its messages state; where there is none, only
-stamps and missing numbers are judged.
+Units are those that the file or the definitions of its messages state. A number without a unit is
+judged by its stamps and missing entries alone.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import LogFile, Topic, Wanted
+from patagium.sensing.logs.files.channels import Topic, Wanted
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.findings import (
     Finding,
-    Sizes,
+    missing_findings,
+    sizes_of,
     stamp_findings,
     unit_findings,
-    value_findings,
 )
-from patagium.sensing.logs.importing.spool import Progress
-from patagium.sensing.logs.importing.survey import SECOND, StampSurvey, ValueSurvey
-from patagium.sensing.logs.mapping import conversion
+from patagium.sensing.logs.importing.survey import (
+    SECOND,
+    Progress,
+    StampSurvey,
+    StreamSurvey,
+    ValueSurvey,
+    survey_streams,
+)
 
 GAP = 3.0
-"""A step longer than this many medians is a gap."""
+"""Length from which a step is a gap, in median steps."""
 _VECTOR = (".x", "[0]", "_x")
 
 
 @dataclass(frozen=True)
 class ChannelFacts:
-    """A number of a topic.
+    """Facts about a number of a topic, in the unit of the file.
 
     Attributes:
-        name: Its path, as a mapping names it.
-        dtype: Its type in the file.
-        unit: Its unit, where the file or its definitions state one.
-        low: Lowest; NaN if none is finite.
-        high: Highest.
+        name: Path of the number, as a mapping names it.
+        dtype: Type in the file.
+        unit: Unit that the file or its message definitions state; empty if there is none.
+        low: Lowest value; NaN if none is finite.
+        high: Highest value.
         mean: Mean.
-        rms: Root of the mean square.
-        missing: How many are no finite numbers.
+        rms: Root mean square.
+        missing: Number of entries that are not finite.
     """
 
     name: str
@@ -60,23 +66,23 @@ class ChannelFacts:
 
 @dataclass(frozen=True)
 class TopicFacts:
-    """What is stamped together.
+    """Facts about a topic.
 
     Attributes:
-        name: Its name; empty for a table.
+        name: Name of the topic; empty for a table.
         kind: Type of its messages.
-        rows: How many.
-        stamps: Where its stamps come from.
-        begin: First stamp after that of the log [s].
-        duration: From first to last stamp [s].
+        rows: Number of rows.
+        stamps: Source of its stamps.
+        begin: First stamp, from the first stamp of the log [s].
+        duration: Time from the first to the last stamp [s].
         rate: Rows a second, by the median step [Hz].
-        gaps: Steps longer than 3 medians.
+        gaps: Number of steps longer than 3 medians.
         longest: Longest step [s].
-        duplicates: Stamps that repeat the one before.
-        near_duplicates: Steps shorter than a tenth of the median.
-        backwards: Stamps before an earlier one.
-        channels: Its numbers.
-        problem: Why it cannot be read; empty if it can.
+        duplicates: Number of stamps that repeat the one before.
+        near_duplicates: Number of steps shorter than a tenth of the median.
+        backwards: Number of stamps before an earlier one.
+        channels: Facts about its numbers.
+        problem: Reason why the topic cannot be read; empty if it can.
     """
 
     name: str
@@ -97,14 +103,14 @@ class TopicFacts:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a log holds.
+    """Facts about a log and findings.
 
     Attributes:
-        path: The log.
-        format: What it is.
-        topics: What it holds.
-        findings: What is suspicious.
-        notes: What had to be assumed to read it.
+        path: Path of the log.
+        format: Name of its format.
+        topics: Facts about its topics.
+        findings: Suspicious facts.
+        notes: Assumptions made to read the file.
     """
 
     path: str
@@ -114,133 +120,122 @@ class Inspection:
     notes: tuple[str, ...]
 
     def plain(self) -> dict[str, Any]:
-        """As a dict for JSON."""
+        """Inspection as a dict for JSON."""
         return asdict(self)
 
 
 def inspect_log(
     paths: str | Path | Sequence[str | Path], *, progress: Progress | None = None
 ) -> Inspection:
-    """What is in a log: topics, rates, gaps, ranges, and what is suspicious.
+    """Content of a log: topics, rates, gaps, ranges, and suspicious facts.
 
     Args:
         paths: A log file of any format that `import_log` reads, or the parts of a recording.
-        progress: Called now and then with rows read and rows in all.
+        progress: Called now and then with the rows read and the rows in all.
 
     Raises:
-        LogError: If it cannot be read.
+        LogError: If the log cannot be read, or holds no samples.
     """
-    log = open_log(paths)
-    try:
+    with closing(open_log(paths)) as log:
         readable = [topic for topic in log.topics.values() if not topic.problem]
-        wanted = tuple(_wanted(topic) for topic in readable)
-        stamps = [StampSurvey() for _ in wanted]
-        values = [ValueSurvey(len(one.fields)) for one in wanted]
+        lost = [topic for topic in log.topics.values() if topic.problem]
+        wanted = tuple(Wanted(one.name, one.base, tuple(_fields(one))) for one in readable)
         total = sum(topic.count or topic.about for topic in readable)
-        done = 0
-        for block in log.blocks(wanted, (0,) * len(wanted)):
-            stamps[block.key].add(block.stamps)
-            values[block.key].add(block.values)
-            done += len(block.stamps)
-            if progress is not None:
-                progress(done, max(total, done))
-        starts = [one.first for one in stamps if one.first is not None]
+        surveys = survey_streams(log, wanted, total, progress=progress)
+        starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
         origin = min(starts, default=0)
         facts, found = [], []
-        for topic, one, counted in zip(readable, stamps, values, strict=True):
-            facts.append(_topic_facts(topic, one, counted, origin))
-            found += _findings(topic, one, counted)
-        facts += [_unreadable(topic) for topic in log.topics.values() if topic.problem]
+        for topic, survey in zip(readable, surveys, strict=True):
+            facts.append(_topic_facts(topic, survey, origin))
+            found += _findings(topic, survey)
+        facts += [_unreadable(topic) for topic in lost]
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
-            for topic in log.topics.values()
-            if topic.problem and topic.count
+            for topic in lost
+            if topic.count
         ]
-        _refuse_nothing(log, facts)
+        if not any(topic.rows for topic in facts):
+            raise LogError(f"{log.path}: expected samples, found none in {log.format}")
         guesses = [topic.guess for topic in readable if topic.guess]
         notes = tuple(dict.fromkeys([*log.notes, *guesses]))
         return Inspection(str(log.path), log.format, tuple(facts), tuple(found), notes)
-    finally:
-        log.close()
 
 
-def _wanted(topic: Topic) -> Wanted:
-    fields = [n for n, c in topic.channels.items() if c.dtype != "timestamp"]
-    return Wanted(topic.name, topic.base, tuple(fields))
+def _fields(topic: Topic) -> list[str]:
+    return [name for name, channel in topic.channels.items() if channel.dtype != "timestamp"]
 
 
-def _topic_facts(topic: Topic, stamps: StampSurvey, values: ValueSurvey, origin: int) -> TopicFacts:
-    names = _wanted(topic).fields
-    mean, rms = values.mean, values.rms
-    heard = values.count > 0
-    low, high = (np.where(heard, ends, np.nan) for ends in (values.low, values.high))
-    channels = tuple(
-        ChannelFacts(
-            name,
-            topic.channels[name].dtype,
-            topic.channels[name].unit,
-            float(low[k]),
-            float(high[k]),
-            float(mean[k]),
-            float(rms[k]),
-            int(values.missing[k]),
-        )
-        for k, name in enumerate(names)
-    )
-    base = topic.base.column or topic.base.kind
+def _topic_facts(topic: Topic, survey: StreamSurvey, origin: int) -> TopicFacts:
+    stamps, counted = survey.stamps, topic.base.kind == "rows"
     median = stamps.median
-    counted = topic.base.kind == "rows"
     return TopicFacts(
-        topic.name,
-        topic.kind,
-        stamps.rows,
-        base,
-        ((stamps.first or origin) - origin) / SECOND,
-        math.nan if counted else stamps.duration,
-        math.nan if counted else 1.0 / median if median > 0 else math.nan,
-        0 if counted else stamps.gaps(GAP),
-        math.nan if counted else stamps.longest / SECOND,
-        stamps.duplicates,
-        0 if counted else stamps.near_duplicates,
-        stamps.backwards,
-        channels,
+        name=topic.name,
+        kind=topic.kind,
+        rows=stamps.rows,
+        stamps=topic.base.column or topic.base.kind,
+        begin=((stamps.first or origin) - origin) / SECOND,
+        duration=math.nan if counted else stamps.duration,
+        rate=math.nan if counted or not median > 0 else 1.0 / median,
+        gaps=0 if counted else stamps.gaps(GAP),
+        longest=math.nan if counted else stamps.longest / SECOND,
+        duplicates=stamps.duplicates,
+        near_duplicates=0 if counted else stamps.near_duplicates,
+        backwards=stamps.backwards,
+        channels=_channel_facts(topic, survey),
     )
 
 
-def _findings(topic: Topic, stamps: StampSurvey, values: ValueSurvey) -> list[Finding]:
-    where = topic.name or "table"
-    found = stamp_findings(where, stamps, GAP, column=topic.base.kind == "column")
-    fields = list(_wanted(topic).fields)
+def _channel_facts(topic: Topic, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:
+    values = survey.values
+    heard, mean, rms = values.count > 0, values.mean, values.rms
+    low, high = (np.where(heard, ends, np.nan) for ends in (values.low, values.high))
+    return tuple(
+        ChannelFacts(
+            name=name,
+            dtype=topic.channels[name].dtype,
+            unit=topic.channels[name].unit,
+            low=float(low[k]),
+            high=float(high[k]),
+            mean=float(mean[k]),
+            rms=float(rms[k]),
+            missing=int(values.missing[k]),
+        )
+        for k, name in enumerate(_fields(topic))
+    )
+
+
+def _unreadable(topic: Topic) -> TopicFacts:
+    empty = _topic_facts(topic, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
+    nothing = math.nan
+    return replace(
+        empty, rows=topic.count or 0, stamps="", begin=nothing, duration=nothing, rate=nothing,
+        longest=nothing, problem=topic.problem,
+    )  # fmt: skip
+
+
+def _findings(topic: Topic, survey: StreamSurvey) -> list[Finding]:
+    where, values, fields = topic.name or "table", survey.values, _fields(topic)
+    found = stamp_findings(where, survey.stamps, GAP, column=topic.base.kind == "column")
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
-    if never and stamps.rows:
+    if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))
     for k, name in enumerate(fields):
-        place = slice(k, k + 1)
         own = f"{topic.name} {name}".strip()
-        if values.missing[k] and values.count[k]:
-            found += value_findings(
-                own, values.count[place], values.missing[place], np.zeros(1), np.ones(1)
-            )
         unit = topic.channels[name].unit
-        if not unit or not values.count[k]:
+        if not values.count[k]:
             continue
-        try:
-            factor, si = conversion(unit, None, own)
-        except LogError:
+        found += missing_findings(own, values, [k])
+        if not unit:
             continue
-        places = _vector(fields, k) if si == "m/s^2" else [k]
-        if places:
-            largest = float(np.abs([values.low[places], values.high[places]]).max())
-            found += unit_findings(
-                own,
-                Sizes(unit, si, factor, values.mean[places] * factor, values.rms[places] * factor,
-                      largest * factor),
-            )  # fmt: skip
+        with suppress(LogError):  # a unit that the file states need not be one that we know
+            sizes = sizes_of(values, [k], unit)
+            places = _vector(fields, k) if sizes.si == "m/s^2" else [k]
+            found += unit_findings(own, sizes_of(values, places, unit)) if places else []
     return found
 
 
 def _vector(fields: list[str], k: int) -> list[int]:
-    """Places of a vector that begins at a number; none if it begins elsewhere."""
+    """Places of the three components of a vector whose first component is at k; else none."""
     for end in _VECTOR:
         if fields[k].endswith(end):
             others = [fields[k][: -len(end)] + end.translate(table) for table in _NEXT]
@@ -250,16 +245,3 @@ def _vector(fields: list[str], k: int) -> list[int]:
 
 
 _NEXT = (str.maketrans("x0", "y1"), str.maketrans("x0", "z2"))
-
-
-def _unreadable(topic: Topic) -> TopicFacts:
-    nothing = math.nan
-    return TopicFacts(
-        topic.name, topic.kind, topic.count or 0, "", nothing, nothing, nothing, 0, nothing, 0, 0,
-        0, (), topic.problem,
-    )  # fmt: skip
-
-
-def _refuse_nothing(log: LogFile, facts: list[TopicFacts]) -> None:
-    if not any(topic.rows for topic in facts):
-        raise LogError(f"{log.path}: expected samples, found none in {log.format}")

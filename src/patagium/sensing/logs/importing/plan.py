@@ -1,4 +1,4 @@
-"""A mapping held against what a log holds: which numbers to read, and what becomes of them."""
+"""Import plan: which numbers of a log to read, and how each becomes a quantity of the mapping."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from patagium.sensing.logs.files.channels import (
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
 LONGEST_NAME = 255
-"""Of a variable of a netCDF file [bytes]."""
+"""Longest name of a variable of a netCDF file [bytes]."""
 _SOUND = re.compile(
     "[A-Za-z0-9_\x80-\ud7ff\ue000-\U0010ffff]"
     "(?:[^\0-\x1f\x7f\ud800-\udfff]*[^\0-\x20\x7f\ud800-\udfff])?"
 )
-"""A name that such a file takes: no control characters, no halves of a surrogate pair."""
+"""Pattern of the names that a netCDF file takes: no control characters, no lone surrogates."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """A quantity of the mapping, found in the log.
+    """Quantity of the mapping, located in the log.
 
     Attributes:
-        column: Its words.
+        column: Its entry in the mapping.
         role: "input", "output" or "channel".
-        stream: Which stream has it.
+        stream: Stream that holds it.
         places: Its components among the numbers of the stream.
-        factor: From its unit to that the model sees.
-        unit: The unit the model sees.
-        si_factor: From its unit to SI.
-        si: Its SI unit.
-        order: Of a quaternion as it was found.
+        factor: Factor from the unit in the log to the unit that the model sees.
+        unit: Unit that the model sees.
+        si_factor: Factor from the unit in the log to the SI unit.
+        si: SI unit of the same dimension.
+        order: Order of the components of an attitude; None for other quantities.
     """
 
     column: ValueColumn
@@ -59,17 +59,22 @@ class Item:
 
     @property
     def is_attitude(self) -> bool:
-        """Whether it is an attitude."""
+        """Whether the quantity is an attitude."""
         return self.order is not None
 
+    @property
+    def is_quaternion(self) -> bool:
+        """Whether the quantity is an attitude by four plain numbers."""
+        return self.order in ("wxyz", "xyzw")
+
     def converted(self, raw: Array) -> Array:
-        """Numbers of the log in our units and axes.
+        """Values in the unit that the model sees and in our axes.
 
         Args:
-            raw: Components, (k, size).
+            raw: Components in the unit of the log, (k, size).
 
         Returns:
-            (k, 1), (k, 3), or quaternions (k, 4) [-].
+            Numbers (k, 1), vectors (k, 3) or quaternions (k, 4) [-].
         """
         words = self.column
         if self.order is not None:
@@ -81,7 +86,7 @@ class Item:
         return values if words.frame is None else values @ _axes(words.frame).T
 
     def bounds(self) -> list[tuple[float, float]]:
-        """Range to expect of each label, in the unit the model sees; NaN where not stated."""
+        """Expected range of each label in the unit of the model; NaN where none is stated."""
         words = self.column
         if words.range is None:
             return [(np.nan, np.nan)] * len(words.labels)
@@ -93,13 +98,13 @@ class Item:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to read and what becomes of it.
+    """Streams to read from a log, and the quantities made from them.
 
     Attributes:
-        wanted: Streams: a topic with its stamps.
-        names: How to call each stream in messages.
+        wanted: Streams: a topic with one source of stamps and some of its numbers.
+        names: Name of each stream in messages.
         items: Quantities, in the order of the mapping.
-        counts: Rows of each stream, or an estimate; 0 where unknown.
+        counts: Number of rows of each stream, or an estimate; 0 where unknown.
     """
 
     wanted: tuple[Wanted, ...]
@@ -108,21 +113,21 @@ class Plan:
     counts: tuple[int, ...]
 
     def stream_of(self, topic: str) -> int | None:
-        """The first stream of a topic; None if it has none."""
+        """First stream of a topic; None if the topic has no stream."""
         names = [one.topic for one in self.wanted]
         return names.index(topic) if topic in names else None
 
 
 def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
-    """What a mapping asks of a log.
+    """Import plan of a mapping for a log.
 
     Args:
-        log: The log, open.
-        mapping: What its fields mean.
+        log: The open log.
+        mapping: The mapping.
         source: Name of the mapping, for messages.
 
     Raises:
-        LogError: If the log does not hold it, with what it does hold.
+        LogError: If the log lacks a topic or field of the mapping; the message names those it has.
     """
     streams: dict[tuple[str, Base], list[str]] = {}
     topics: dict[str, Topic] = {}
@@ -156,19 +161,19 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
 
 
 def variable_name(label: str) -> str:
-    """How a file calls a number: its label without slashes, composed as netCDF does it.
+    """Name of a netCDF variable: a label without slashes, in Unicode's composed form.
 
     Args:
-        label: Of the number, as the mapping has it.
+        label: Label of a number in the mapping.
     """
     return unicodedata.normalize("NFC", label.replace("/", "|"))
 
 
 def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
-    """Note the names of a quantity's numbers, or refuse those that no file can hold.
+    """Add the names of the numbers of a quantity to the names that are taken.
 
     Raises:
-        LogError: If one is taken, too long, or has characters that no name may have.
+        LogError: If a name is taken already, is too long, or has characters that a file refuses.
     """
     for label in column.labels:
         name = variable_name(label)

@@ -1,8 +1,8 @@
-"""Quantities with stamps of their own, brought to one time base.
+"""Resampling of quantities with stamps of their own on one time base.
 
-Numbers and vectors go linearly from sample to sample, attitudes by slerp, angles the short way
-round. Where a quantity has no sample within a gap's length, there is none on the time base
-either. Neglected: what is faster than half the rate of the time base folds; nothing is filtered.
+Numbers and vectors are interpolated linearly, attitudes by slerp, angles the short way round. No
+sample is made within a gap of a quantity. Neglected: aliasing; nothing is filtered before it is
+resampled.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from patagium.sensing.logs.mapping import TableMapping
 
 CHUNK = 1 << 16
 _MARGIN = 64
-"""Rows looked at beyond a chunk, for those that are no numbers."""
+"""Rows read beyond both ends of a chunk, in case rows at the ends are no numbers."""
 
 
 @dataclass(frozen=True)
 class TimeBase:
-    """The stamps that all quantities are brought to.
+    """Stamps at which all quantities are resampled.
 
     Attributes:
-        origin: Its first stamp [ns].
-        count: How many.
-        step: Between them, or their median [s].
-        stream: Whose stamps it is; None for an even one.
-        first: Row of the stream that is its first.
+        origin: First stamp [ns].
+        count: Number of stamps.
+        step: Time between stamps, or its median [s].
+        stream: Stream whose stamps are taken; None if stamps are evenly spaced.
+        first: Row of that stream with the first stamp.
     """
 
     origin: int
@@ -44,27 +44,28 @@ class TimeBase:
     first: int
 
     def describe(self, plan: Plan) -> str:
-        """In words."""
+        """Time base in words."""
         if self.stream is None:
             return f"{self.count} samples {self.step:.6g} s apart"
         return f"{self.count} stamps of {plan.names[self.stream]}, {self.step:.4g} s apart (median)"
 
 
 def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
-    """The common time base: where all streams have samples, as the mapping asks.
+    """Common time base over the span in which all streams have samples.
 
     Args:
         spool: The streams.
-        mapping: What was asked for.
+        mapping: The mapping, which names the rate or the stream of the time base.
         source: Name of the mapping, for messages.
 
     Raises:
-        LogError: If the streams do not overlap, or the mapping does not say which base.
+        LogError: If the streams do not overlap in time, or the mapping names no time base where
+            there are several streams.
     """
     plan, time = spool.plan, mapping.time
     used = sorted({item.stream for item in plan.items})
-    begins = [spool.stamps[k].first or 0 for k in used]
-    ends = [spool.stamps[k].last for k in used]
+    begins = [spool.surveys[k].stamps.first or 0 for k in used]
+    ends = [spool.surveys[k].stamps.last for k in used]
     begin, end = max(begins), min(ends)
     if end <= begin:
         told = "; ".join(
@@ -86,13 +87,12 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
     stamps = spool.stamps_of(stream)
     first, last = np.searchsorted(stamps, [begin, end + 1])
     _enough(int(last - first), source, (end - begin) / SECOND)
-    return TimeBase(
-        int(stamps[first]), int(last - first), spool.stamps[stream].median, stream, int(first)
-    )
+    median = spool.surveys[stream].stamps.median
+    return TimeBase(int(stamps[first]), int(last - first), median, stream, int(first))
 
 
 def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
-    """Some stamps of a time base, (end - begin,) [ns]."""
+    """Stamps `begin` to `end` of a time base, (end - begin,) [ns]."""
     if base.stream is not None:
         return np.array(spool.stamps_of(base.stream)[base.first + begin : base.first + end])
     offsets: Stamps = np.rint(np.arange(begin, end) * (base.step * SECOND)).astype(np.int64)
@@ -102,16 +102,16 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
 def resampled(
     spool: Spool, item: Item, stamps: Stamps, gap: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """A quantity at some stamps.
+    """Quantity at given stamps.
 
     Args:
         spool: The streams.
         item: The quantity.
-        stamps: Increasing, (k,) [ns].
-        gap: A step longer than this many medians is a gap.
+        stamps: Increasing stamps, (k,) [ns].
+        gap: Length from which a step is a gap, in median steps.
 
     Returns:
-        Values, (k, 1), (k, 3) or (k, 4), and whether there is one, (k,).
+        Values in the unit of the item, (k, 1), (k, 3) or (k, 4), and whether each is valid, (k,).
     """
     with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
         values, valid = _resampled(spool, item, stamps, gap)
@@ -134,7 +134,8 @@ def _resampled(
     left = np.searchsorted(own, stamps, "right") - 1
     right = np.minimum(left + 1, len(own) - 1)
     exact = (left >= 0) & (own[left] == stamps)
-    near = own[right] - own[left] <= gap * spool.stamps[item.stream].median * SECOND
+    median = spool.surveys[item.stream].stamps.median
+    near = own[right] - own[left] <= gap * median * SECOND
     valid = exact | ((left >= 0) & (right > left) & near)
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
@@ -165,7 +166,7 @@ def _stream(
         return plan.stream_of(mapping.time.like.removesuffix("/0"))
     if len(used) == 1:
         return used[0]
-    rates = ", ".join(f"{plan.names[k]} {1 / spool.stamps[k].median:.4g} Hz" for k in used)
+    rates = ", ".join(f"{plan.names[k]} {1 / spool.surveys[k].stamps.median:.4g} Hz" for k in used)
     raise LogError(
         f"{source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with stamps "
         f"of their own: {rates}"

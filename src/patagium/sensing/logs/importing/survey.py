@@ -1,40 +1,43 @@
-"""What stamps and numbers of a log look like, counted block by block in little memory.
+"""Statistics of the stamps and numbers of a log, from one pass, block by block in little memory.
 
-Steps of time are counted in bins of 0.5 %, so medians are right to that. Neglected: which
-samples carry what; only counts, extremes and moments are kept.
+Time steps are counted in bins of 0.5 %, so their median is right to that.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, Stamps
+from patagium.sensing.logs.files.channels import NO_STAMP, Array, LogFile, Stamps, Wanted
+
+Progress = Callable[[int, int], None]
+Keep = Callable[[int, Stamps, Array], None]
 
 _WIDTH = 0.005
 _BINS = 7600  # to 3e16 ns, a year
 _NEAR = 0.1
-"""A step shorter than this share of the median is nearly a duplicate."""
+"""Share of the median step below which a step is nearly a duplicate."""
 SECOND = 1_000_000_000
-"""[ns]"""
+"""One second [ns]."""
 
 
 class StampSurvey:
-    """Stamps of one stream in the order of the file.
+    """Statistics of the stamps of one stream in the order of the file.
 
     Attributes:
-        rows: Stamps seen.
-        kept: Those that came after all before them.
-        missing: Those that were no number.
-        duplicates: Those that repeated the last.
-        backwards: Those before the last.
-        furthest_back: The longest step back [ns].
-        first: The first stamp [ns]; None before there is one.
-        last: The latest [ns].
-        longest: The longest step forward [ns].
-        longest_at: Stamp before it [ns].
+        rows: Number of rows.
+        kept: Rows whose stamp is later than all before.
+        missing: Rows without a usable stamp.
+        duplicates: Rows that repeat the latest stamp.
+        backwards: Rows stamped before the latest stamp.
+        furthest_back: Longest step back [ns].
+        first: First stamp [ns]; None before there is one.
+        last: Latest stamp [ns].
+        longest: Longest step forward [ns].
+        longest_at: Stamp before the longest step [ns].
     """
 
     def __init__(self) -> None:
@@ -47,13 +50,13 @@ class StampSurvey:
         self._sums = np.zeros(_BINS)
 
     def add(self, stamps: Stamps) -> NDArray[np.bool_]:
-        """Count more stamps.
+        """Add more stamps to the statistics.
 
         Args:
-            stamps: (k,) [ns].
+            stamps: Stamps, (k,) [ns].
 
         Returns:
-            Which of them come after all before, (k,).
+            Whether each stamp is later than all before it, (k,).
         """
         self.rows += len(stamps)
         known = stamps != NO_STAMP
@@ -91,7 +94,7 @@ class StampSurvey:
 
     @property
     def median(self) -> float:
-        """Median step [s]: the mean of its bin; NaN with less than two stamps."""
+        """Median step, as the mean of its bin [s]; NaN with less than two stamps."""
         total = int(self._bins.sum())
         if not total:
             return float("nan")
@@ -99,7 +102,7 @@ class StampSurvey:
         return float(self._sums[place] / self._bins[place]) / SECOND
 
     def gaps(self, factor: float) -> int:
-        """How many steps are longer than so many medians."""
+        """Number of steps that are longer than `factor` medians."""
         median = self.median
         if not np.isfinite(median):
             return 0
@@ -109,7 +112,7 @@ class StampSurvey:
 
     @property
     def near_duplicates(self) -> int:
-        """How many steps are shorter than a tenth of the median."""
+        """Number of steps that are shorter than a tenth of the median."""
         median = self.median
         if not np.isfinite(median):
             return 0
@@ -117,50 +120,31 @@ class StampSurvey:
 
     @property
     def duration(self) -> float:
-        """From first to latest stamp [s]."""
+        """Time from the first to the latest stamp [s]."""
         return 0.0 if self.first is None else (self.last - self.first) / SECOND
-
-    def state(self) -> dict[str, Any]:
-        """All counts, JSON-able."""
-        held = {key: value for key, value in vars(self).items() if not key.startswith("_")}
-        heard = np.flatnonzero(self._bins)
-        bins = [heard.tolist(), self._bins[heard].tolist(), self._sums[heard].tolist()]
-        return {**held, "bins": bins}
-
-    def resume(self, state: dict[str, Any]) -> None:
-        """Go on from a state."""
-        places, counts, sums = state["bins"]
-        self._bins[:], self._sums[:] = 0, 0.0
-        self._bins[places], self._sums[places] = counts, sums
-        for key, value in state.items():
-            if key != "bins":
-                setattr(self, key, value)
 
 
 class ValueSurvey:
-    """Numbers of one stream, channel by channel.
+    """Statistics of the numbers of one stream, channel by channel.
 
     Args:
-        channels: How many.
+        channels: Number of channels n.
 
     Attributes:
         count: Finite numbers of each channel, (n,).
-        missing: Others, (n,).
-        low: Lowest, (n,).
-        high: Highest, (n,).
-        largest_step: Largest change from row to row, (n,).
+        missing: Entries that are no finite number, (n,).
+        low: Lowest number, (n,), in the unit of the file.
+        high: Highest number, (n,), in the unit of the file.
     """
 
     def __init__(self, channels: int) -> None:
         self.count = np.zeros(channels, np.int64)
         self.missing = np.zeros(channels, np.int64)
         self.low, self.high = np.full(channels, np.inf), np.full(channels, -np.inf)
-        self.largest_step = np.zeros(channels)
         self._sum, self._square = np.zeros(channels), np.zeros(channels)
-        self._last = np.full(channels, np.nan)
 
     def add(self, values: Array) -> None:
-        """Count more rows, (k, n)."""
+        """Add more rows, (k, n) in the unit of the file, to the statistics."""
         if not len(values) or not values.shape[1]:
             return
         finite = np.isfinite(values)
@@ -172,26 +156,62 @@ class ValueSurvey:
         with np.errstate(over="ignore", invalid="ignore"):
             self._sum += plain.sum(axis=0)
             self._square += (plain**2).sum(axis=0)
-            steps = np.abs(np.diff(np.vstack([self._last, values]), axis=0))
-        steps = np.where(np.isfinite(steps), steps, 0.0)
-        self.largest_step = np.maximum(self.largest_step, steps.max(axis=0))
-        self._last = values[-1].copy()
 
     @property
     def mean(self) -> Array:
-        """Of each channel, (n,); NaN where nothing is finite."""
+        """Mean of each channel, (n,); NaN where nothing is finite."""
         return np.asarray(self._sum / np.where(self.count, self.count, np.nan))
 
     @property
     def rms(self) -> Array:
-        """Root of the mean square of each channel, (n,); NaN where nothing is finite."""
+        """Root mean square of each channel, (n,); NaN where nothing is finite."""
         return np.asarray(np.sqrt(self._square / np.where(self.count, self.count, np.nan)))
 
-    def state(self) -> dict[str, Any]:
-        """All counts, JSON-able."""
-        return {key: value.tolist() for key, value in vars(self).items()}
 
-    def resume(self, state: dict[str, Any]) -> None:
-        """Go on from a state."""
-        for key, value in state.items():
-            setattr(self, key, np.array(value, getattr(self, key).dtype))
+@dataclass(frozen=True)
+class StreamSurvey:
+    """Statistics of one stream.
+
+    Attributes:
+        stamps: Statistics of its stamps.
+        values: Statistics of its numbers.
+    """
+
+    stamps: StampSurvey
+    values: ValueSurvey
+
+
+def survey_streams(
+    log: LogFile,
+    wanted: tuple[Wanted, ...],
+    total: int,
+    *,
+    keep: Keep | None = None,
+    progress: Progress | None = None,
+) -> tuple[StreamSurvey, ...]:
+    """Statistics of the requested streams from one pass through a log.
+
+    Args:
+        log: The open log.
+        wanted: Requests, one a stream.
+        total: Number of rows of all streams, or an estimate, for `progress`.
+        keep: Called with the place of the stream, stamps (k,) [ns] and values (k, n) of the rows
+            whose stamps advance; statistics of the values are then of these rows alone.
+        progress: Called now and then with the rows read and the rows in all.
+
+    Raises:
+        LogError: If the log is damaged, or a column holds text.
+    """
+    streams = tuple(StreamSurvey(StampSurvey(), ValueSurvey(len(one.fields))) for one in wanted)
+    done = 0
+    for block in log.blocks(wanted):
+        advances = streams[block.key].stamps.add(block.stamps)
+        values = block.values
+        if keep is not None:
+            values = values[advances]
+            keep(block.key, block.stamps[advances], values)
+        streams[block.key].values.add(values)
+        done += len(block.stamps)
+        if progress is not None:
+            progress(done, max(total, done))
+    return streams

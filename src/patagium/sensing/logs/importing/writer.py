@@ -1,45 +1,48 @@
-"""Logs on one time base as files: netCDF4 for all that follows, CSV for `patagium stream`.
+"""Writers of imported logs: netCDF4 for all further work, CSV for `patagium stream`.
 
-A netCDF4 log has one variable a number, `angular rate.x`, with its unit, its range to expect and
-its role; its attributes carry the mapping, the findings, and how it was resampled. Neglected:
-compression.
+A netCDF4 log has one variable for each number, such as `angular rate.x`, with its unit, its
+expected range and its role. Its attributes hold the mapping, the findings and the resampling.
 """
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import pandas as pd
 
 from patagium.sensing.logs.files.channels import Array
 from patagium.sensing.logs.importing.plan import Plan, variable_name
 from patagium.sensing.logs.record import FORMAT
 
 CHUNK = 1 << 15
+"""Samples of a chunk of a netCDF4 variable."""
 
 
 class Writer(Protocol):
-    """What rows of a log are written to."""
+    """Writer of the samples of a log, block after block."""
 
     def write(self, time: Array, values: Array) -> None:
-        """More rows: time (k,) [s] and all labels (k, n)."""
+        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
         ...
 
     def close(self) -> None:
-        """The file is whole."""
+        """Complete the file."""
         ...
 
 
 class NetcdfWriter:
-    """A netCDF4 log that is being written.
+    """Writer of a netCDF4 log.
 
     Args:
-        path: The draft.
-        plan: Its quantities.
-        rows: How many there will be, at most.
-        attributes: Of the file.
+        path: The file.
+        plan: Quantities of the log.
+        rows: Largest number of samples to come.
+        attributes: Attributes of the file.
+
+    Raises:
+        OSError: If the file cannot be written.
     """
 
     def __init__(self, path: Path, plan: Plan, rows: int, attributes: dict[str, Any]) -> None:
@@ -65,7 +68,7 @@ class NetcdfWriter:
         self._rows = 0
 
     def write(self, time: Array, values: Array) -> None:
-        """More rows: time (k,) [s] and all labels (k, n)."""
+        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
         rows = slice(self._rows, self._rows + len(time))
         self._time[rows] = time
         for column, variable in zip(values.T, self._columns, strict=True):
@@ -73,7 +76,7 @@ class NetcdfWriter:
         self._rows = rows.stop
 
     def close(self) -> None:
-        """The file is whole."""
+        """Complete the file."""
         self._file.close()
 
     def _variable(self, name: str, unit: str, facts: dict[str, Any]) -> Any:
@@ -86,22 +89,28 @@ class NetcdfWriter:
 
 
 class CsvWriter:
-    """A CSV text that is being written: time and all labels.
+    """Writer of a CSV text with the time and all labels.
 
     Args:
-        path: The draft.
-        plan: Its quantities.
+        path: The file.
+        plan: Quantities of the log.
+
+    Raises:
+        OSError: If the file cannot be written.
     """
 
     def __init__(self, path: Path, plan: Plan) -> None:
         self._file = path.open("w", encoding="utf-8", newline="")
-        self._rows = csv.writer(self._file, lineterminator="\n")
-        self._rows.writerow(["time", *(k for item in plan.items for k in item.column.labels)])
+        labels = [label for item in plan.items for label in item.column.labels]
+        self._append(pd.DataFrame(columns=["time", *labels]), header=True)
 
     def write(self, time: Array, values: Array) -> None:
-        """More rows: time (k,) [s] and all labels (k, n)."""
-        self._rows.writerows(np.column_stack([time, values]).tolist())
+        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
+        self._append(pd.DataFrame(np.column_stack([time, values])), header=False)
 
     def close(self) -> None:
-        """The file is whole."""
+        """Complete the file."""
         self._file.close()
+
+    def _append(self, rows: pd.DataFrame, *, header: bool) -> None:
+        rows.to_csv(self._file, header=header, index=False, lineterminator="\n")

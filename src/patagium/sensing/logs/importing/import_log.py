@@ -1,0 +1,287 @@
+"""Import of a log of another program: findings first, then a file on one time base in our units.
+
+The file appears whole or not at all. An import that is interrupted leaves nothing behind and
+starts from the beginning when it is called again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from patagium.errors import LogError
+from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.files.opening import open_log
+from patagium.sensing.logs.importing.consistency import consistency
+from patagium.sensing.logs.importing.findings import (
+    Finding,
+    constant_findings,
+    missing_findings,
+    sizes_of,
+    stamp_findings,
+    unit_findings,
+)
+from patagium.sensing.logs.importing.plan import Item, Plan, plan_import
+from patagium.sensing.logs.importing.resample import (
+    CHUNK,
+    TimeBase,
+    resampled,
+    stamps_in,
+    time_base,
+)
+from patagium.sensing.logs.importing.spool import Spool
+from patagium.sensing.logs.importing.survey import SECOND, Progress, ValueSurvey
+from patagium.sensing.logs.importing.writer import CsvWriter, NetcdfWriter, Writer
+from patagium.sensing.logs.mapping import TableMapping, conversion, load_mapping
+from patagium.version import __version__
+from patagium.whole_file import whole_file
+
+Tell = Callable[[Sequence[Finding]], None]
+
+_MOST_LOST = 0.5
+"""Share of the rows of a stream that may have bad stamps."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Result of an import.
+
+    Attributes:
+        path: The file that was written.
+        samples: Number of its samples.
+        duration: Time from the first to the last sample [s].
+        time_base: Its time base in words.
+        left_out: Samples of the time base that were left out because a quantity was missing.
+        findings: Suspicious facts about the log.
+        facts: Residuals of specific forces against velocities; see `consistency`.
+        notes: Assumptions made to read the log.
+    """
+
+    path: Path
+    samples: int
+    duration: float
+    time_base: str
+    left_out: int
+    findings: tuple[Finding, ...]
+    facts: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+
+def import_log(
+    paths: str | Path | Sequence[str | Path],
+    mapping: TableMapping | str | Path,
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+    tell: Tell | None = None,
+) -> Imported:
+    """Import of a log of another program, in SI units and our axes, on one time base.
+
+    Args:
+        paths: A CSV, Parquet, MAT, ULog or MCAP file, a ROS bag, or the parts of a recording.
+        mapping: Meaning of its columns or fields, or the YAML file that states it.
+        out: The log to write: `.nc`, or `.csv` for a stream.
+        progress: Called now and then with the rows done and the rows in all.
+        tell: Called with the findings before anything is resampled.
+
+    Raises:
+        LogError: If the log cannot be read, lacks what the mapping names, or the result cannot
+            be written.
+    """
+    words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
+    source = "mapping" if isinstance(mapping, TableMapping) else str(mapping)
+    target = Path(out)
+    if target.suffix.lower() not in (".nc", ".csv"):
+        raise LogError(f"{target}: expected a name that ends in .nc or .csv")
+    with closing(open_log(paths)) as log:
+        for path in _files(log.path):
+            if target.exists() and target.samefile(path):
+                raise LogError(f"{target}: expected another name than that of the log itself")
+        plan = plan_import(log, words, source)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with Spool(log, plan, target.parent, _half(progress, 0)) as spool:
+                return _written(log, words, source, spool, target, _half(progress, 1), tell)
+        except OSError as problem:
+            reason = problem.strerror or problem
+            raise LogError(f"{target}: cannot be written: {reason}") from problem
+
+
+def _written(
+    log: LogFile,
+    mapping: TableMapping,
+    source: str,
+    spool: Spool,
+    target: Path,
+    progress: Progress | None,
+    tell: Tell | None,
+) -> Imported:
+    """Import of a log whose rows are read."""
+    _refuse_unusable(log, spool)
+    plan = spool.plan
+    base = time_base(spool, mapping, source)
+    relations, facts = consistency(spool, base, mapping.gap)
+    findings = (*_findings(log, spool, base, mapping.gap), *relations)
+    if tell is not None:
+        tell(findings)
+    attributes = {
+        "patagium_version": __version__,
+        "source": log.path.name,
+        "source_format": log.format,
+        "mapping": mapping.model_dump_json(by_alias=True, exclude_defaults=True),
+        "findings": json.dumps([one.plain() for one in findings], ensure_ascii=False),
+        "consistency": json.dumps(facts),
+        "time_base": base.describe(plan),
+        "time_origin_ns": str(base.origin),
+        "resampling": "numbers and vectors linear, attitudes by slerp, angles the short way",
+        "axes": "x forward, y left, z up; attitudes w, x, y, z, body to world",
+        "gap": mapping.gap,
+        **_robot_attributes(mapping),
+    }
+    with whole_file(target) as draft:
+        writer: Writer = (
+            NetcdfWriter(draft, plan, base.count, attributes)
+            if target.suffix.lower() == ".nc"
+            else CsvWriter(draft, plan)
+        )
+        with closing(writer):
+            samples, duration = _write(writer, spool, base, mapping.gap, progress)
+        if samples < 2:
+            raise LogError(
+                f"{source}: expected samples where all quantities are known, found {samples} "
+                f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
+            )
+    return Imported(
+        path=target,
+        samples=samples,
+        duration=duration,
+        time_base=base.describe(plan),
+        left_out=base.count - samples,
+        findings=findings,
+        facts=tuple(facts),
+        notes=tuple(log.notes),
+    )
+
+
+def _refuse_unusable(log: LogFile, spool: Spool) -> None:
+    """Refuse streams without enough good stamps and quantities without numbers.
+
+    Raises:
+        LogError: If there is one.
+    """
+    for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
+        stamps = survey.stamps
+        if stamps.kept < 2:
+            raise LogError(
+                f"{log.path}: {name}: expected at least two samples with stamps that "
+                f"advance, found {stamps.kept} in {stamps.rows} row(s)"
+            )
+        lost = stamps.rows - stamps.kept
+        if lost > _MOST_LOST * stamps.rows:
+            raise LogError(
+                f"{log.path}: {name}: expected time that advances, but {lost} of "
+                f"{stamps.rows} rows do not come after those before them (steps back of up to "
+                f"{stamps.furthest_back / SECOND:.4g} s); cut the log, or check its stamps"
+            )
+    for item in spool.plan.items:
+        if not spool.surveys[item.stream].values.count[list(item.places)].all():
+            raise LogError(f"{log.path}: {item.column.label}: expected finite numbers, found none")
+
+
+def _findings(log: LogFile, spool: Spool, base: TimeBase, gap: float) -> list[Finding]:
+    plan = spool.plan
+    found = [Finding("note", str(log.path), "file", note) for note in log.notes]
+    for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
+        found += stamp_findings(name, survey.stamps, gap, column=wanted.base.kind == "column")
+        median = survey.stamps.median
+        if base.step > 2.01 * median:
+            text = (
+                f"every {median:.4g} s, brought to every {base.step:.4g} s without a filter: "
+                "what is faster folds"
+            )
+            found.append(Finding("warning", name, "rate", text))
+    for item in plan.items:
+        found += _item_findings(item, spool.surveys[item.stream].values)
+        found += _stated_unit(item, plan, log)
+    return found
+
+
+def _item_findings(item: Item, values: ValueSurvey) -> list[Finding]:
+    name, places = item.column.label, list(item.places)
+    found = missing_findings(name, values, places) + constant_findings(name, values, places)
+    if not item.is_quaternion:
+        sizes = sizes_of(values, places, item.column.unit, item.column.offset)
+        return found + unit_findings(name, sizes)
+    norm = float(np.sqrt((values.rms[places] ** 2).sum()))
+    if abs(norm - 1.0) > 0.01:
+        text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
+        found.append(Finding("warning", name, "attitude", text))
+    return found
+
+
+def _stated_unit(item: Item, plan: Plan, log: LogFile) -> list[Finding]:
+    """Finding that the file states another unit than the mapping."""
+    wanted = plan.wanted[item.stream]
+    path = wanted.fields[item.places[0]]
+    stated = log.topics[wanted.topic].channels[path].unit
+    if not stated or item.is_quaternion:
+        return []
+    try:
+        factor, si = conversion(stated, None, path)
+    except LogError:
+        return []
+    if si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
+        return []
+    text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
+    return [Finding("warning", item.column.label, "unit", text)]
+
+
+def _write(
+    writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
+) -> tuple[int, float]:
+    """Number of samples written where all quantities are valid, and their duration [s]."""
+    samples, first, last = 0, 0.0, 0.0
+    for begin in range(0, base.count, CHUNK):
+        end = min(begin + CHUNK, base.count)
+        stamps = stamps_in(spool, base, begin, end)
+        parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
+        valid = np.logical_and.reduce([ok for _, ok in parts])
+        values = np.column_stack([part for part, _ in parts])[valid]
+        time = (stamps[valid] - base.origin) / SECOND
+        if len(time):
+            first = float(time[0]) if not samples else first
+            last = float(time[-1])
+            samples += len(time)
+            writer.write(time, values)
+        if progress is not None:
+            progress(end, base.count)
+    return samples, last - first
+
+
+def _robot_attributes(mapping: TableMapping) -> dict[str, str]:
+    if mapping.robot is None:
+        return {}
+    from patagium.robot import load_robot
+
+    robot = load_robot(mapping.robot)
+    air = mapping.air.model_dump_json()
+    return {"robot": robot.source, "robot_name": robot.name, "air": air}
+
+
+def _files(path: Path) -> Iterator[Path]:
+    if path.is_dir():
+        yield from sorted(inner for inner in path.iterdir() if inner.is_file())
+    else:
+        yield path
+
+
+def _half(progress: Progress | None, which: int) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda done, total: progress(done + which * total, 2 * total)
