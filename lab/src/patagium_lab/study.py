@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from patagium.learning.scores import json_ready
-from patagium.report import Section, Table, write_page
+from patagium.report import PageSection, Table, write_page
 from patagium.report.tables import Cell
 from patagium.whole_file import write_whole
 from patagium_lab.gallery import Gallery
@@ -47,7 +47,7 @@ class Page:
     title: str
     summary: str
     facts: Mapping[str, str]
-    sections: Sequence[Section]
+    sections: Sequence[PageSection]
 
     def only(self, titles: Sequence[str]) -> Page:
         """The same page with some of its sections.
@@ -79,7 +79,7 @@ class Results:
 
     metrics: dict[str, Any]
     gallery: Gallery
-    sections: list[Section] = field(default_factory=list)
+    sections: list[PageSection] = field(default_factory=list)
 
 
 class Stages:

@@ -14,7 +14,6 @@ from patagium.aerodynamics.indicial import (
     fitted_indicial,
 )
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
-from patagium.aerodynamics.loads import AeroExpressions
 from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
 from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
@@ -22,7 +21,8 @@ from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar, TablePolar
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.aerodynamics.stall_delay import StallDelay
-from patagium.aerodynamics.traveling import TravelingGust
+from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.aerodynamics.traveling_gust import TravelingGust
 
 __all__ = [
     "FOUR_STATE",

@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
-from patagium.aerodynamics.smooth import smooth_sign
-from patagium.dynamics.apparent_inertia import ApparentInertia
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.equations import apparent_force
+from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
@@ -80,7 +80,7 @@ class AddedMass:
         """Everything but the robot needed to make it again, as JSON-able values."""
         return {"air": self.air.describe(), "factor": self.factor}
 
-    def inertia(self, robot: Robot, wind: ca.SX, parameters: ca.SX) -> ApparentInertia:
+    def inertia(self, robot: Robot, wind: ca.SX, parameters: ca.SX) -> BodyAddedMass:
         """What the bodies carry along.
 
         Args:
@@ -98,7 +98,7 @@ class AddedMass:
             added = mass * (moving @ moving.T) + spin * (turning @ turning.T)
             matrices[strip.body] = matrix + added
         about = wind if wind.shape[1] == 1 else _about_bodies(robot, wind)
-        return ApparentInertia({k: ca.densify(m) for k, m in matrices.items()}, about)
+        return BodyAddedMass({k: ca.densify(m) for k, m in matrices.items()}, about)
 
     def gust_force(self, robot: Robot, q: ca.SX, rate: ca.SX, parameters: ca.SX) -> ca.SX:
         """Push of a gust that changes on the air carried along, generalized, (n, 1) [N, N m].
@@ -221,7 +221,7 @@ def added_mass_functions(model: AddedMass) -> list[ca.Function]:
     added = model.inertia(robot, wind, parameters)
     names = ["robot_parameters", "aero_parameters"]
     constants = [robot_parameters, parameters]
-    force = apparent_force(robot, q, v, a, added)
+    force = kirchhoff_force(robot, q, v, a, added)
     matrix = ca.densify(-ca.jacobian(force, a))
     taken = model.circulation_force(robot, q, v, wind, parameters)
     return [

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust
-from patagium.aerodynamics.traveling import TravelingGust, gust_from_description
+from patagium.aerodynamics.traveling_gust import TravelingGust, gust_from_description
 from patagium.errors import ParameterError, ShapeError
 
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.induced_velocity import Relaxation
-from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign, smooth_step
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
+from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.surface_gain import aspect_ratios
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
@@ -55,7 +55,7 @@ class DeLaurier(Aerodynamics):
     incidence of the leading edge passes the stall angle, only a normal force is left,
     1/2 rho C_c c ds |v| v_n at mid-chord, v not slowed by downwash; within `stall_width` of
     that angle both have a share. A wing that moves backward is its mirror image; signs and
-    norms are smoothed within `smooth.SWITCH_SPEED` of zero. Each strip's memory loses
+    norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero. Each strip's memory loses
     energy in any plunging motion: 0 < |C|^2 <= Re C for C = 1 - C1 i k/(i k + C2).
 
     Args:

@@ -1,7 +1,7 @@
 """When strips meet a gust that travels, and the wind each one answers to, as expressions.
 
 Where a chord is in the gust depends on the state; what is there is looked up between the two
-(`traveling.met_by_strips`). Neglected: strips are points along the span.
+(`traveling.gusts_at_strips`). Neglected: strips are points along the span.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 import casadi as ca
 
 from patagium.aerodynamics.local_flow import strip_motions, velocity_at
-from patagium.aerodynamics.smooth import smooth_sign
-from patagium.aerodynamics.traveling import MET
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.robot.model import Robot
@@ -72,4 +72,4 @@ def strip_winds(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, met: ca.SX) -> tu
 
 def gust_rates(met: ca.SX) -> ca.SX:
     """Rate of the gust that pushes the air carried by each strip, world axes, (3, n) [m/s^2]."""
-    return met[6:MET, :]
+    return met[6:GUST_COMPONENTS, :]

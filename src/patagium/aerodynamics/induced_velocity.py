@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 
 from patagium.aerodynamics.local_flow import StripMotion
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
-from patagium.aerodynamics.trailing_vortices import Chain, Lattice, horseshoe_function
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.trailing_vortices import Lattice, StripChain, horseshoe_function
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Lags:
 
 
 @dataclass(frozen=True)
-class Wash:
+class Normalwash:
     """Normal velocities of the air at the strips of a lifting line, (n, 1) each [m/s].
 
     Attributes:
@@ -93,15 +93,15 @@ class Relaxation:
         return self.rate * (self.target - state)
 
 
-def solve_wash(
-    chains: Sequence[Chain],
+def solve_normalwash(
+    chains: Sequence[StripChain],
     net: Lattice,
     motions: Sequence[StripMotion],
     geometric: ca.SX,
     state: ca.SX,
     lags: Lags,
     lift_slope: Any,
-) -> Wash:
+) -> Normalwash:
     """Normalwashes of all strips; linear in the geometric ones and the state.
 
     Args:
@@ -124,11 +124,11 @@ def solve_wash(
         lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i)
         for i in range(len(motions))
     ]
-    return Wash(effective, ca.vertcat(*lagged), signed, induced)
+    return Normalwash(effective, ca.vertcat(*lagged), signed, induced)
 
 
-def lags_reached(
-    chains: Sequence[Chain],
+def implicit_lag_step(
+    chains: Sequence[StripChain],
     net: Lattice,
     motions: Sequence[StripMotion],
     geometric: ca.SX,
@@ -176,7 +176,7 @@ def lags_reached(
 
 
 def _vortices(
-    chains: Sequence[Chain],
+    chains: Sequence[StripChain],
     net: Lattice,
     motions: Sequence[StripMotion],
     bound: Sequence[Any],
@@ -207,7 +207,13 @@ def _vortices(
 
 
 def attached_lift(
-    motion: StripMotion, net: Lattice, wash: Wash, strip: int, gain: Any, pressure: Any, normal: Any
+    motion: StripMotion,
+    net: Lattice,
+    wash: Normalwash,
+    strip: int,
+    gain: Any,
+    pressure: Any,
+    normal: Any,
 ) -> tuple[Any, Any]:
     """Lift of attached flow along the strip's forward and normal axes [N].
 

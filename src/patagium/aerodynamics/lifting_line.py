@@ -22,25 +22,25 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial
 from patagium.aerodynamics.induced_velocity import (
     Lags,
+    Normalwash,
     Relaxation,
-    Wash,
     airspeed,
     attached_lift,
     lag_relaxation,
     normalwash,
-    solve_wash,
+    solve_normalwash,
 )
-from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
+from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
 from patagium.aerodynamics.trailing_vortices import (
-    Chain,
     Lattice,
+    StripChain,
     lattice,
     strip_chains,
 )
@@ -83,7 +83,7 @@ class LiftingLine(Aerodynamics):
     Low aspect ratio takes a gain off L and G; profile drag is 1/2 rho c ds C_d |u| u; the
     section says what share of the flow is separated at the effective incidence
     atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
-    Signs and norms are smoothed within `smooth.SWITCH_SPEED` of zero.
+    Signs and norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero.
 
     Args:
         robot: The machine.
@@ -116,7 +116,7 @@ class LiftingLine(Aerodynamics):
             raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
 
     @property
-    def chains(self) -> tuple[Chain, ...]:
+    def chains(self) -> tuple[StripChain, ...]:
         """Which strips share trailing vortices."""
         return strip_chains(self.robot)
 
@@ -231,7 +231,7 @@ class LiftingLine(Aerodynamics):
         return ca.Function("state_space", [q, v, wind, state, normalwash], results)
 
     def _separated(
-        self, motions: Sequence[StripMotion], wash: Wash, state: ca.SX, p: _Numbers
+        self, motions: Sequence[StripMotion], wash: Normalwash, state: ca.SX, p: _Numbers
     ) -> tuple[list[Any], list[Relaxation]]:
         """Separated share of every strip, and what the stall delay's states follow."""
         count = len(motions)
@@ -258,9 +258,9 @@ class LiftingLine(Aerodynamics):
         geometric: ca.SX,
         state: ca.SX,
         p: _Numbers,
-    ) -> Wash:
+    ) -> Normalwash:
         slope = p.section["lift_slope"]
-        return solve_wash(self.chains, net, motions, geometric, state, p.lags, slope)
+        return solve_normalwash(self.chains, net, motions, geometric, state, p.lags, slope)
 
 
 _LAGS = ("rate", "lift", "circulation")
@@ -294,7 +294,7 @@ def _pressure(motion: StripMotion, p: _Numbers) -> Any:
 def _load(
     motion: StripMotion,
     net: Lattice,
-    wash: Wash,
+    wash: Normalwash,
     gain: Any,
     p: _Numbers,
     i: int,

@@ -22,7 +22,7 @@ from patagium.aerodynamics.polars import (
     polar_from_description,
     section_flow,
 )
-from patagium.aerodynamics.tables import table_values
+from patagium.aerodynamics.table_interpolation import table_values
 from patagium.errors import ParameterError
 
 Array = NDArray[np.float64]

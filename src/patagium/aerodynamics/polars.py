@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
-from patagium.aerodynamics.tables import table_values
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.table_interpolation import table_values
 from patagium.errors import ParameterError
 
 

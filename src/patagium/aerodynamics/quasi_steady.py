@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
-from patagium.aerodynamics.smooth import smooth_sign
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.robot.model import Robot
 
 ROTATIONAL_COEFFICIENT = pi / 2
@@ -39,7 +39,7 @@ class QuasiSteady(Aerodynamics):
 
     so F . v = -1/2 rho A |v|^3 C_D <= 0. The force point is a quarter chord ahead of
     mid-chord moving forward, behind it moving backward. Signs and |v| are smoothed
-    within `smooth.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
+    within `smooth_functions.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
     term adds circulation C_rot c^2 w of the pitching strip by Kutta-Joukowski,
     rho C_rot c^2 w width (-v_n, v_f) (leading edge rising at w): perpendicular to v,
     it does no work either.

@@ -22,7 +22,7 @@ from patagium.aerodynamics.polars import (
     SectionFlow,
     polar_from_description,
 )
-from patagium.aerodynamics.smooth import smooth_step
+from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.errors import ParameterError
 
 CENTER_OF_PRESSURE_SHIFT = 0.175

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.local_flow import strip_airflows, velocity_at
-from patagium.aerodynamics.smooth import smooth_norm
+from patagium.aerodynamics.smooth_functions import smooth_norm
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
@@ -44,7 +44,7 @@ NEAR = 1e-12
 
 
 @dataclass(frozen=True)
-class Chain:
+class StripChain:
     """Strips side by side that share legs.
 
     Attributes:
@@ -57,12 +57,12 @@ class Chain:
     right: tuple[int, ...]
 
     @property
-    def reverse(self) -> Chain:
+    def reverse(self) -> StripChain:
         """The same chain from its other end."""
-        return Chain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
+        return StripChain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
 
 
-def strip_chains(robot: Robot) -> tuple[Chain, ...]:
+def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
     """Which strips share legs: those whose ends meet with all coordinates at zero.
 
     Strips of a wing follow each other; wings that meet (left and right at a root) join.
@@ -71,34 +71,34 @@ def strip_chains(robot: Robot) -> tuple[Chain, ...]:
         robot: The machine, in numbers.
     """
     poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
-    chains: list[Chain] = []
+    chains: list[StripChain] = []
     for index in range(len(robot.strips)):
-        new = Chain((index,), (_order(robot, index),))
+        new = StripChain((index,), (_order(robot, index),))
         last = chains[-1] if chains else None
         if last and _wing(robot, last) == _wing(robot, new) and _meet(robot, poses, last, new):
-            chains[-1] = Chain(last.strips + new.strips, last.right + new.right)
+            chains[-1] = StripChain(last.strips + new.strips, last.right + new.right)
         else:
             chains.append(new)
-    joined: list[Chain] = []
+    joined: list[StripChain] = []
     for chain in chains:
         joined = _with_joined(robot, poses, joined, chain)
     return tuple(joined)
 
 
 def _with_joined(
-    robot: Robot, poses: Sequence[Pose], chains: list[Chain], new: Chain
-) -> list[Chain]:
+    robot: Robot, poses: Sequence[Pose], chains: list[StripChain], new: StripChain
+) -> list[StripChain]:
     """The chains with a new one, put on the end of one that it meets."""
     for position, old in enumerate(chains):
         for first in (old, old.reverse):
             for second in (new, new.reverse):
                 if _meet(robot, poses, first, second):
-                    both = Chain(first.strips + second.strips, first.right + second.right)
+                    both = StripChain(first.strips + second.strips, first.right + second.right)
                     return [*chains[:position], both, *chains[position + 1 :]]
     return [*chains, new]
 
 
-def _wing(robot: Robot, chain: Chain) -> str:
+def _wing(robot: Robot, chain: StripChain) -> str:
     return robot.strips[chain.strips[-1]].wing
 
 
@@ -112,7 +112,7 @@ def _order(robot: Robot, index: int) -> int:
     return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
 
 
-def _meet(robot: Robot, poses: Sequence[Pose], first: Chain, second: Chain) -> bool:
+def _meet(robot: Robot, poses: Sequence[Pose], first: StripChain, second: StripChain) -> bool:
     """Whether the last strip of one chain ends where the first strip of another begins."""
     end = _end(robot, poses, first.strips[-1], first.right[-1])
     begin = _end(robot, poses, second.strips[0], -second.right[0])
@@ -154,7 +154,7 @@ class Lattice:
     shares: ca.SX
 
 
-def lattice(robot: Robot, chains: Sequence[Chain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
+def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
     """Strips and legs of a moving robot.
 
     Args:
@@ -192,7 +192,7 @@ def _place(poses: Sequence[Pose], strip: Strip, offset: ca.SX) -> ca.SX:
     return poses[strip.body].position + poses[strip.body].rotation @ offset
 
 
-def _shares(robot: Robot, chains: Sequence[Chain]) -> ca.SX:
+def _shares(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
     """Length of each bound vortex over its strip's width, (n, 1)."""
     shares = ca.SX.ones(len(robot.strips), 1)
     for chain in chains:
@@ -209,7 +209,7 @@ def _inset(strip: Strip) -> Any:
 
 
 def _legs(
-    robot: Robot, chain: Chain, poses: Sequence[Pose], airflows: Sequence[Twist]
+    robot: Robot, chain: StripChain, poses: Sequence[Pose], airflows: Sequence[Twist]
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
     """Beginning, direction and squared core radius of a chain's legs."""
     strips = [robot.strips[i] for i in chain.strips]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from patagium.live.pipeline import Pipeline
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
-    from patagium.simulation.simulator import Flying
+    from patagium.simulation.simulator import Simulator
     from patagium.viewer.live_frames import Subject
     from patagium.viewer.live_view import LiveView
 
@@ -155,7 +155,7 @@ def live_choice(live: bool, address: str | None, choice: LearnerChoice) -> LiveC
 
 def fly_live(
     chosen: LiveChoice,
-    start: Callable[[Gait], Flying],
+    start: Callable[[Gait], Simulator],
     robot: Robot,
     gait: Gait,
     time_step: float,

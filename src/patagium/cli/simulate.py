@@ -357,12 +357,12 @@ def _fly(
 ) -> Any:
     from patagium import simulation
     from patagium.cli.words import progress_bar
-    from patagium.simulation.simulator import Flying
+    from patagium.simulation.simulator import Simulator
 
     if shown is not None:
 
-        def start(moves: Gait) -> Flying:
-            return Flying(machine, model, moves, **conditions)
+        def start(moves: Gait) -> Simulator:
+            return Simulator(machine, model, moves, **conditions)
 
         return beside.fly_live(shown, start, machine, gait, conditions["time_step"], model.air)
     with progress_bar(f"Flying {machine.name}") as progress:

@@ -10,7 +10,7 @@ import typer
 from patagium.cli.words import quantity
 
 if TYPE_CHECKING:
-    from patagium.viewer.predicted import Predicted
+    from patagium.viewer.predicted_forces import Predicted
 
 EXAMPLES = (
     "patagium view flight.nc",

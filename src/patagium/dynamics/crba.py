@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from patagium.dynamics.apparent_inertia import ApparentInertia, CarriedFluid
+from patagium.dynamics.added_mass import BodyAddedMass, CompositeAddedMass
 from patagium.dynamics.chain import (
     Turn,
     chain_of,
@@ -30,7 +30,7 @@ class _Composite:
         self.first = ca.SX.zeros(3, 1)
         self.inertia = ca.SX.zeros(3, 3)
         self.momenta: list[tuple[int, ca.SX, ca.SX]] = []  # coordinate, linear, angular
-        self.fluid: CarriedFluid | None = None
+        self.fluid: CompositeAddedMass | None = None
 
     def add_body(self, body: Body) -> None:
         center = vector(body.center_of_mass)
@@ -41,7 +41,7 @@ class _Composite:
 
     def carry(self, matrix: ca.SX) -> None:
         """Take on the fluid that the body carries along, (6, 6)."""
-        fluid = CarriedFluid(matrix)
+        fluid = CompositeAddedMass(matrix)
         if self.fluid is None:
             self.fluid = fluid
         else:
@@ -99,7 +99,7 @@ def central_inertia(body: Body) -> ca.SX:
     return ca.SX(ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz)))
 
 
-def mass_matrix(robot: Robot, q: ca.SX, added: ApparentInertia | None = None) -> ca.SX:
+def mass_matrix(robot: Robot, q: ca.SX, added: BodyAddedMass | None = None) -> ca.SX:
     """Generalized inertia of the robot.
 
     D(q) = d^2 K / d v^2, the Hessian of the kinetic energy K(q, v) = 1/2 v^T D v.

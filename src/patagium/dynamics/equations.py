@@ -11,18 +11,18 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from patagium.dynamics.apparent_inertia import ApparentInertia, fluid_energy, fluid_momentum
+from patagium.dynamics.added_mass import BodyAddedMass, fluid_energy, fluid_momentum
 from patagium.dynamics.chain import cross, parent_coordinates, vector
 from patagium.dynamics.crba import central_inertia, mass_matrix
 from patagium.dynamics.factorization import solve
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.dynamics.rnea import apparent_force, newton_euler
+from patagium.dynamics.rnea import kirchhoff_force, newton_euler
 from patagium.robot.model import Robot
 
 __all__ = [
-    "ApparentInertia",
+    "BodyAddedMass",
     "angular_momentum",
-    "apparent_force",
+    "kirchhoff_force",
     "bias",
     "center_of_mass",
     "coriolis",
@@ -53,7 +53,7 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
     return newton_euler(robot, q, v, a, ca.SX(robot.gravity))
 
 
-def bias(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia | None = None) -> ca.SX:
+def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -> ca.SX:
     """Coriolis and gravity force, C v + G, that of carried fluid included, (n, 1) [N, N m]."""
     return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity), added)
 
@@ -73,7 +73,7 @@ def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
 
 
 def forward(
-    robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX, added: ApparentInertia | None = None
+    robot: Robot, q: ca.SX, v: ca.SX, f: ca.SX, added: BodyAddedMass | None = None
 ) -> ca.SX:
     """Acceleration of the free robot, a = D^-1 (f - C v - G), (n, 1) [m/s^2, rad/s^2].
 
@@ -95,7 +95,7 @@ def forward_prescribed(
     a_prescribed: ca.SX,
     f: ca.SX,
     prescribed: Sequence[int] | None = None,
-    added: ApparentInertia | None = None,
+    added: BodyAddedMass | None = None,
 ) -> tuple[ca.SX, ca.SX]:
     """Acceleration and constraint force where some coordinates follow a motion exactly.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from patagium.dynamics.apparent_inertia import ApparentInertia, apparent_wrenches
+from patagium.dynamics.added_mass import BodyAddedMass, kirchhoff_wrenches
 from patagium.dynamics.chain import (
     chain_of,
     cross,
@@ -32,7 +32,7 @@ def newton_euler(
     v: ca.SX,
     a: ca.SX,
     gravity: ca.SX,
-    added: ApparentInertia | None = None,
+    added: BodyAddedMass | None = None,
 ) -> ca.SX:
     """Generalized force of a motion, D a + C v + G.
 
@@ -58,13 +58,13 @@ def newton_euler(
         )
     }
     if added is not None:
-        fluid = apparent_wrenches(robot, q, v, _free_of(gravity, robot, q, states), added)
+        fluid = kirchhoff_wrenches(robot, q, v, _free_of(gravity, robot, q, states), added)
         for index, (force, moment) in fluid.items():
             wrenches[index] = (wrenches[index][0] + force, wrenches[index][1] + moment)
     return generalized_force(robot, q, wrenches)
 
 
-def apparent_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: ApparentInertia) -> ca.SX:
+def kirchhoff_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: BodyAddedMass) -> ca.SX:
     """Generalized force of the fluid that the bodies carry along, (n, 1) [N, N m].
 
     -(d/dt dT/dv - dT/dq), with T the fluid's kinetic energy: what is missing from the
@@ -79,7 +79,7 @@ def apparent_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: ApparentIn
     """
     states = _accelerations(robot, q, v, a, ca.SX(0))
     accelerations = {k: (states[k][2], states[k][1]) for k in added.matrices}
-    return -generalized_force(robot, q, apparent_wrenches(robot, q, v, accelerations, added))
+    return -generalized_force(robot, q, kirchhoff_wrenches(robot, q, v, accelerations, added))
 
 
 def _free_of(

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.learning.parameter_paths import parameter_table
-from patagium.report import Link, Note, Section, Table, picture, write_page
+from patagium.report import Link, Note, PageSection, Table, picture, write_page
 from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
 
 DRAWN = 6
@@ -35,18 +35,20 @@ def write_identification(
     """
     moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
     sections = [
-        Section("Scores", [*moving, _score_table(scores), *_remarks(scores)]),
+        PageSection("Scores", [*moving, _score_table(scores), *_remarks(scores)]),
         *_parameters(scores, record),
-        Section("Predicted before it was used", [_prediction_picture(scores, record)]),
+        PageSection("Predicted before it was used", [_prediction_picture(scores, record)]),
     ]
     if record.sizes["update_time"] > 1:
-        sections.append(Section("What each update learned", [_innovation_picture(scores, record)]))
+        sections.append(
+            PageSection("What each update learned", [_innovation_picture(scores, record)])
+        )
     if np.isfinite(list(scores["reliability"].values())).all():
-        sections.append(Section("Does it know how wrong it is?", _calibration(scores)))
+        sections.append(PageSection("Does it know how wrong it is?", _calibration(scores)))
     return write_page(path, title, sections, summary=summary(scores))
 
 
-def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[Section]:
+def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSection]:
     """Physical parameters as a table, and their paths; nothing where none was learned."""
     table = parameter_table(scores)
     if table is None:
@@ -62,7 +64,7 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[Section]:
             units=[str(unit) for unit in record["parameter_unit"].values],
         )
         shown.append(picture(figure, "After each update, within two deviations; dashed: before."))
-    return [Section("Physical parameters", shown)]
+    return [PageSection("Physical parameters", shown)]
 
 
 def summary(scores: Mapping[str, Any]) -> str:

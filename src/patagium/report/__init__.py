@@ -3,7 +3,7 @@
 It knows nothing of robots, flights or learners, so that any layer above may draw.
 """
 
-from patagium.report.blocks import Block, Link, Note, Picture, Section, picture
+from patagium.report.blocks import Block, Link, Note, PageSection, Picture, picture
 from patagium.report.page import write_page
 from patagium.report.tables import Table, cell_text
 
@@ -12,7 +12,7 @@ __all__ = [
     "Link",
     "Note",
     "Picture",
-    "Section",
+    "PageSection",
     "Table",
     "cell_text",
     "picture",

@@ -55,7 +55,7 @@ Block: TypeAlias = "str | Table | Picture | Note | Link"
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A titled run of blocks.
 
     Attributes:

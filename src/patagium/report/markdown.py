@@ -9,7 +9,7 @@ import base64
 import re
 from collections.abc import Mapping, Sequence
 
-from patagium.report.blocks import Block, Link, Note, Picture, Section
+from patagium.report.blocks import Block, Link, Note, PageSection, Picture
 from patagium.report.tables import Table
 
 MARK = "<!-- Written by patagium; do not edit: run the command again. -->"
@@ -18,7 +18,7 @@ MARK = "<!-- Written by patagium; do not edit: run the command again. -->"
 
 def markdown_page(
     title: str,
-    sections: Sequence[Section],
+    sections: Sequence[PageSection],
     summary: str,
     facts: Mapping[str, str],
     folder: str,

@@ -14,7 +14,7 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from patagium.report.blocks import Link, Note, Picture, Section
+from patagium.report.blocks import Link, Note, PageSection, Picture
 from patagium.report.markdown import markdown_page
 from patagium.report.tables import Table
 from patagium.whole_file import write_whole
@@ -23,7 +23,7 @@ from patagium.whole_file import write_whole
 def write_page(
     path: str | Path,
     title: str,
-    sections: Sequence[Section],
+    sections: Sequence[PageSection],
     *,
     summary: str = "",
     facts: Mapping[str, str] | None = None,

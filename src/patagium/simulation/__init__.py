@@ -1,7 +1,7 @@
 """What happens next: gaits, mounts, integration, and the record of a flight."""
 
 from patagium.simulation import gaits, mounts, paths
-from patagium.simulation.arm_records import carrier_of
+from patagium.simulation.arm_reconstruction import carrier_of
 from patagium.simulation.cycles import cycle_statistics
 from patagium.simulation.flight import (
     QUANTITIES,

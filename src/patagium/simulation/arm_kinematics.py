@@ -19,7 +19,7 @@ from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Axis
-from patagium.simulation.gait_models import Motion
+from patagium.simulation.gait_models import PrescribedMotion
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Tool:
         """
         return np.array(self._functions["drift"].batch(q, v, self._parameters))
 
-    def follow(self, q: Array, target: Motion) -> Motion:
+    def follow(self, q: Array, target: PrescribedMotion) -> PrescribedMotion:
         """Motion of the joints that keeps the tool on a path.
 
         v = J^-1 twist, a = J^-1 (its rate - dJ/dt v).
@@ -78,9 +78,9 @@ class Tool:
         twist, change = path_twist(target)
         _, _, jacobian = self.pose(q)
         v = solved(jacobian, twist)
-        return Motion(q, v, solved(jacobian, change - self.drift(q, v)))
+        return PrescribedMotion(q, v, solved(jacobian, change - self.drift(q, v)))
 
-    def torque(self, motion: Motion) -> Array:
+    def torque(self, motion: PrescribedMotion) -> Array:
         """Force or torque of each joint, load left out, (N, n) [N m, N]."""
         moved = motion.position, motion.velocity, motion.acceleration
         return np.array(self._functions["torque"].batch(*moved, self._parameters))
@@ -111,7 +111,7 @@ def solved(matrices: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 
-def path_twist(motion: Motion) -> tuple[Array, Array]:
+def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
     """Velocity and acceleration of a path: linear, then angular, world axes, (N, 6) each.
 
     w = sum_k e_k rate_k over the axes e of roll, pitch and yaw in the world.

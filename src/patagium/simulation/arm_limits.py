@@ -13,7 +13,7 @@ import numpy as np
 from patagium.errors import PathError
 from patagium.robot import Robot
 from patagium.simulation.arm_kinematics import Array, Tool
-from patagium.simulation.gait_models import Motion
+from patagium.simulation.gait_models import PrescribedMotion
 from patagium.simulation.paths import Path
 
 CLEARANCE = 0.03
@@ -22,7 +22,7 @@ CLOSED = 1e-10
 """How far the tool may be from the path [m, rad]."""
 
 
-def judged(arm: Robot, tool: Tool, time: Array, target: Motion, q: Array) -> float:
+def judged(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
     """Clearance from singularities of a branch that the arm can follow.
 
     Args:
@@ -50,12 +50,14 @@ def judged(arm: Robot, tool: Tool, time: Array, target: Motion, q: Array) -> flo
         raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
     if count < len(time):
         raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
-    part = Motion(*(k[:count] for k in (target.position, target.velocity, target.acceleration)))
+    part = PrescribedMotion(
+        *(k[:count] for k in (target.position, target.velocity, target.acceleration))
+    )
     _check_limits(arm, tool, time, tool.follow(q[:count], part))
     return float(clearance.min())
 
 
-def _check_limits(arm: Robot, tool: Tool, time: Array, motion: Motion) -> None:
+def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion) -> None:
     none = (np.inf,) * arm.dof
     quantities: list[tuple[str, Array, Sequence[float], tuple[str, str]]] = [
         ("position", motion.position, arm.upper, ("rad", "m")),

@@ -25,7 +25,7 @@ from patagium.aerodynamics import (
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.flight_equations import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
-from patagium.simulation.load_cells import LoadCell
+from patagium.simulation.internal_load_cells import InternalLoadCell
 from patagium.version import __version__
 
 Array: TypeAlias = NDArray[np.float64]
@@ -127,7 +127,7 @@ ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outc
 
 
 @dataclass(frozen=True)
-class Origin:
+class FlightOrigin:
     """What a flight was flown with.
 
     Attributes:
@@ -150,11 +150,11 @@ class Origin:
     stepping: str
     added_mass: AddedMass | None = None
     mount_path: Mapping[str, Any] | None = None
-    load_cells: tuple[LoadCell, ...] = ()
+    load_cells: tuple[InternalLoadCell, ...] = ()
 
 
 def flight_record(
-    origin: Origin, time: Array, samples: Mapping[str, Array], outcome: Outcome, message: str
+    origin: FlightOrigin, time: Array, samples: Mapping[str, Array], outcome: Outcome, message: str
 ) -> xr.Dataset:
     """Flight from the samples of a run, audits included.
 
@@ -301,7 +301,7 @@ def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
         raise FlightError(f"the flight has no attribute {', '.join(missing)}")
 
 
-def _sizes(origin: Origin, samples: int) -> dict[str, int]:
+def _sizes(origin: FlightOrigin, samples: int) -> dict[str, int]:
     return {
         "time": samples,
         "dof": origin.robot.dof,
@@ -314,7 +314,7 @@ def _sizes(origin: Origin, samples: int) -> dict[str, int]:
     }
 
 
-def _coordinates(origin: Origin, time: Array) -> dict[str, Any]:
+def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
     robot, cells = origin.robot, [cell.at for cell in origin.load_cells]
     longer = {
         "coordinate": ("coordinate", list(robot.coordinate_names)),
@@ -332,7 +332,7 @@ def _coordinates(origin: Origin, time: Array) -> dict[str, Any]:
     }
 
 
-def _origin_attributes(origin: Origin) -> dict[str, Any]:
+def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
     robot, added_mass = origin.robot, origin.added_mass
     return {
         "robot": robot.source,

@@ -25,22 +25,26 @@ import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
 from patagium.aerodynamics.gust_encounter import GUST, gust_rates, strip_delays, strip_winds
-from patagium.aerodynamics.traveling import MET
+from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
-    apparent_force,
     damping_force,
     fluid_energy,
     fluid_momentum,
     forward_prescribed,
     kinetic_energy,
+    kirchhoff_force,
     momentum,
     potential_energy,
     total_mass,
 )
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import Robot
-from patagium.simulation.load_cells import CELL_COORDINATES, LoadCell, with_load_cells
+from patagium.simulation.internal_load_cells import (
+    CELL_COORDINATES,
+    InternalLoadCell,
+    with_load_cells,
+)
 from patagium.simulation.mounts import (
     Mount,
     floating_coordinates,
@@ -69,7 +73,7 @@ STRIP_WIND = "strip_wind"
 
 
 @dataclass(frozen=True)
-class Layout:
+class StateLayout:
     """Where everything is in state and row.
 
     Attributes:
@@ -129,13 +133,13 @@ class Layout:
         return (*names, *rates, *lags, *self.works, *IMPULSE)
 
 
-def layout_of(
+def state_layout(
     robot: Robot,
     aero: Aerodynamics,
     mount: Mount,
     added_mass: AddedMass | None = None,
-    cells: Sequence[LoadCell] = (),
-) -> Layout:
+    cells: Sequence[InternalLoadCell] = (),
+) -> StateLayout:
     """Layout of a robot's flight.
 
     Args:
@@ -157,7 +161,7 @@ def layout_of(
     driven = tuple(places[i] for i in machine.actuated)
     kept = floating_coordinates(machine) if held else ()
     follows = {*range(hidden), *driven, *kept}
-    return Layout(
+    return StateLayout(
         machine=machine,
         hidden=hidden,
         passive=passive,
@@ -176,7 +180,7 @@ def flight_functions(
     aero: Aerodynamics,
     mount: Mount,
     added_mass: AddedMass | None = None,
-    cells: Sequence[LoadCell] = (),
+    cells: Sequence[InternalLoadCell] = (),
 ) -> Sequence[ca.Function]:
     """CasADi functions `rate` and `record` of (state, row, robot and aero parameters).
 
@@ -191,9 +195,9 @@ def flight_functions(
         cells: Load cells.
     """
     symbolic, robot_parameters = robot.symbolic()
-    layout = layout_of(symbolic, aero, mount, added_mass, cells)
+    layout = state_layout(symbolic, aero, mount, added_mass, cells)
     state = ca.SX.sym("state", layout.size)
-    row = ca.SX.sym("row", layout.row_size + MET * layout.met)
+    row = ca.SX.sym("row", layout.row_size + GUST_COMPONENTS * layout.met)
     count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
     aero_parameters = ca.SX.sym("c", count + (GUST if layout.met else 0))
     rate, recorded = _equations(layout, aero, added_mass, state, row, aero_parameters)
@@ -212,7 +216,7 @@ def flight_functions(
     return functions
 
 
-def _normalized(layout: Layout, state: ca.SX) -> ca.SX:
+def _normalized(layout: StateLayout, state: ca.SX) -> ca.SX:
     """The state with its quaternions scaled to length one."""
     scaled = ca.SX(state)
     for places in layout.quaternions:
@@ -221,7 +225,7 @@ def _normalized(layout: Layout, state: ca.SX) -> ca.SX:
     return scaled
 
 
-def _moving(layout: Layout, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _moving(layout: StateLayout, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Coordinates and velocities of the machine from state and row."""
     machine = layout.machine
     n_u, n_p = len(layout.passive_coordinates), len(layout.prescribed_coordinates)
@@ -238,7 +242,7 @@ def _moving(layout: Layout, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def _equations(
-    layout: Layout,
+    layout: StateLayout,
     aero: Aerodynamics,
     added_mass: AddedMass | None,
     state: ca.SX,
@@ -252,7 +256,7 @@ def _equations(
     lag = state[layout.moving : layout.moving + layout.lags]
     wind = mean = row[layout.row_size - 3 : layout.row_size]
     if layout.met:
-        met = ca.reshape(row[layout.row_size :], MET, layout.met)
+        met = ca.reshape(row[layout.row_size :], GUST_COMPONENTS, layout.met)
         wind, mean = strip_winds(machine, q, v, wind, met)
     own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
     air = aero.expressions(machine, q, v, lag, wind, own)
@@ -280,7 +284,7 @@ def _equations(
     forces = [joint, aero_force, damping, mount]
     external = aero_force + damping + mount
     if added is not None:
-        forces.append(apparent_force(machine, q, v, a, added))
+        forces.append(kirchhoff_force(machine, q, v, a, added))
         external = external + forces[-1]
     powers = ca.vertcat(*[ca.dot(force, v) for force in forces])
     rate = ca.vertcat(

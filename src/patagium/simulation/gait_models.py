@@ -20,7 +20,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Motion:
+class PrescribedMotion:
     """What the actuated joints do, each (N, n_actuated) in the order of `Robot.actuated`.
 
     Attributes:
@@ -33,8 +33,8 @@ class Motion:
     velocity: Array
     acceleration: Array
 
-    def __add__(self, other: Motion) -> Motion:
-        return Motion(
+    def __add__(self, other: PrescribedMotion) -> PrescribedMotion:
+        return PrescribedMotion(
             self.position + other.position,
             self.velocity + other.velocity,
             self.acceleration + other.acceleration,
@@ -52,7 +52,7 @@ class Gait(Protocol):
     def period(self) -> float | None:
         """Time after which it repeats [s]; None if it does not move."""
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
 
     def describe(self) -> dict[str, Any]:
@@ -82,12 +82,12 @@ class FourierGait:
         """Time after which it repeats [s]; None if nothing moves."""
         return 1.0 / self.frequency if self.frequency else None
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency * np.arange(1, len(self.sine) + 1)
         angle = np.asarray(time, float)[:, None] * rate
         c, s = np.cos(angle), np.sin(angle)
-        return Motion(
+        return PrescribedMotion(
             self.mean + c @ self.cosine + s @ self.sine,
             (c * rate) @ self.sine - (s * rate) @ self.cosine,
             -(c * rate**2) @ self.cosine - (s * rate**2) @ self.sine,
@@ -130,11 +130,11 @@ class LinkageGait:
         """Time of one turn of the crank [s]."""
         return 1.0 / self.frequency
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency
         wing = self.linkage.solve(rate * np.asarray(time, float))
-        return Motion(
+        return PrescribedMotion(
             self.offset + self._spread(wing.humerus, wing.radius),
             rate * self._spread(wing.humerus_rate, wing.radius_rate),
             rate**2 * self._spread(wing.humerus_acceleration, wing.radius_acceleration),
@@ -176,14 +176,14 @@ class TableGait:
         """Time after which it repeats [s]."""
         return float(self.time[-1] - self.time[0])
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
         start = self.time[0]
         spline = CubicSpline(self.time - start, self.position, bc_type="periodic")
         phase = np.mod(np.asarray(time, float) - start, self.time[-1] - start)
-        return Motion(spline(phase), spline(phase, 1), spline(phase, 2))
+        return PrescribedMotion(spline(phase), spline(phase, 1), spline(phase, 2))
 
     def describe(self) -> dict[str, Any]:
         """What it is, as JSON can hold it."""
@@ -216,7 +216,7 @@ class SuperposedGait:
         """Time after which all parts repeat: the longest of theirs [s]; None if none moves."""
         return max((p for p in (part.period for part in self.parts) if p), default=None)
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         return reduce(add, [part.motion(time) for part in self.parts])
 

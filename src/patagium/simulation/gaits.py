@@ -8,22 +8,23 @@ an exact coordinate name addresses that one. Neglected: actuator dynamics, start
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
-from patagium.simulation.arms import carried_gait
+from patagium.simulation.arm_plans import carried_gait
 from patagium.simulation.gait_models import (
     Array,
     FourierGait,
     Gait,
     LinkageGait,
-    Motion,
+    PrescribedMotion,
     SuperposedGait,
     TableGait,
 )
@@ -31,7 +32,7 @@ from patagium.simulation.gait_table import read_gait_table
 
 __all__ = [
     "Gait",
-    "Motion",
+    "PrescribedMotion",
     "carried_gait",
     "check_gait",
     "fourier",
@@ -41,6 +42,15 @@ __all__ = [
     "still",
     "superposed",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Motion":
+        text = "patagium.gaits.Motion is now patagium.gaits.PrescribedMotion"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return PrescribedMotion
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 AnyGait = TypeVar("AnyGait", bound=Gait)
 LIMIT_SAMPLES = 2001

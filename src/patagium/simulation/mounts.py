@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from patagium.errors import ParameterError
 from patagium.robot import Body, Robot
 from patagium.robot.model import Axis
-from patagium.simulation.arms import ArmPlan, plan_arm
-from patagium.simulation.load_cells import LoadCell
+from patagium.simulation.arm_plans import ArmPlan, plan_arm
+from patagium.simulation.internal_load_cells import InternalLoadCell
 from patagium.simulation.paths import Path, check_path
 
 __all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
@@ -108,7 +108,7 @@ def on_arm(
 
 def load_cell(
     at: str, position: Axis = (0.0, 0.0, 0.0), orientation: Axis = (0.0, 0.0, 0.0)
-) -> LoadCell:
+) -> InternalLoadCell:
     """Six-axis load cell between a body and what it hangs on, before its joints move.
 
     Args:
@@ -119,7 +119,7 @@ def load_cell(
     Raises:
         ParameterError: If a number is not finite.
     """
-    return LoadCell(at, position, orientation)
+    return InternalLoadCell(at, position, orientation)
 
 
 def mount_of(robot: Robot, mount: Mount | None) -> Mount:

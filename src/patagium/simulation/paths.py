@@ -4,7 +4,7 @@ A path is the motion of x, y, z, roll, pitch and yaw in the world, with exact
 velocity and acceleration; the last is continuous everywhere. Periodic ones repeat for
 ever, the others start and end at rest and stay where they end. Attitude is fixed
 but in a sinusoid, way-points and tables. Neglected: limits of what carries it, which
-`patagium.simulation.arms` knows; a pitch of 90 degrees, where Euler angles end.
+`patagium.simulation.arm_plans` knows; a pitch of 90 degrees, where Euler angles end.
 """
 
 from __future__ import annotations
@@ -19,7 +19,13 @@ from numpy.typing import ArrayLike
 
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot.model import FLOATING_COORDINATES
-from patagium.simulation.gait_models import Array, FourierGait, Gait, Motion, SuperposedGait
+from patagium.simulation.gait_models import (
+    Array,
+    FourierGait,
+    Gait,
+    PrescribedMotion,
+    SuperposedGait,
+)
 from patagium.simulation.gait_table import read_columns, unit_factor
 
 __all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superposed", "waypoints"]
@@ -57,7 +63,7 @@ class SplinePath:
         """Time after which it repeats [s]; None if it ends."""
         return float(self.time[-1]) if self.closed else None
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Motion at the times asked for, (N,) [s]; at rest before the start and after the end."""
         from scipy.interpolate import make_interp_spline  # slow to import, rarely needed
 
@@ -68,7 +74,9 @@ class SplinePath:
         end = self.time[-1]
         inside = np.mod(asked, end) if self.closed else np.clip(asked, 0.0, end)
         moves = (inside == asked)[:, None] | self.closed
-        return Motion(spline(inside), moves * spline(inside, 1), moves * spline(inside, 2))
+        return PrescribedMotion(
+            spline(inside), moves * spline(inside, 1), moves * spline(inside, 2)
+        )
 
     def describe(self) -> dict[str, Any]:
         """What it is, as JSON can hold it."""

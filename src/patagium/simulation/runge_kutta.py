@@ -17,10 +17,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.traveling import MET, Pieces
+from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS, CubicPieces
 from patagium.errors import Outcome
 from patagium.native import NativeFunction, load_kernel
-from patagium.simulation.field import Field
+from patagium.simulation.gust_field import GustField
 
 Array: TypeAlias = NDArray[np.float64]
 Progress: TypeAlias = Callable[[int, int], None]
@@ -54,7 +54,7 @@ class Equations:
     aero_parameters: Array
     lower: Array
     upper: Array
-    field: Field | None = None
+    field: GustField | None = None
 
     @property
     def constants(self) -> tuple[Array, Array]:
@@ -63,7 +63,7 @@ class Equations:
 
 
 @dataclass(frozen=True)
-class Run:
+class IntegrationResult:
     """A march that ended, well or not.
 
     Attributes:
@@ -81,7 +81,7 @@ class Run:
     which: int
 
 
-class March:
+class Integration:
     """An integration that goes on as far as it is asked to.
 
     Args:
@@ -117,12 +117,12 @@ class March:
         return self._outcome
 
     @property
-    def run(self) -> Run:
+    def run(self) -> IntegrationResult:
         """What was integrated so far."""
         if not self._recorded:
             self._chunk(0)
         kept = {name: values[: self.done + 1] for name, values in self._samples.items()}
-        return Run(kept, self.done, self._outcome, self._state, self._which)
+        return IntegrationResult(kept, self.done, self._outcome, self._state, self._which)
 
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
         """Integrate further, or up to the first state that is not sound; not beyond one.
@@ -161,7 +161,7 @@ class March:
         self._recorded = True
 
 
-def march(
+def integrate(
     equations: Equations,
     state: Array,
     rows: Callable[[Array], Array],
@@ -169,7 +169,7 @@ def march(
     time_step: float,
     progress: Progress | None = None,
     began: float = 0.0,
-) -> Run:
+) -> IntegrationResult:
     """Integrate a number of steps, or up to the first state that is not sound.
 
     Args:
@@ -181,7 +181,7 @@ def march(
         progress: Told the steps done and to do, after every chunk.
         began: Time of the initial state [s].
     """
-    marching = March(equations, state, rows, steps, time_step, began)
+    marching = Integration(equations, state, rows, steps, time_step, began)
     marching.advance(steps, progress)
     return marching.run
 
@@ -208,7 +208,7 @@ class Stretch:
     time_step: float
     times: Array
     table: Array
-    pieces: Pieces | None
+    pieces: CubicPieces | None
 
 
 Advance: TypeAlias = Callable[[Stretch, Array, Array], tuple[Outcome, int, int]]
@@ -250,7 +250,7 @@ def _compiled(equations: Equations) -> Advance | None:
         if stretch.pieces is not None:
             knots = stretch.pieces.knots
             cubics = np.ascontiguousarray(stretch.pieces.coefficients)
-        room = np.empty(row_size + (MET + 4) * strips)
+        room = np.empty(row_size + (GUST_COMPONENTS + 4) * strips)
         code = library.march(
             ctypes.c_void_p(prepare),
             ctypes.c_void_p(equations.rate.address),

@@ -15,10 +15,10 @@ from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.errors import Outcome, SimulationFailed
 from patagium.robot import Robot
 from patagium.simulation.gaits import Gait
-from patagium.simulation.load_cells import LoadCell
+from patagium.simulation.internal_load_cells import InternalLoadCell
 from patagium.simulation.mounts import Mount
 from patagium.simulation.runge_kutta import Progress
-from patagium.simulation.simulator import Flying
+from patagium.simulation.simulator import Simulator
 
 
 def simulate(
@@ -30,7 +30,7 @@ def simulate(
     time_step: float,
     added_mass: AddedMass | None = None,
     mount: Mount | None = None,
-    load_cells: Sequence[LoadCell] = (),
+    load_cells: Sequence[InternalLoadCell] = (),
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     throw: bool = True,
@@ -69,7 +69,7 @@ def simulate(
         ShapeError: If q is not (n_q,) or v not (n,).
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
-    flying = Flying(
+    flying = Simulator(
         robot, aero, gait, duration=duration, time_step=time_step, added_mass=added_mass,
         mount=mount, load_cells=load_cells, q=q, v=v,
     )  # fmt: skip

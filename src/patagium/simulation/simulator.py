@@ -19,40 +19,47 @@ from patagium.errors import Outcome, ParameterError
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.bounds import (
-    SPEED_LIMIT,
-    check_start,
-    limits,
-    message_of,
-    singular_places,
-)
-from patagium.simulation.field import Field
-from patagium.simulation.flight import Origin, flight_record
+from patagium.simulation.flight import FlightOrigin, flight_record
 from patagium.simulation.flight_equations import (
     LOAD_CELLS,
     RECORDED,
     RECORDED_WITH_ADDED_MASS,
     STRIP_WIND,
-    Layout,
+    StateLayout,
     flight_functions,
-    layout_of,
+    state_layout,
 )
-from patagium.simulation.gaits import Gait, Motion, check_gait
-from patagium.simulation.load_cells import LoadCell, check_cells
-from patagium.simulation.mounts import Mount, mount_of
-from patagium.simulation.paths import Path
-from patagium.simulation.runge_kutta import Array, Equations, March, Progress, Run, times_of
-from patagium.simulation.starts import (
+from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
+from patagium.simulation.gust_field import GustField
+from patagium.simulation.initial_conditions import (
     check_added_mass,
     check_robots,
     initial_coordinates,
     initial_velocities,
     whole_steps,
 )
-from patagium.simulation.stiffness import TooLong, too_long
+from patagium.simulation.internal_load_cells import InternalLoadCell, check_cells
+from patagium.simulation.mounts import Mount, mount_of
+from patagium.simulation.paths import Path
+from patagium.simulation.runge_kutta import (
+    Array,
+    Equations,
+    Integration,
+    IntegrationResult,
+    Progress,
+    times_of,
+)
+from patagium.simulation.state_limits import (
+    SPEED_LIMIT,
+    check_start,
+    limits,
+    message_of,
+    singular_places,
+)
+from patagium.simulation.stiffness import StepTooLong, diagnose_step
 
 
-class Flying:
+class Simulator:
     """A flight that goes on as far as it is asked to, and whose gait may change on the way.
 
     The same as `simulate` in pieces: pieces of any size give the same flight.
@@ -84,7 +91,7 @@ class Flying:
         time_step: float,
         added_mass: AddedMass | None = None,
         mount: Mount | None = None,
-        load_cells: Sequence[LoadCell] = (),
+        load_cells: Sequence[InternalLoadCell] = (),
         q: ArrayLike | None = None,
         v: ArrayLike | None = None,
     ) -> None:
@@ -95,7 +102,7 @@ class Flying:
         held = mount_of(robot, mount)
         cells = tuple(load_cells)
         check_cells(robot, cells, held.kind != "free")
-        layout = layout_of(robot, aero, held, added_mass, cells)
+        layout = state_layout(robot, aero, held, added_mass, cells)
         start_q, start_v = initial_coordinates(robot, q), initial_velocities(robot, v)
         base = _base_motion(robot, layout, held, start_q, start_v)
         self._robot, self._aero, self._gait = robot, aero, gait
@@ -118,9 +125,9 @@ class Flying:
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
         self._rows, self._places, self._passive = rows, places, passive
-        self._march = March(self._equations, state, rows, self.steps, time_step)
-        self._cause: TooLong | None = None
-        self._origin = Origin(
+        self._march = Integration(self._equations, state, rows, self.steps, time_step)
+        self._cause: StepTooLong | None = None
+        self._origin = FlightOrigin(
             robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4", added_mass,
             mount_path=held.describe(), load_cells=cells,
         )  # fmt: skip
@@ -131,7 +138,7 @@ class Flying:
         return self._march.done * self._time_step
 
     @property
-    def run(self) -> Run:
+    def run(self) -> IntegrationResult:
         """What was recorded so far."""
         return self._march.run
 
@@ -191,7 +198,7 @@ class Flying:
         origin = replace(self._origin, gait=self._gait.describe())
         return flight_record(origin, time, run.samples, self.outcome, self.message())
 
-    def _why(self) -> TooLong | None:
+    def _why(self) -> StepTooLong | None:
         """Why it broke, if the step was too long."""
         run = self.run
 
@@ -199,7 +206,7 @@ class Flying:
             parts = [samples["q"][k, self._places], samples["v"][k, self._passive]]
             return np.concatenate([*parts, *(samples[name][k] for name in _CARRIED)])
 
-        return too_long(
+        return diagnose_step(
             self._equations, state_of, run.samples, self._rows, run.steps, self.steps,
             self._time_step,
         )  # fmt: skip
@@ -225,8 +232,8 @@ def _equations(
     aero: Aerodynamics,
     added_mass: AddedMass | None,
     mount: Mount,
-    cells: tuple[LoadCell, ...],
-    layout: Layout,
+    cells: tuple[InternalLoadCell, ...],
+    layout: StateLayout,
     state: Array,
 ) -> Equations:
     symbolic, _ = robot.symbolic()
@@ -250,7 +257,7 @@ def _equations(
     field = None
     if gust is not None:
         slowness = 1.0 / gust.speed
-        field = Field(functions["meet"], parameters, gust.pieces, slowness, SPEED_LIMIT)
+        field = GustField(functions["meet"], parameters, gust.pieces, slowness, SPEED_LIMIT)
     return Equations(
         rate=functions["rate"],
         record=functions["record"],
@@ -267,7 +274,7 @@ def _equations(
 class _BaseMotion(Protocol):
     """What a mount makes the floating body's coordinates do."""
 
-    def motion(self, time: Array) -> Motion: ...
+    def motion(self, time: Array) -> PrescribedMotion: ...
 
 
 @dataclass(frozen=True)
@@ -277,9 +284,9 @@ class _Held:
     position: Array
     count: int
 
-    def motion(self, time: Array) -> Motion:
+    def motion(self, time: Array) -> PrescribedMotion:
         still = np.zeros((len(time), self.count))
-        return Motion(np.tile(self.position, (len(time), 1)), still, still)
+        return PrescribedMotion(np.tile(self.position, (len(time), 1)), still, still)
 
 
 @dataclass(frozen=True)
@@ -288,19 +295,21 @@ class _InQuaternion:
 
     path: Path
 
-    def motion(self, time: Array) -> Motion:
+    def motion(self, time: Array) -> PrescribedMotion:
         given = self.path.motion(time)
         parts = [np.split(part, [3], axis=1) for part in (given.position, given.velocity)]
         (position, angles), (velocity, rates) = parts
         acceleration, faster = np.split(given.acceleration, [3], axis=1)
-        return Motion(
+        return PrescribedMotion(
             np.hstack([position, quaternion_from_angles(angles)]),
             np.hstack([velocity, body_rates(angles, rates)]),
             np.hstack([acceleration, body_accelerations(angles, rates, faster)]),
         )
 
 
-def _base_motion(robot: Robot, layout: Layout, mount: Mount, q: Array, v: Array) -> _BaseMotion:
+def _base_motion(
+    robot: Robot, layout: StateLayout, mount: Mount, q: Array, v: Array
+) -> _BaseMotion:
     """Motion of what is prescribed beside the joints."""
     if mount.path is not None:
         return _InQuaternion(mount.path) if robot.attitude == "quaternion" else mount.path
@@ -308,7 +317,7 @@ def _base_motion(robot: Robot, layout: Layout, mount: Mount, q: Array, v: Array)
     return _Held(_held_positions(robot, layout, q, v), count)
 
 
-def _held_positions(robot: Robot, layout: Layout, q: Array, v: Array) -> Array:
+def _held_positions(robot: Robot, layout: StateLayout, q: Array, v: Array) -> Array:
     """Coordinates of what a fixed mount holds, in the row's order."""
     count = len(layout.machine.actuated)
     for i in (k - layout.hidden for k in layout.prescribed[count:]):

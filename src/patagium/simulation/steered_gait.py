@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.robot import Robot
-from patagium.simulation.gait_models import Gait, Motion
+from patagium.simulation.gait_models import Gait, PrescribedMotion
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class SteeredGait:
         own, rate = self.gait.period, self.pieces[-1].rate.target
         return own / rate if own and rate else None
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         times = np.atleast_1d(np.asarray(time, float))
         starts = [piece.time for piece in self.pieces]
@@ -106,7 +106,7 @@ class SteeredGait:
             inside = places == place
             found = self._piece(self.pieces[place], times[inside])
             parts[:, inside] = found.position, found.velocity, found.acceleration
-        return Motion(*parts)
+        return PrescribedMotion(*parts)
 
     def asked(self, time: float, frequency: float, amplitude: float) -> SteeredGait:
         """The same up to a time, from then on on its way to another frequency and amplitude.
@@ -156,7 +156,7 @@ class SteeredGait:
             "asked": [dict(zip(names, one, strict=True)) for one in asked],
         }
 
-    def _piece(self, piece: _Piece, time: Array) -> Motion:
+    def _piece(self, piece: _Piece, time: Array) -> PrescribedMotion:
         since = time - piece.time
         rate, bend, _ = (k[:, None] for k in piece.rate.at(since))
         size, growth, spurt = (k[:, None] for k in piece.amplitude.at(since))
@@ -164,7 +164,7 @@ class SteeredGait:
         away, more = found.position - self.mean, size - 1.0
         velocity = found.velocity * rate
         acceleration = found.acceleration * rate**2 + found.velocity * bend
-        return Motion(
+        return PrescribedMotion(
             found.position + more * away,
             velocity + more * velocity + growth * away,
             acceleration + more * acceleration + 2.0 * growth * velocity + spurt * away,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.simulation.runge_kutta import Array, Equations, march
+from patagium.simulation.runge_kutta import Array, Equations, integrate
 
 REACH = 200
 """Steps before the break that are looked at."""
@@ -33,7 +33,7 @@ _GROWTH = 1e-3
 
 
 @dataclass(frozen=True)
-class TooLong:
+class StepTooLong:
     """A step that was too long.
 
     Attributes:
@@ -47,7 +47,7 @@ class TooLong:
     rate: float
 
 
-def too_long(
+def diagnose_step(
     equations: Equations,
     state_of: Callable[[dict[str, Array], int], Array],
     samples: dict[str, Array],
@@ -55,7 +55,7 @@ def too_long(
     broken: int,
     steps: int,
     time_step: float,
-) -> TooLong | None:
+) -> StepTooLong | None:
     """What made the step too long, or None where the motion itself left its bounds.
 
     Args:
@@ -78,7 +78,7 @@ def too_long(
     past = min(steps, broken + 1 + (broken - first) // 2)
     count = min((past - first) * parts, BUDGET)
     # flown again, shorter: where the motion itself grows this run breaks too
-    again = march(equations, states[0], rows, count, time_step / parts, began=began)
+    again = integrate(equations, states[0], rows, count, time_step / parts, began=began)
     if again.outcome is not Outcome.COMPLETED:
         return None
     places = _spread(0, count)
@@ -124,9 +124,9 @@ def _stiffest(
     rows: Callable[[Array], Array],
     times: Array,
     time_step: float,
-) -> TooLong | None:
+) -> StepTooLong | None:
     """The tightest limit on the step at some states, or None where it is within all."""
-    found: TooLong | None = None
+    found: StepTooLong | None = None
     table, field = rows(times), equations.field
     if field is not None:
         flown = np.array(states)
@@ -144,7 +144,7 @@ def _stiffest(
             worst = int(np.argmin(limits))
             felt = np.abs(slope).any(axis=0)  # works and impulse ride along, nothing feels them
             which = int(np.argmax(np.abs(modes[:, worst]) * felt))
-            found = TooLong(longest, which, float(np.abs(eigenvalues[worst])))
+            found = StepTooLong(longest, which, float(np.abs(eigenvalues[worst])))
     if found is None:
         return None
     digits = 10.0 ** (floor(log10(found.longest)) - 1)

@@ -23,7 +23,7 @@ from patagium.live.tally import Tally
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.runge_kutta import times_of
-from patagium.simulation.simulator import Flying
+from patagium.simulation.simulator import Simulator
 from patagium.simulation.steered_gait import largest_amplitude, steered
 from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
 from patagium.viewer.live_view import PERIOD, LiveView
@@ -74,7 +74,7 @@ class LiveFlight:
 
     def __init__(
         self,
-        start: Callable[[Gait], Flying],
+        start: Callable[[Gait], Simulator],
         robot: Robot,
         gait: Gait,
         time_step: float,

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from patagium.report.style import COLORS, TRUTH
 from patagium.viewer.live_frames import FORCES, Steering, Subject, command_of
 from patagium.viewer.live_mailbox import Mailbox
+from patagium.viewer.live_numbers import flight_rows, learner_rows, picture_rows, table
 from patagium.viewer.live_plots import LivePlots
 from patagium.viewer.live_scene import LiveScene, rgb
-from patagium.viewer.live_words import flight_rows, learner_rows, picture_rows, table
-from patagium.viewer.predicted import strip_measuring
+from patagium.viewer.predicted_forces import strip_measuring
 
 Array = NDArray[np.float64]
 

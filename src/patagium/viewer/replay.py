@@ -24,9 +24,9 @@ from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import carried_body, solids, wing_tips
 from patagium.simulation import carrier_of, robot_of
-from patagium.viewer.carried import arm_under
-from patagium.viewer.predicted import Frames, Predicted, Prediction, predict_flight
-from patagium.viewer.whole import Whole, floating_body, on_the_whole
+from patagium.viewer.carrying_arm import arm_under
+from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
+from patagium.viewer.total_force import TotalForce, floating_body, total_force
 
 Array = NDArray[np.float64]
 
@@ -193,23 +193,23 @@ def _arrows(
     held = (floating_body(robot) or (0, None))[0]
     known = np.asarray(shown["q"].values, float), rotation[:, held], center - position[:, held]
     air = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
-    whole = on_the_whole(robot, robot.dof_names, air, *known)
+    whole = total_force(robot, robot.dof_names, air, *known)
     force = point = guess = None
     if robot.strips:
         force, point = (
             np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
             for name in ("strip_force", "strip_point")
         )
-        whole = whole or Whole(force.sum(axis=1), None)
+        whole = whole or TotalForce(force.sum(axis=1), None)
         point, guess = point - origin[:, None], None if prediction is None else prediction.strips
     if whole is None or not (robot.strips or air.any()):
         return None
     told = std = None
     if prediction is not None:
-        told = on_the_whole(robot, prediction.names, prediction.generalized, *known)
+        told = total_force(robot, prediction.names, prediction.generalized, *known)
         std = _of_the_force(robot, prediction)
     if told is None and guess is not None:
-        told = Whole(guess.sum(axis=1), None)
+        told = TotalForce(guess.sum(axis=1), None)
     total, moment = told or (None, None)
     return Arrows(
         point, force, guess, center - origin, whole.force, total, whole.moment, moment, std

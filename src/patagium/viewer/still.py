@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from patagium.errors import ParameterError
 from patagium.report.still import OBLIQUE, draw_still
-from patagium.viewer.predicted import Predicted
+from patagium.viewer.predicted_forces import Predicted
 from patagium.viewer.replay import shown_of
 
 

@@ -14,7 +14,7 @@ from patagium.learning.models.hidden import HiddenStripNetwork
 from patagium.learning.models.hidden_strips import strip_forces
 from patagium.learning.models.recollection import Recollection
 from patagium.simulation import robot_of
-from patagium.viewer.whole import on_the_whole
+from patagium.viewer.total_force import total_force
 
 
 def _flown(attitude: Literal["euler", "quaternion"] = "euler") -> xr.Dataset:
@@ -35,7 +35,7 @@ def test_force_and_moment_are_those_of_the_strips(
     q = flight["q"].values
     position, rotation = poses_at(robot, q)
     center = pt.Dynamics(robot).batch.center_of_mass(q)
-    whole = on_the_whole(
+    whole = total_force(
         robot,
         tuple(robot.dof_names),
         flight["aero_force"].values,
@@ -55,13 +55,11 @@ def test_force_and_moment_are_those_of_the_strips(
 def test_parts_of_the_force_tell_what_they_can() -> None:
     robot = pt.load_robot("aerobat")
     q, turn, arm = np.zeros((2, robot.dof)), np.stack([np.eye(3)] * 2), np.zeros((2, 3))
-    some = on_the_whole(robot, ("x", "y", "z"), np.ones((2, 3)), q, turn, arm)
+    some = total_force(robot, ("x", "y", "z"), np.ones((2, 3)), q, turn, arm)
     assert some is not None and some.moment is None
-    assert on_the_whole(robot, ("x", "pitch"), np.ones((2, 2)), q, turn, arm) is None
+    assert total_force(robot, ("x", "pitch"), np.ones((2, 2)), q, turn, arm) is None
     fixed = pt.load_robot("yeo-wing")
-    assert (
-        on_the_whole(fixed, tuple(fixed.dof_names), np.ones((2, fixed.dof)), q, turn, arm) is None
-    )
+    assert total_force(fixed, tuple(fixed.dof_names), np.ones((2, fixed.dof)), q, turn, arm) is None
 
 
 def test_strips_with_memory_add_up_to_their_force() -> None:

@@ -343,15 +343,15 @@ def test_a_flight_that_breaks_down_is_told_and_flown_again() -> None:
     robot = pt.load_robot("aerobat")
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
     aero = pt.QuasiSteady(robot, pt.Air())
-    from patagium.simulation.simulator import Flying
+    from patagium.simulation.simulator import Simulator
 
     begun = []
 
-    def start(moves: Any) -> Flying:
+    def start(moves: Any) -> Simulator:
         begun.append(moves)
         pitch = 1.5 if len(begun) == 1 else 0.0  # near where Euler angles end
         q, v = robot.coordinates(pitch=pitch), robot.velocities(x=3.0, pitch=20.0 * (pitch > 0))
-        return Flying(robot, aero, moves, duration=0.3, time_step=1e-3, q=q, v=v)
+        return Simulator(robot, aero, moves, duration=0.3, time_step=1e-3, q=q, v=v)
 
     view, stop = Blind(), threading.Event()
     subject = flight_subject(robot, gait, None)

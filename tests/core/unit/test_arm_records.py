@@ -15,7 +15,7 @@ from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError
 from patagium.robot.solids import carried_body, solids
 from patagium.simulation import carrier_of
-from patagium.viewer.carried import arm_under
+from patagium.viewer.carrying_arm import arm_under
 
 SEAT = (0.0, 0.0, 0.06)
 TURN = (0.0, -np.pi / 2, 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.simulation.flight_equations import layout_of
+from patagium.simulation.flight_equations import state_layout
 from patagium.simulation.mounts import fixed
 
 TIME_CONSTANT = 0.02  # of the lag [s]
@@ -85,11 +85,11 @@ def test_a_wing_of_one_strip_keeps_its_axis(robot):
 
 
 def test_the_layout_names_every_entry_of_the_state(robot):
-    free = layout_of(robot, LaggedAir(robot), pt.mounts.free())
+    free = state_layout(robot, LaggedAir(robot), pt.mounts.free())
     assert len(free.state_names) == free.size == 6 + 6 + 1 + 4 + 3
     assert free.state_names[:3] == ("x", "y", "z") and free.state_names[12] == "lag state 0"
-    held = layout_of(robot, LaggedAir(robot), fixed())
+    held = state_layout(robot, LaggedAir(robot), fixed())
     assert held.size == 8 and len(held.prescribed) == 14
     wing = pt.load_robot("yeo-wing")
-    rooted = layout_of(wing, pt.QuasiSteady(wing), fixed())
+    rooted = state_layout(wing, pt.QuasiSteady(wing), fixed())
     assert rooted.hidden == 6 and rooted.passive == () and len(rooted.prescribed) == 2

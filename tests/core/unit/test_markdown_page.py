@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patagium.report import Link, Note, Section, Table, figures, picture, write_page
+from patagium.report import Link, Note, PageSection, Table, figures, picture, write_page
 from patagium.report.markdown import MARK, prose, table_text
 
 HOSTILE = (
@@ -46,9 +46,11 @@ def test_a_table_keeps_its_cells_and_sets_numbers_right() -> None:
 def test_a_page_and_its_pictures(tmp_path: Path) -> None:
     figure = figures.histories(np.linspace(0, 1, 5), {"Height": ("m", {"z": np.zeros(5)})})
     sections = [
-        Section("First, of two", [picture(figure, "Rise"), picture(figure, "Again")]),
-        Section("Second", ["Words.", Note("But"), Link("Elsewhere", "there.html")]),
-        Section("Third", [Table(("a",), [[1.0]], "Numbers"), picture(figure, "Once more", "png")]),
+        PageSection("First, of two", [picture(figure, "Rise"), picture(figure, "Again")]),
+        PageSection("Second", ["Words.", Note("But"), Link("Elsewhere", "there.html")]),
+        PageSection(
+            "Third", [Table(("a",), [[1.0]], "Numbers"), picture(figure, "Once more", "png")]
+        ),
     ]
     path = write_page(tmp_path / "page.md", "Title", sections, summary="Sum.", facts={"by": "us"})
     text = path.read_text("utf-8")
@@ -68,6 +70,6 @@ def _block(text: str) -> str:
     """A paragraph as it stands on a page."""
     from patagium.report.markdown import markdown_page
 
-    page, pictures = markdown_page("t", [Section("s", [text])], "", {}, "f")
+    page, pictures = markdown_page("t", [PageSection("s", [text])], "", {}, "f")
     assert not pictures
     return page.split("## s\n\n")[1]

@@ -12,7 +12,7 @@ from patagium.aerodynamics.polars import (
     polar_from_description,
     section_flow,
 )
-from patagium.aerodynamics.smooth import SWITCH_SPEED, smooth_norm, smooth_sign
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.errors import ParameterError
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
-from patagium.report import Note, Section, Table, cell_text, figures, picture, views, write_page
+from patagium.report import Note, PageSection, Table, cell_text, figures, picture, views, write_page
 from patagium.report.style import envelope, legend_columns, width
 
 
@@ -68,11 +68,13 @@ def example_page(folder: Path) -> str:
     time = np.linspace(0.0, 1.0, 50)
     figure = figures.histories(time, {"Height": ("m", {"z": time**2})})
     sections = [
-        Section("Forces", ["A `code` and **bold** <script>x</script>.", picture(figure, "Rise")]),
-        Section(
+        PageSection(
+            "Forces", ["A `code` and **bold** <script>x</script>.", picture(figure, "Rise")]
+        ),
+        PageSection(
             "Numbers", [Table(("claim", "value [s]"), [["first", 0.5]], "Claims"), Note("But")]
         ),
-        Section("End", [picture(figure, "Again", "png")]),
+        PageSection("End", [picture(figure, "Again", "png")]),
     ]
     path = write_page(
         folder / "deep" / "report.html", "On <air>", sections, summary="Found.", facts={"by": "us"}

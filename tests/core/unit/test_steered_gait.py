@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.simulation.gaits import check_gait
-from patagium.simulation.simulator import Flying
+from patagium.simulation.simulator import Simulator
 from patagium.simulation.steered_gait import largest_amplitude, steered
 
 ROBOT = pt.load_robot("aerobat")
@@ -107,7 +107,7 @@ def test_what_cannot_be_is_refused():
 def flown(pieces, steer=None):
     gait = steered(a_gait())
     aero, start = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
-    flying = Flying(ROBOT, aero, gait, duration=0.2, time_step=1e-4, v=start)
+    flying = Simulator(ROBOT, aero, gait, duration=0.2, time_step=1e-4, v=start)
     for piece in pieces:
         flying.advance(piece)
         if steer is not None and flying.time == pytest.approx(0.1):
@@ -140,7 +140,7 @@ def test_a_flight_follows_what_is_asked_for():
 
 def test_a_gait_that_would_jump_is_refused():
     aero = pt.QuasiSteady(ROBOT, pt.Air())
-    flying = Flying(ROBOT, aero, a_gait(), duration=0.2, time_step=1e-4)
+    flying = Simulator(ROBOT, aero, a_gait(), duration=0.2, time_step=1e-4)
     flying.advance(300)
     with pytest.raises(ParameterError, match="a jump of"):
         flying.steer(pt.gaits.sinusoidal(ROBOT, frequency=6.0, plunge=0.5))

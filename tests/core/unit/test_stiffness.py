@@ -12,8 +12,8 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, SimulationFailed
 from patagium.native import load_functions
-from patagium.simulation.runge_kutta import Equations, march
-from patagium.simulation.stiffness import growth, longest_stable_step, too_long
+from patagium.simulation.runge_kutta import Equations, integrate
+from patagium.simulation.stiffness import diagnose_step, growth, longest_stable_step
 
 STEP = 0.01
 
@@ -40,8 +40,8 @@ def run_of(stiffness, damping, time_step=STEP, steps=2000):
     def rows(time):
         return np.zeros((len(time), 2))
 
-    run = march(equations, np.array([1.0, 0.0]), rows, steps, time_step)
-    cause = too_long(
+    run = integrate(equations, np.array([1.0, 0.0]), rows, steps, time_step)
+    cause = diagnose_step(
         equations, lambda samples, n: samples["x"][n], run.samples, rows, run.steps, steps,
         time_step,
     )  # fmt: skip

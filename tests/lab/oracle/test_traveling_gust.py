@@ -23,7 +23,7 @@ from patagium.aerodynamics.thin_airfoil import (
     theodorsen_function,
     wagner_function,
 )
-from patagium.aerodynamics.traveling import met_by_strips
+from patagium.aerodynamics.traveling_gust import gusts_at_strips
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, simulate
@@ -54,7 +54,7 @@ def section(gust, time, speed=AIRSPEED):
     """Mean, first moment and rate of a chord whose leading edge lies at x = b, (N,) each."""
     delays = np.zeros((len(time), 4, 1))
     delays[:, 1] = -SEMICHORD / speed
-    met = met_by_strips(gust.pieces(time.min() - 1.0, time.max() + 1.0), time, delays)
+    met = gusts_at_strips(gust.pieces(time.min() - 1.0, time.max() + 1.0), time, delays)
     return met[:, [2, 5, 8], 0].T
 
 
@@ -80,7 +80,7 @@ def step_lift(s, speed):
     delays = np.zeros((len(time), 4, 1))
     delays[:, 0] = SEMICHORD / speed
     delays[:, 1] = -SEMICHORD / speed
-    met = met_by_strips(gust.pieces(-1.0, 10.0), time, delays)
+    met = gusts_at_strips(gust.pieces(-1.0, 10.0), time, delays)
     drive = met[:, 2, 0] - met[:, 5, 0]
     between = wagner_function(s - (fine[1:] + fine[:-1]) / 2)
     lift = drive[0] * wagner_function(s)[0] + between @ np.diff(drive)
@@ -121,7 +121,7 @@ def test_chord_integrals_are_those_of_a_quadrature(profile, spread):
     gust = TravelingGust(profile, UPSTREAM, 3.0)
     time, step = np.array([0.0513, 0.2371, 0.3017, 0.6131]), 1e-6
     delays = np.tile(np.array([0.02, spread, 0.3, 0.2 * spread])[:, None], (len(time), 1, 1))
-    met = met_by_strips(gust.pieces(-1.0, 2.0), time, delays)[:, :, 0]
+    met = gusts_at_strips(gust.pieces(-1.0, 2.0), time, delays)[:, :, 0]
     angle = (np.arange(20_000) + 0.5) * np.pi / 20_000
     y = np.cos(angle)
 

@@ -10,7 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.aerodynamics.gust_encounter import strip_winds
-from patagium.dynamics.equations import apparent_force, fluid_energy
+from patagium.dynamics.equations import fluid_energy, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium_lab.published.aerodynamics import Published
 from patagium_lab.published.stepping import simulate_published
@@ -145,7 +145,7 @@ def test_the_same_wind_at_all_strips_is_one_wind(robot, name, rng):
         carried = ca.SX(ca.DM(added.parameters))
         inertia = added.inertia(robot, wind, carried)
         parts = [air.generalized_force, air.state_derivative, ca.vec(air.strip_force)]
-        parts += [apparent_force(robot, q, v, 2 * v, inertia), fluid_energy(robot, q, v, inertia)]
+        parts += [kirchhoff_force(robot, q, v, 2 * v, inertia), fluid_energy(robot, q, v, inertia)]
         parts.append(added.circulation_force(robot, q, v, wind, carried))
         return ca.vertcat(*parts)
 

@@ -25,7 +25,7 @@ from patagium.aerodynamics import (
     QuasiSteady,
     StallDelay,
 )
-from patagium.dynamics.equations import apparent_force
+from patagium.dynamics.equations import kirchhoff_force
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 from patagium_lab.bench.result import Result, compared
@@ -182,7 +182,7 @@ def _function(model: AirModel) -> ca.Function:
     air = aero.expressions(robot, q, v, state, wind, parameters)
     force = air.generalized_force
     if added is not None:
-        force += apparent_force(robot, q, v, a, added.inertia(robot, wind, carried))
+        force += kirchhoff_force(robot, q, v, a, added.inertia(robot, wind, carried))
         force += added.circulation_force(robot, q, v, wind, carried)
     return ca.Function(
         "cost",

@@ -11,7 +11,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from patagium.report import Section, Table, cell_text, picture, write_page
+from patagium.report import PageSection, Table, cell_text, picture, write_page
 from patagium.report.style import TRUTH, color, legend_above, panels, styled
 from patagium_lab.bench.run import CONDITIONS, GROUPS
 from patagium_lab.bench.targets import figure_text, speed_targets
@@ -106,7 +106,7 @@ def write_benchmark(path: str | Path, rows: Sequence[Row]) -> Path:
     return write_page(path, "Times, ours and others'", sections, summary=SUMMARY, facts=facts)
 
 
-def benchmark_sections(rows: Sequence[Row]) -> list[Section]:
+def benchmark_sections(rows: Sequence[Row]) -> list[PageSection]:
     """The page in reading order; groups that were not run are named.
 
     Args:
@@ -117,12 +117,12 @@ def benchmark_sections(rows: Sequence[Row]) -> list[Section]:
         for title, groups, text in PARTS
     )
     targets = speed_targets(rows)
-    met = [Section("Targets", [count_met(targets), _targets(targets)])] if targets else []
+    met = [PageSection("Targets", [count_met(targets), _targets(targets)])] if targets else []
     return [
         *met,
-        Section("Where others are faster", [_faster(rows)]),
+        PageSection("Where others are faster", [_faster(rows)]),
         *(_part(title, text, found) for title, text, found in parts if found),
-        Section("How it was measured", [METHOD, *_conditions(rows)]),
+        PageSection("How it was measured", [METHOD, *_conditions(rows)]),
     ]
 
 
@@ -141,7 +141,7 @@ def _faster(rows: Sequence[Row]) -> str:
     return f"Our time over theirs: {'; '.join(found)}." if found else "Nowhere among these rows."
 
 
-def _part(title: str, text: str, rows: Sequence[Row]) -> Section:
+def _part(title: str, text: str, rows: Sequence[Row]) -> PageSection:
     cells = [
         [
             row["name"].replace("_", " "),
@@ -156,9 +156,9 @@ def _part(title: str, text: str, rows: Sequence[Row]) -> Section:
     table = Table(("what", "takes", "against", "which takes", "ratio", "note"), cells)
     compared = [row for row in rows if row["ratio"]]
     if not compared:
-        return Section(title, [text, table])
+        return PageSection(title, [text, table])
     drawn = picture(ratio_dots(compared), "Our time over theirs; left of the line we are faster.")
-    return Section(title, [text, drawn, table])
+    return PageSection(title, [text, drawn, table])
 
 
 def _conditions(rows: Sequence[Row]) -> list[str | Table]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from patagium.report import Section, Table, cell_text, picture, write_page
+from patagium.report import PageSection, Table, cell_text, picture, write_page
 from patagium.report.style import TRUTH, color, panels, styled
 from patagium_lab.learners.entries import SPANS
 
@@ -36,7 +36,7 @@ def write_learners(path: str | Path, found: dict[str, Any]) -> Path:
     return write_page(path, title, sections, summary=SUMMARY, facts=facts)
 
 
-def learners_sections(found: dict[str, Any]) -> list[Section]:
+def learners_sections(found: dict[str, Any]) -> list[PageSection]:
     """The page in reading order.
 
     Args:
@@ -50,10 +50,10 @@ def learners_sections(found: dict[str, Any]) -> list[Section]:
     )
     figure = picture(accuracy_against_time(courses), caption)
     return [
-        Section("Error against time", [figure]),
-        Section("How they were raced", _rules(plan)),
+        PageSection("Error against time", [figure]),
+        PageSection("How they were raced", _rules(plan)),
         *(_course(course, plan) for course in courses),
-        Section("What was chosen", [_settings(courses)]),
+        PageSection("What was chosen", [_settings(courses)]),
     ]
 
 
@@ -99,7 +99,7 @@ def _rules(plan: Row) -> list[str]:
     ]
 
 
-def _course(course: Row, plan: Row) -> Section:
+def _course(course: Row, plan: Row) -> PageSection:
     after = [f"{t:g}" for t in plan["after"]]
     rows = _numbered(course["rows"])
     ahead = Table(
@@ -121,7 +121,7 @@ def _course(course: Row, plan: Row) -> Section:
         f"({course['beat']:.3g} s), weights frozen.",
     )  # fmt: skip
     said = (_front(course, plan), _behind(course, plan), _faster(course))
-    return Section(course["title"], [course["note"], ahead, further, *said])
+    return PageSection(course["title"], [course["note"], ahead, further, *said])
 
 
 def _front(course: Row, plan: Row) -> str:

@@ -23,7 +23,7 @@ from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.tables import evaluate_table, identify_table, network_for
-from patagium.report import Section
+from patagium.report import PageSection
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.read_table import read_table
@@ -116,7 +116,7 @@ def crazyflie_study(
     return CrazyflieStudy(rows, sizes, table.describe_gaps())
 
 
-def crazyflie_sections(study: CrazyflieStudy) -> list[Section]:
+def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
     """The study as a section of a report.
 
     Args:
@@ -134,7 +134,7 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[Section]:
     }
     rows = [[row.get(key) for key in columns.values()] for row in study.rows]
     return [
-        Section(
+        PageSection(
             "A real log (Crazyflie quadrotor, 1 kHz)",
             [
                 f"{study.samples[0]} samples, {study.samples[1]} of them in flight; "

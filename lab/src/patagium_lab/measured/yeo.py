@@ -24,7 +24,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.record import check
 from patagium.learning.scores import coverage, normalized_error
-from patagium.report import Section, Table, picture
+from patagium.report import PageSection, Table, picture
 from patagium.report.figures import comparison, learning_curves
 from patagium.robot import Robot, load_robot
 from patagium.simulation import gaits
@@ -109,7 +109,7 @@ def yeo_study(cycles: int = CYCLES, progress: Callable[[int, int], None] | None 
     return YeoStudy(scores, _record(case, baseline, errors, guesses))
 
 
-def yeo_sections(study: YeoStudy) -> list[Section]:
+def yeo_sections(study: YeoStudy) -> list[PageSection]:
     """The study as a section of a report.
 
     Args:
@@ -133,7 +133,7 @@ def yeo_sections(study: YeoStudy) -> list[Section]:
         label="one-cycle-ahead mean absolute error [N]",
     )
     return [
-        Section(
+        PageSection(
             "A measured flapping wing (Yeo et al. 2011)",
             [
                 "Flap angle in, lift of both wings out; nothing else is measured. The record is "

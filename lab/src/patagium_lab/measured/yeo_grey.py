@@ -22,7 +22,7 @@ from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.parameter_paths import parameter_table
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
-from patagium.report import Section, Table
+from patagium.report import PageSection, Table
 from patagium.robot import Robot, load_robot, load_robot_text
 from patagium.simulation import gaits
 from patagium_lab.measured.yeo_case import YeoCase, load_yeo_case
@@ -143,7 +143,7 @@ def yeo_grey_box(model: str, *, cycles: int = CYCLES, strips: int = 12) -> GreyR
     )
 
 
-def yeo_grey_section(results: Mapping[str, GreyResult]) -> Section:
+def yeo_grey_section(results: Mapping[str, GreyResult]) -> PageSection:
     """Results as a section of a report.
 
     Args:
@@ -163,7 +163,7 @@ def yeo_grey_section(results: Mapping[str, GreyResult]) -> Section:
     caption = "Mean absolute error of the lift of both wings; the physics before and after."
     tables = [parameter_table(one.scores) for one in results.values()]
     shown = [Table(columns, rows, caption), *(table for table in tables if table is not None)]
-    return Section("Grey boxes of the measured wing", shown)
+    return PageSection("Grey boxes of the measured wing", shown)
 
 
 def _learner(grey: GreyBox, memory: int) -> ExtendedLearner:

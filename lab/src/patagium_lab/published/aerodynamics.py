@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar
-from patagium.aerodynamics.smooth import hard_sign
+from patagium.aerodynamics.smooth_functions import hard_sign
+from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 

@@ -22,12 +22,12 @@ from patagium.dynamics.equations import damping_force, forward
 from patagium.errors import Outcome, ParameterError, SimulationFailed
 from patagium.native import load_functions
 from patagium.robot import Robot
-from patagium.simulation.bounds import check_start, limits, message_of
-from patagium.simulation.flight import Origin, flight_record
+from patagium.simulation.flight import FlightOrigin, flight_record
 from patagium.simulation.flight_equations import IMPULSE, RECORDED, WORKS, external_force, observed
 from patagium.simulation.gaits import sinusoidal
-from patagium.simulation.runge_kutta import Array, Equations, Progress, march, times_of
-from patagium.simulation.starts import check_robots, whole_steps
+from patagium.simulation.initial_conditions import check_robots, whole_steps
+from patagium.simulation.runge_kutta import Array, Equations, Progress, integrate, times_of
+from patagium.simulation.state_limits import check_start, limits, message_of
 
 INITIAL_YAW = 2 * np.pi
 """Heading the published experiment starts with [rad] (E7)."""
@@ -85,11 +85,11 @@ def simulate_published(
     state[robot.dof : 2 * robot.dof] = robot.velocities(x=speed)
     equations, names = _equations(robot, aero, state), _state_names(robot)
     check_start(equations, names, state)
-    run = march(equations, state, rows, steps, time_step, progress)
+    run = integrate(equations, state, rows, steps, time_step, progress)
     message = message_of(run, names, equations, steps, time_step)
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
-    origin = Origin(robot, aero, gait.describe(), "free", time_step, "published")
+    origin = FlightOrigin(robot, aero, gait.describe(), "free", time_step, "published")
     flight = flight_record(origin, time, run.samples, run.outcome, message)
     if throw and run.outcome is not Outcome.COMPLETED:
         raise SimulationFailed(message, flight, run.outcome)

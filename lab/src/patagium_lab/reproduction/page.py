@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from patagium.report import Block, Link, Note, Section, cell_text
+from patagium.report import Block, Link, Note, PageSection, cell_text
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction.claims import claims_table
 from patagium_lab.reproduction.errors import COLUMNS, GENTLE_GAIT
@@ -50,18 +50,18 @@ def page(results: Results) -> Page:
     made = f"`patagium reproduce`, flights of {metrics['plan']['duration']:g} s"
     sections = [
         _experiments(metrics, gallery),
-        Section("The claims of the paper", [_CLAIMS, claims_table(metrics)]),
-        Section("Targets", _targets(metrics)),
+        PageSection("The claims of the paper", [_CLAIMS, claims_table(metrics)]),
+        PageSection("Targets", _targets(metrics)),
         _errors(metrics),
         _overhead(metrics, gallery),
         _learning(metrics, gallery, "published"),
         _learning(metrics, gallery, "corrected"),
         _unseen(metrics, gallery),
-        Section("What limits the dense network", [_LIMITS, limit_table(metrics)]),
-        Section("The luck of the start", [_STARTS, starts_table(metrics)]),
+        PageSection("What limits the dense network", [_LIMITS, limit_table(metrics)]),
+        PageSection("The luck of the start", [_STARTS, starts_table(metrics)]),
         unsteady_section(metrics, gallery),
         *results.sections,
-        Section("How it was run", [*_method(metrics), stage_table(metrics)]),
+        PageSection("How it was run", [*_method(metrics), stage_table(metrics)]),
     ]
     return Page(TITLE, _summary(metrics), {"made by": made, **metrics["environment"]}, sections)
 
@@ -91,9 +91,9 @@ def _targets(metrics: Metrics) -> list[Block]:
     return [*blocks, count_met(metrics["targets"]), targets_table(metrics)]
 
 
-def _experiments(metrics: Metrics, gallery: Gallery) -> Section:
+def _experiments(metrics: Metrics, gallery: Gallery) -> PageSection:
     flights = {name: metrics["flights"][name] for name in ("published", "corrected")}
-    return Section(
+    return PageSection(
         "Two experiments",
         [
             f"**As published**: {_gait(PUBLISHED_GAIT)}, the air with all its errors, joints "
@@ -110,10 +110,10 @@ def _experiments(metrics: Metrics, gallery: Gallery) -> Section:
     )
 
 
-def _errors(metrics: Metrics) -> Section:
+def _errors(metrics: Metrics) -> PageSection:
     put_in = f"Each error alone put into the corrected model; {_gait(GENTLE_GAIT)}."
     taken_away = f"Each error alone taken away from the published model; {_gait(PUBLISHED_GAIT)}."
-    return Section(
+    return PageSection(
         "What each error of the published experiment does",
         [
             "E1: a wing moving down is pushed down. E2: drag pushes a wing that moves backwards. "
@@ -134,8 +134,8 @@ def _errors(metrics: Metrics) -> Section:
     )
 
 
-def _overhead(metrics: Metrics, gallery: Gallery) -> Section:
-    return Section(
+def _overhead(metrics: Metrics, gallery: Gallery) -> PageSection:
+    return PageSection(
         "Overhead of dynamics and of aerodynamics",
         [
             "All times are of the same robot of 14 coordinates, in one run. The published figure "
@@ -149,9 +149,9 @@ def _overhead(metrics: Metrics, gallery: Gallery) -> Section:
     )
 
 
-def _learning(metrics: Metrics, gallery: Gallery, flight: str) -> Section:
+def _learning(metrics: Metrics, gallery: Gallery, flight: str) -> PageSection:
     names = ("forces_body", "forces_left_wing", "forces_attitude", "innovation", "learning")
-    return Section(
+    return PageSection(
         f"Learning the {flight} flight",
         [
             _LEARNING[flight],
@@ -161,9 +161,9 @@ def _learning(metrics: Metrics, gallery: Gallery, flight: str) -> Section:
     )
 
 
-def _unseen(metrics: Metrics, gallery: Gallery) -> Section:
+def _unseen(metrics: Metrics, gallery: Gallery) -> PageSection:
     beyond = [gait for gaits in metrics["flights"]["unseen_beyond"].values() for gait in gaits]
-    return Section(
+    return PageSection(
         "Gaits never seen",
         [
             "After the flight the weights are frozen and predict the forces of other flights, "

@@ -19,7 +19,7 @@ from typing import Any
 import xarray as xr
 
 from patagium.learning.result import Identification
-from patagium.report import Section
+from patagium.report import PageSection
 from patagium.robot import load_robot
 from patagium.simulation import save_flight
 from patagium.viewer import replay
@@ -164,7 +164,7 @@ def _metrics(plan: ReproductionPlan, work: _Work) -> dict[str, Any]:
     }
 
 
-def _measured(plan: ReproductionPlan) -> tuple[dict[str, Any], list[Section]]:
+def _measured(plan: ReproductionPlan) -> tuple[dict[str, Any], list[PageSection]]:
     """Studies of measured data: the Yeo wing, and the quadrotor where its log is given."""
     wing = yeo.yeo_study(plan.yeo_cycles)
     metrics: dict[str, Any] = {"yeo": wing.scores}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.report import Block, Note, Section, Table, cell_text
+from patagium.report import Block, Note, PageSection, Table, cell_text
 from patagium.report.figures import score_bars
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction import figures
@@ -94,7 +94,7 @@ def scores_of(
     return [float(value) for value in found if value is not None and math.isfinite(value)]
 
 
-def unsteady_section(metrics: Metrics, gallery: Gallery) -> Section:
+def unsteady_section(metrics: Metrics, gallery: Gallery) -> PageSection:
     """Section of the page.
 
     Args:
@@ -121,7 +121,7 @@ def unsteady_section(metrics: Metrics, gallery: Gallery) -> Section:
             f"{', '.join(sorted(beyond)) or 'none here'}."
         ),
     ]
-    return Section("Air with memory", blocks)
+    return PageSection("Air with memory", blocks)
 
 
 def findings(metrics: Metrics) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patagium.report import Block, Link, Note, Section, Table, cell_text
+from patagium.report import Block, Link, Note, PageSection, Table, cell_text
 from patagium_lab.gallery import Gallery
 from patagium_lab.rig.learning import OBSERVER_GAIN, SOURCES
 from patagium_lab.study import Columns, Metrics, Page, Results, table_of
@@ -36,13 +36,13 @@ def page(results: Results) -> Page:
     made = f"`patagium rig`, {metrics['plan']['eights']:g} eights of the arm"
     sections = [
         _rig(metrics, gallery),
-        Section("Targets", [count_met(metrics["targets"]), _targets(metrics)]),
+        PageSection("Targets", [count_met(metrics["targets"]), _targets(metrics)]),
         _clocks(metrics),
         _noise(metrics, gallery),
         _forces(metrics, gallery),
         *([_limits(metrics, gallery)] if metrics["limits"] else []),
         _wingbeat(metrics, gallery),
-        Section("What was known beside the logs", [Note(text) for text in metrics["left_out"]]),
+        PageSection("What was known beside the logs", [Note(text) for text in metrics["left_out"]]),
     ]
     return Page(TITLE, _summary(metrics), {"made by": made, **metrics["environment"]}, sections)
 
@@ -62,9 +62,9 @@ def _summary(metrics: Metrics) -> str:
     )
 
 
-def _rig(metrics: Metrics, gallery: Gallery) -> Section:
+def _rig(metrics: Metrics, gallery: Gallery) -> PageSection:
     plan = metrics["plan"]
-    return Section(
+    return PageSection(
         "The rig",
         [
             f"**{plan['robot']}** on the flange of an arm ({plan['arm']}), its nose into a wind of "
@@ -99,7 +99,7 @@ def _targets(metrics: Metrics) -> Table:
     return table_of(columns, metrics["targets"], caption)
 
 
-def _clocks(metrics: Metrics) -> Section:
+def _clocks(metrics: Metrics) -> PageSection:
     rows = [{"noise": row["noise"], **clock} for row in metrics["noise"] for clock in row["clocks"]]
     columns: Columns = {
         "noise over the data sheets' [1]": "noise",
@@ -110,7 +110,7 @@ def _clocks(metrics: Metrics) -> Section:
         "error [ms]": lambda row: 1e3 * row["error"],
     }
     table = table_of(columns, rows, "Delay and clock offset together, beside the unit on the body.")
-    return Section("Clocks, delays and motion", [_CLOCKS, table, _motion(metrics)])
+    return PageSection("Clocks, delays and motion", [_CLOCKS, table, _motion(metrics)])
 
 
 def _motion(metrics: Metrics) -> Table:
@@ -130,7 +130,7 @@ def _motion(metrics: Metrics) -> Table:
     return table_of(columns, rows, "Standard deviation of the errors of the smoothed motion.")
 
 
-def _noise(metrics: Metrics, gallery: Gallery) -> Section:
+def _noise(metrics: Metrics, gallery: Gallery) -> PageSection:
     rows = [
         {"noise": row["noise"], "source": source, **one}
         | {f"unseen {name}": scores["worst"] for name, scores in one["unseen"].items()}
@@ -153,10 +153,10 @@ def _noise(metrics: Metrics, gallery: Gallery) -> Section:
     )
     table = table_of(columns, rows, caption)
     blocks: list[Block] = [_SOURCES, *gallery.pictures("noise"), table, Note(_READING)]
-    return Section("Errors against noise", blocks)
+    return PageSection("Errors against noise", blocks)
 
 
-def _forces(metrics: Metrics, gallery: Gallery) -> Section:
+def _forces(metrics: Metrics, gallery: Gallery) -> PageSection:
     row = _shown(metrics)
     names = row["sources"][SOURCES[0]]["by_coordinate"]
     rows = [
@@ -171,17 +171,17 @@ def _forces(metrics: Metrics, gallery: Gallery) -> Section:
         **{f"share in the interval, {source} [1]": f"in {source}" for source in SOURCES},
     }
     caption = f"Learned force at {row['noise']:g} times the noise of the data sheets, second half."
-    return Section(
+    return PageSection(
         "Force by force", [*gallery.pictures("forces"), table_of(columns, rows, caption)]
     )
 
 
-def _limits(metrics: Metrics, gallery: Gallery) -> Section:
+def _limits(metrics: Metrics, gallery: Gallery) -> PageSection:
     columns = {"changed": "case", **{f"NMSE, {source} [1]": source for source in SOURCES}}
     caption = "Worst error of the measured force over the variance of the truth, second half."
     table = table_of(columns, metrics["limits"], caption)
     found = _verdict(metrics["limits"])
-    return Section(
+    return PageSection(
         "What limits the measured force", [_LIMITS, found, table, *gallery.pictures("limits")]
     )
 
@@ -205,13 +205,15 @@ def _verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{base['case'].capitalize()}: {cell_text(base[source])}. " + " ".join(parts)
 
 
-def _wingbeat(metrics: Metrics, gallery: Gallery) -> Section:
+def _wingbeat(metrics: Metrics, gallery: Gallery) -> PageSection:
     kinds = metrics["cycles"]
     rows = [[name, kinds["truth"][name], kinds["measured"][name]] for name in kinds["truth"]]
     table = Table(
         ("over the wingbeats of the flight [SI units]", "true", "measured"), rows, _CYCLES
     )
-    return Section("As a load-cell laboratory reports it", [*gallery.pictures("wingbeat"), table])
+    return PageSection(
+        "As a load-cell laboratory reports it", [*gallery.pictures("wingbeat"), table]
+    )
 
 
 def _shown(metrics: Metrics) -> Mapping[str, Any]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from patagium import __version__
 from patagium.learning.calibration import NOMINAL
-from patagium.report import Section, Table, picture
+from patagium.report import PageSection, Table, picture
 from patagium.report.figures import curves
 from patagium.report.page import write_page
 from patagium_lab.stress.campaign import SETTLING, WINDOW, WORST_RATIO
@@ -33,10 +33,10 @@ def write_stress(path: str | Path, study: StressStudy) -> Path:
         study: What `stress` gave.
     """
     sections = [
-        Section("Faults", [_campaign_note(study), fault_table(study), *_ratio_picture(study)]),
-        Section("Damage", _damage(study.damage)),
-        Section("Calibration", _calibration(study.calibration)),
-        Section("Endurance", [_endurance(study)]),
+        PageSection("Faults", [_campaign_note(study), fault_table(study), *_ratio_picture(study)]),
+        PageSection("Damage", _damage(study.damage)),
+        PageSection("Calibration", _calibration(study.calibration)),
+        PageSection("Endurance", [_endurance(study)]),
     ]
     facts = {"program": f"patagium {__version__}", "seed": str(study.seed)}
     return write_page(path, "Learners under stress", sections, summary=SUMMARY, facts=facts)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from patagium.report import Section, Table, picture, write_page
+from patagium.report import PageSection, Table, picture, write_page
 from patagium.report.figures import curves
 from patagium_lab.conditions import conditions
 from patagium_lab.targets import count_met, verdict
@@ -40,15 +40,15 @@ def write_validation(path: str | Path, results: Sequence[CaseResult]) -> Path:
     return write_page(path, "Models of the air, validated", sections, summary=SUMMARY, facts=facts)
 
 
-def validation_sections(results: Sequence[CaseResult]) -> list[Section]:
+def validation_sections(results: Sequence[CaseResult]) -> list[PageSection]:
     """The page in reading order.
 
     Args:
         results: What `validate` gave.
     """
     return [
-        Section("Targets", [count_met(target_rows(results)), _targets(results)]),
-        Section("What fails, and why", [*_failures(results), NOT_COMPARED]),
+        PageSection("Targets", [count_met(target_rows(results)), _targets(results)]),
+        PageSection("What fails, and why", [*_failures(results), NOT_COMPARED]),
         *map(_case, results),
     ]
 
@@ -80,7 +80,7 @@ def _failures(results: Sequence[CaseResult]) -> list[str | Table]:
     return said
 
 
-def _case(result: CaseResult) -> Section:
+def _case(result: CaseResult) -> PageSection:
     rows = [
         [
             row["model"] if row["ours"] else f"{row['model']} (others')",
@@ -94,7 +94,7 @@ def _case(result: CaseResult) -> Section:
     columns = ("model", "error", "at most", "met", "where the limit comes from")
     note = f"{result.note} Expected: {result.source}."
     caption = f"{result.name}: expected, and found by each model."
-    return Section(
+    return PageSection(
         result.name,
         [
             note,

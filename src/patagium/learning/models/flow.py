@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
-from patagium.aerodynamics.smooth import SWITCH_SPEED
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.dynamics.kinematics import body_velocities
 from patagium.errors import ParameterError, positive
 from patagium.learning.models.dense import described

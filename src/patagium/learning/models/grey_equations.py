@@ -16,7 +16,7 @@ import casadi as ca
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.induced_velocity import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.dynamics.equations import apparent_force, inverse
+from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.physical import PhysicalParameter, inertial, numbers_of
 from patagium.native import NativeFunction, load_functions
@@ -146,7 +146,7 @@ class GreyEquations:
             carried = ca.vertcat(density, factor)
             y = y + self.added_mass.circulation_force(machine, q, v, wind, carried)
             added = self.added_mass.inertia(machine, wind, carried)
-            y = y + apparent_force(machine, q, v, a, added)
+            y = y + kirchhoff_force(machine, q, v, a, added)
         if inertial(self.names, robot):
             y = y - (inverse(machine, q, v, a) - inverse(before, q, v, a))
         y = y - (ca.vertcat(*machine.damping) - ca.vertcat(*before.damping)) * v

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.induced_velocity import (
     Lags,
+    Normalwash,
     Relaxation,
-    Wash,
     airspeed,
     attached_lift,
-    lags_reached,
+    implicit_lag_step,
     normalwash,
-    solve_wash,
+    solve_normalwash,
 )
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.polars import SectionFlow, section_flow
-from patagium.aerodynamics.smooth import smooth_sign
+from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
 from patagium.aerodynamics.trailing_vortices import Lattice, lattice, strip_chains
 from patagium.dynamics.chain import cross, vector
@@ -99,15 +99,17 @@ class _Air:
         of_strips = [2 * airspeed(motion) / motion.strip.chord for motion in self.motions]
         self.semichords = ca.vertcat(*of_strips)
 
-    def wash(self, state: ca.SX, lags: Lags) -> Wash:
+    def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
         """Normalwashes of all strips with lags in a state."""
         slope = self.numbers.lift_slope
-        return solve_wash(self.chains, self.net, self.motions, self.geometric, state, lags, slope)
+        return solve_normalwash(
+            self.chains, self.net, self.motions, self.geometric, state, lags, slope
+        )
 
     def reached(self, state: ca.SX, step: Any, before: Relaxation) -> tuple[ca.SX, ca.SX]:
         """Lags and effective normalwashes at the end of a step."""
         known = self.chains, self.net, self.motions, self.geometric, state, step, before
-        return lags_reached(*known, self.numbers.lags, self.numbers.lift_slope)
+        return implicit_lag_step(*known, self.numbers.lags, self.numbers.lift_slope)
 
     def repeated(self, of_strips: ca.SX) -> ca.SX:
         """A number of each strip, for each of its lags."""
@@ -221,7 +223,7 @@ def _seen(air: _Air, outputs: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def _wrench(
     air: _Air,
-    wash: Wash,
+    wash: Normalwash,
     i: int,
     ahead: Any,
     flow: SectionFlow,

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
-from patagium.aerodynamics.loads import StripLoad, assemble
 from patagium.aerodynamics.local_flow import strip_motions
-from patagium.aerodynamics.smooth import smooth_norm, smooth_sign
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.dense import described
 from patagium.learning.models.mlp import Perceptron

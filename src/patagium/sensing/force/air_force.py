@@ -69,7 +69,7 @@ def added_mass_force(
         numbers: Parameters of the model, (2,).
     """
     q, v, a = motion
-    force = equations.apparent_force(robot, q, v, a, model.inertia(robot, wind, numbers))
+    force = equations.kirchhoff_force(robot, q, v, a, model.inertia(robot, wind, numbers))
     return force + model.circulation_force(robot, q, v, wind, numbers)
 
 

@@ -20,7 +20,7 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.thin_airfoil import kussner_function, sears_function
-from patagium.aerodynamics.traveling import met_by_strips
+from patagium.aerodynamics.traveling_gust import gusts_at_strips
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.case import CaseResult, Target, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer
@@ -140,6 +140,6 @@ def _wave(frequency: float) -> tuple[complex, complex]:
     delays = np.zeros((len(time), 4, 1))
     delays[:, 1] = -_SEMICHORD / AIRSPEED
     pieces = gust.pieces(time[0] - 1.0, time[-1] + 1.0)
-    met = met_by_strips(pieces, time, delays)[:, :, 0]
+    met = gusts_at_strips(pieces, time, delays)[:, :, 0]
     turn = 2 * np.exp(-1j * frequency * time) / len(time)
     return turn @ (met[:, 2] - met[:, 5]), turn @ met[:, 8] * _SEMICHORD / (2 * AIRSPEED)

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _SINGULAR = 1e-3  # cosine of a pitch beyond which the angles say nothing of one direction
 
 
-class Whole(NamedTuple):
+class TotalForce(NamedTuple):
     """On the robot, world axes.
 
     Attributes:
@@ -46,14 +46,14 @@ def floating_body(robot: Robot) -> tuple[int, Body] | None:
     return found[0] if len(found) == 1 else None
 
 
-def on_the_whole(
+def total_force(
     robot: Robot,
     names: tuple[str, ...],
     generalized: Array,
     q: Array,
     rotation: Array,
     arm: Array,
-) -> Whole | None:
+) -> TotalForce | None:
     """Force and moment on the robot from generalized forces; None where they do not tell.
 
     Args:
@@ -73,7 +73,7 @@ def on_the_whole(
         return None
     force = generalized[:, [names.index(name) for name in wanted[:3]]]
     if not set(wanted) <= set(names):
-        return Whole(force, None)
+        return TotalForce(force, None)
     turning = generalized[:, [names.index(name) for name in wanted[3:]]]
     if not body.by_quaternion:
         angles = q[:, list(robot.floating_coordinates(body))[3:]]
@@ -83,4 +83,4 @@ def on_the_whole(
             ..., 0
         ]
     about_origin = (rotation @ turning[..., None])[..., 0]
-    return Whole(force, about_origin - np.cross(arm, force))
+    return TotalForce(force, about_origin - np.cross(arm, force))

@@ -28,7 +28,7 @@ from patagium.simulation.arm_kinematics import (
     solved,
 )
 from patagium.simulation.arm_limits import CLOSED, check_closed, judged
-from patagium.simulation.gait_models import Gait, Motion
+from patagium.simulation.gait_models import Gait, PrescribedMotion
 from patagium.simulation.paths import Path, span_of
 
 AXES = 6
@@ -80,7 +80,7 @@ class ArmPlan:
         ends = "periodic" if self.period else "clamped"
         return CubicSpline(self.time, self.knots, bc_type=ends)
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s], exact to rounding."""
         asked = np.asarray(time, float)
         end = self.time[-1]
@@ -194,10 +194,10 @@ class CarriedGait:
         still = self.gait.period is None
         return self.plan.period if still else None
 
-    def motion(self, time: ArrayLike) -> Motion:
+    def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Motion of arm and robot at the times asked for, (N,) [s]."""
         parts = self.plan.motion(time), self.gait.motion(time)
-        return Motion(
+        return PrescribedMotion(
             *(
                 np.hstack([getattr(part, name) for part in parts])
                 for name in ("position", "velocity", "acceleration")
@@ -305,7 +305,7 @@ def _error(tool: Tool, q: Array, place: Array, turned: Array) -> tuple[Array, Ar
 
 
 def _branches(
-    arm: Robot, tool: Tool, time: Array, target: Motion, start: ArrayLike | None
+    arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, start: ArrayLike | None
 ) -> Iterator[Array]:
     """Joint positions along the path for each way to begin, (K, 6) each; NaN where it ends."""
     starts = _starts(arm, tool, target, start)
@@ -338,7 +338,7 @@ def _safe_solve(jacobian: Array, error: Array) -> Array:
     return step
 
 
-def _starts(arm: Robot, tool: Tool, target: Motion, start: ArrayLike | None) -> Array:
+def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike | None) -> Array:
     """Ways to put the tool where the path begins, (S, 6), each within the limits if it can."""
     if start is not None:
         seeds = np.array(start, float)

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from patagium.dynamics.poses import poses_at
 from patagium.robot import Robot
 from patagium.robot.solids import Solid, carried_body, solids, tube
-from patagium.simulation.arm_records import Carrier
+from patagium.simulation.arm_reconstruction import Carrier
 
 Array = NDArray[np.float64]
 
 
-class Standing(NamedTuple):
+class CarryingArm(NamedTuple):
     """An arm on the ground, at F times.
 
     Attributes:
@@ -34,7 +34,9 @@ class Standing(NamedTuple):
     solids: list[Solid]
 
 
-def arm_under(robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]) -> Standing | None:
+def arm_under(
+    robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]
+) -> CarryingArm | None:
     """What carries the robot of a flight; None if nothing does.
 
     Of a robot composed with its arm only the foot: its links are bodies of the robot.
@@ -49,11 +51,11 @@ def arm_under(robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]) 
     if carrier is None:
         own = carried_body(robot)
         thick = [solid for solid in solids(robot) if solid.body < own]
-        return Standing(("foot",), *ground, _foot(robot, thick, 0)) if own else None
+        return CarryingArm(("foot",), *ground, _foot(robot, thick, 0)) if own else None
     arm = carrier.arm
     position, rotation = poses_at(arm, carrier.q[frames])
     drawn = solids(arm)
-    return Standing(
+    return CarryingArm(
         (*(f"{arm.name} {body.name}" for body in arm.bodies), f"{arm.name} foot"),
         np.concatenate([position, ground[0]], axis=1),
         np.concatenate([rotation, ground[1]], axis=1),

@@ -24,7 +24,7 @@ from patagium.robot.model import Robot
 
 
 @dataclass(frozen=True)
-class ApparentInertia:
+class BodyAddedMass:
     """What the bodies carry along of the fluid, and how the fluid moves.
 
     Attributes:
@@ -45,7 +45,7 @@ class ApparentInertia:
         return [poses[k].rotation.T @ self.wind[:, k] for k in range(len(robot.bodies))]
 
 
-class CarriedFluid:
+class CompositeAddedMass:
     """Apparent inertia of a composite body about an origin, in blocks.
 
     With linear velocity v of the origin and angular velocity w: linear momentum
@@ -62,7 +62,7 @@ class CarriedFluid:
         """Linear and angular momentum, (3, 1) each."""
         return self.a @ v + self.b @ w, self.b.T @ v + self.c @ w
 
-    def merge(self, other: CarriedFluid) -> None:
+    def merge(self, other: CompositeAddedMass) -> None:
         """Add what another body carries, about the same origin in the same axes."""
         self.a, self.b, self.c = self.a + other.a, self.b + other.b, self.c + other.c
 
@@ -100,18 +100,18 @@ def kirchhoff_wrench(
     References:
         Lamb (1932), Hydrodynamics, sections 121-124.
     """
-    fluid = CarriedFluid(matrix)
+    fluid = CompositeAddedMass(matrix)
     p, h = fluid.momenta(v, w)
     dp, dh = fluid.momenta(acceleration - cross(w, v), dw)
     return dp + cross(w, p), dh + cross(w, h) + cross(v, p)
 
 
-def apparent_wrenches(
+def kirchhoff_wrenches(
     robot: Robot,
     q: ca.SX,
     v: ca.SX,
     accelerations: Mapping[int, tuple[ca.SX, ca.SX]],
-    added: ApparentInertia,
+    added: BodyAddedMass,
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
     """Kirchhoff's wrench of every body that carries fluid, about its origin, body axes.
 
@@ -132,7 +132,7 @@ def apparent_wrenches(
     }
 
 
-def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca.SX:
+def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.SX:
     """Linear momentum of the fluid that moves with the bodies, world axes, (3, 1) [kg m/s]."""
     poses, total = body_poses(robot, q), ca.SX.zeros(3, 1)
     for body, linear, _, _, _ in _momenta(robot, q, v, added):
@@ -140,7 +140,7 @@ def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> 
     return total
 
 
-def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca.SX:
+def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.SX:
     """Kinetic energy of the fluid that moves with the bodies, seen from the ground, scalar [J].
 
     1/2 sum_b V_b^T M_b V_b + wind . momentum: beside the energy of the undisturbed wind.
@@ -162,12 +162,12 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia) -> ca
 
 
 def _momenta(
-    robot: Robot, q: ca.SX, v: ca.SX, added: ApparentInertia
+    robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass
 ) -> list[tuple[int, ca.SX, ca.SX, ca.SX, ca.SX]]:
     """Body, its fluid's linear and angular momentum, and its twist relative to the fluid."""
     twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
     result = []
     for body, matrix in added.matrices.items():
         velocity, spin = twists[body].linear - winds[body], twists[body].angular
-        result.append((body, *CarriedFluid(matrix).momenta(velocity, spin), velocity, spin))
+        result.append((body, *CompositeAddedMass(matrix).momenta(velocity, spin), velocity, spin))
     return result

@@ -11,8 +11,8 @@ import numpy as np
 
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
-from patagium.simulation.runge_kutta import Array, Equations, Run
-from patagium.simulation.stiffness import TooLong
+from patagium.simulation.runge_kutta import Array, Equations, IntegrationResult
+from patagium.simulation.stiffness import StepTooLong
 
 SPEED_LIMIT = 340.0
 """Speed beyond which a run is stopped: sound [m/s]."""
@@ -97,13 +97,13 @@ def check_start(
 
 
 def message_of(
-    run: Run,
+    run: IntegrationResult,
     names: tuple[str, ...],
     equations: Equations,
     steps: int,
     time_step: float,
     singular: tuple[int, ...] = (),
-    cause: TooLong | None = None,
+    cause: StepTooLong | None = None,
 ) -> str:
     """How a run ended, in words: when, which quantity, what to do.
 

@@ -1,7 +1,7 @@
 """A gust that travels, as the march looks it up: between the state and what depends on it.
 
 Where strips are in the gust is a function of state and row; what is there ends the row.
-Neglected: what `aerodynamics.traveling` neglects.
+Neglected: what `aerodynamics.traveling_gust` neglects.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.traveling import MET, Pieces, met_by_strips
+from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS, CubicPieces, gusts_at_strips
 from patagium.native import NativeFunction, load_kernel
 
 Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Field:
+class GustField:
     """A gust that travels, and when strips meet it.
 
     Attributes:
@@ -34,7 +34,7 @@ class Field:
 
     meet: NativeFunction
     constants: tuple[Array, Array]
-    pieces: Callable[[float, float], Pieces]
+    pieces: Callable[[float, float], CubicPieces]
     slowness: float
     fastest: float
 
@@ -43,7 +43,7 @@ class Field:
         """Number of strips."""
         return self.meet.size_out[0][1]
 
-    def ahead(self, states: Array, rows: Array, first: float, last: float) -> Pieces:
+    def ahead(self, states: Array, rows: Array, first: float, last: float) -> CubicPieces:
         """All of the gust that can be met in a stretch of time.
 
         Args:
@@ -57,7 +57,7 @@ class Field:
         earliest, latest = delays[:, :, 0].min(), delays[:, :, 0].max()
         return self.pieces(float(first - latest - reach), float(last - earliest + reach))
 
-    def whole(self, states: Array, rows: Array, times: Array, pieces: Pieces) -> Array:
+    def whole(self, states: Array, rows: Array, times: Array, pieces: CubicPieces) -> Array:
         """Rows with what strips meet, (N, row_size + 9 n).
 
         Args:
@@ -70,7 +70,7 @@ class Field:
 
     def unmet(self, rows: Array) -> Array:
         """Rows of full length, with nothing met, (N, row_size + 9 n)."""
-        return np.column_stack([rows, np.zeros((len(rows), MET * self.strips))])
+        return np.column_stack([rows, np.zeros((len(rows), GUST_COMPONENTS * self.strips))])
 
     def _delays(self, states: Array, rows: Array) -> Array:
         """Strip after strip, (N, n, 4)."""
@@ -79,13 +79,13 @@ class Field:
         return np.ascontiguousarray(found)
 
 
-def _met(pieces: Pieces, times: Array, delays: Array) -> Array:
+def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
     """What strips meet, strip after strip, (N, 9 n), from delays (N, n, 4)."""
     library, (count, strips, _) = load_kernel("march"), delays.shape
     if library is None:
-        met = met_by_strips(pieces, times, delays.swapaxes(1, 2))
+        met = gusts_at_strips(pieces, times, delays.swapaxes(1, 2))
         return met.swapaxes(1, 2).reshape(count, -1)
-    found = np.empty((count, MET * strips))
+    found = np.empty((count, GUST_COMPONENTS * strips))
     cubics, at = np.ascontiguousarray(pieces.coefficients), np.ascontiguousarray(times)
     library.met_by_strips(
         ctypes.c_long(count),

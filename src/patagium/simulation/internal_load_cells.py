@@ -28,7 +28,7 @@ _UNIT: tuple[Axis, Axis, Axis] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1
 
 
 @dataclass(frozen=True)
-class LoadCell:
+class InternalLoadCell:
     """A six-axis load cell between a body and what it hangs on.
 
     Attributes:
@@ -59,7 +59,7 @@ class LoadCell:
         return {"at": self.at, "position": self.position, "orientation": self.orientation}
 
 
-def check_cells(robot: Robot, cells: Sequence[LoadCell], held: bool) -> None:
+def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> None:
     """Refuse cells that the robot cannot carry.
 
     Args:
@@ -79,7 +79,7 @@ def check_cells(robot: Robot, cells: Sequence[LoadCell], held: bool) -> None:
             raise ParameterError("load cell", "a body that something holds", f"{cell.at}, free")
 
 
-def with_load_cells(robot: Robot, cells: Sequence[LoadCell]) -> Robot:
+def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
     """The same machine with a massless link of six coordinates at each cell; they come first.
 
     Args:
@@ -98,7 +98,7 @@ def with_load_cells(robot: Robot, cells: Sequence[LoadCell]) -> Robot:
     return machine
 
 
-def _with_cell(machine: Robot, cell: LoadCell, at: tuple[int, int], first: int) -> Robot:
+def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], first: int) -> Robot:
     """One cell before a joint of a body; its coordinates are numbered already."""
     place, before = at
     body = machine.bodies[place]

@@ -26,12 +26,12 @@ from patagium.errors import ParameterError, ShapeError, positive
 
 Array = NDArray[np.float64]
 
-MET = 9
+GUST_COMPONENTS = 9
 """Numbers of a strip in a field: mean, first moment and rate, a vector each."""
 
 
 @dataclass(frozen=True)
-class Pieces:
+class CubicPieces:
     """A gust as cubics in time.
 
     In piece j velocity is sum_m a_jm (t - anchor_j)^m; the first and the last one are
@@ -120,7 +120,7 @@ class TravelingGust:
         delay = (places - np.array(self.origin)) @ self.parameters[:3]
         return self.profile.velocity_at(times - delay)
 
-    def pieces(self, first: float, last: float) -> Pieces:
+    def pieces(self, first: float, last: float) -> CubicPieces:
         """The profile as cubics, through its values at four times of each.
 
         Args:
@@ -138,7 +138,7 @@ class TravelingGust:
         inner /= (spans[:, None] ** np.arange(4))[:, :, None]
         ends = np.zeros((2, 4, 3))
         ends[:, 0] = values[0, 0], values[-1, 3]
-        return Pieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
+        return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""
@@ -167,7 +167,7 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
     return TravelingGust(profile, direction, description["speed"], origin)
 
 
-def met_by_strips(pieces: Pieces, time: Array, delays: Array) -> Array:
+def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
     """What strips meet of a gust, (N, 9, n): mean, first moment, rate, world axes.
 
     With g what the points of a chord meet, y = cos(theta) from -1 at the trailing to 1 at the
@@ -206,10 +206,10 @@ def met_by_strips(pieces: Pieces, time: Array, delays: Array) -> Array:
         begins[left] = ends
         piece[left] += 1
         left = left[~final]
-    return np.asarray(np.moveaxis(total.reshape(*shape, MET), 1, 2))
+    return np.asarray(np.moveaxis(total.reshape(*shape, GUST_COMPONENTS), 1, 2))
 
 
-def _piece_of(pieces: Pieces, time: Array) -> NDArray[np.int64]:
+def _piece_of(pieces: CubicPieces, time: Array) -> NDArray[np.int64]:
     return np.searchsorted(pieces.knots, time, side="right").astype(np.int64)
 
 

@@ -18,7 +18,7 @@ from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError, PatagiumError, PathError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.arm_kinematics import Tool
-from patagium.simulation.arms import followed
+from patagium.simulation.arm_plans import followed
 from patagium.simulation.flight import robot_of
 
 Array = NDArray[np.float64]
