@@ -9,6 +9,8 @@ DEBTS = {
     "lines of Python in the wheel": 48_000,
     "classes of weight filters": 11,
     "types of memory": 8,
+    "modules on the walk of spread": 10,
+    "modules on the walk of a sample": 8,
     "first lines that are no noun phrase": 710,
     "arguments with a shape and no unit": 380,
     "functions that raise and do not say so": 12,

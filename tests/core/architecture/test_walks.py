@@ -1,0 +1,27 @@
+"""Walks through the program: how many modules a setting and a sample pass on their way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .debts import within
+from .walks import SPREAD, holds, sample_walk, spread_walk
+
+
+def test_a_number_is_found_in_records_and_sequences() -> None:
+    assert holds({"a": (1.0, [SPREAD])}, SPREAD) and not holds({"a": (1.0,)}, SPREAD)
+
+
+def test_the_walk_of_a_setting_is_short(tmp_path: Path) -> None:
+    """Traced for `--spread` of `patagium stream`, from the command line to the kernel in C."""
+    found = spread_walk(tmp_path)
+    assert found[0].startswith("patagium.cli.")
+    assert found[-1].startswith("patagium.learning.filters.")
+    within("modules on the walk of spread", found)
+
+
+def test_the_walk_of_a_sample_is_short(tmp_path: Path) -> None:
+    """Traced for a line of a log of `patagium stream`, from its packet to the weights."""
+    found = sample_walk(tmp_path)
+    assert found[0] == "patagium.live.packets" and "patagium.live.pipeline" in found
+    within("modules on the walk of a sample", found)
