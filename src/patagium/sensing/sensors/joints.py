@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.deprecation import renamed_fields
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
@@ -23,6 +24,7 @@ from patagium.sensing.sensors.sensor import (
 )
 
 
+@renamed_fields(deviation="std", zero_deviation="zero_std")
 @dataclass(frozen=True, kw_only=True)
 class Encoder(Sensor):
     """Coordinates of joints in steps of a resolution.
@@ -72,6 +74,11 @@ class Encoder(Sensor):
         )
 
 
+@renamed_fields(
+    deviation="std",
+    offset_deviation="offset_std",
+    torque_constant_deviation="torque_constant_std",
+)
 @dataclass(frozen=True, kw_only=True)
 class MotorCurrent(Sensor):
     """Currents of motors, i = u1 / (ratio k), from which the joints' forces are known.

@@ -93,7 +93,9 @@ def _sensor(text: str) -> Sensor:
     known: dict[str, Any] = json.loads(text)
     kind = _KINDS[known.pop("kind")]
     accepted = {entry.name for entry in fields(kind)}
-    return kind(**{name: _frozen(value) for name, value in known.items() if name in accepted})
+    # files of the release before call a standard deviation "deviation"
+    named = {name.replace("deviation", "std"): _frozen(value) for name, value in known.items()}
+    return kind(**{name: value for name, value in named.items() if name in accepted})
 
 
 def _frozen(value: Any) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.deprecation import renamed_fields
 from patagium.errors import ParameterError, finite
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
@@ -31,6 +32,7 @@ QUATERNION = ("w", "x", "y", "z")
 """Order of a quaternion's components."""
 
 
+@renamed_fields(position_deviation="position_std", attitude_deviation="attitude_std")
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture(Sensor):
     """Position in the world and attitude of a frame on a body.
