@@ -40,7 +40,7 @@ _MOVED = {
             network_from_description refine save_learner save_model stream tune""",
         "patagium.live": "AutoSave Pipeline",
         "patagium.sensing": """
-            ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay Shifts Spline Table
+            ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay Shifts Spline
             TableMapping cell_wrench estimate_motion estimate_shifts import_log inspect_log
             inverse_dynamics_force load_cell_force load_log load_mapping momentum_force
             motor_forces read_table training_data""",
@@ -51,6 +51,7 @@ FORMER: dict[str, dict[str, str]] = {
     for module, homes in _MOVED.items()
 }
 """New dotted name of each former name, by the module that had it."""
+FORMER["patagium.identification"]["Table"] = "patagium.sensing.LogTable"
 
 
 def former_name(module: str, name: str, present: Iterable[str]) -> Any:
@@ -70,10 +71,10 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
         found = getattr(import_module(home), attribute)
     else:
         found = None if name.startswith("_") else plugin(OLD_NAMES, name)
-        home = getattr(found, "__module__", "")
+        home, attribute = getattr(found, "__module__", ""), name
     if found is None:
         raise AttributeError(_unknown(module, name, present))
-    warnings.warn(f"{module}.{name} is now {home}.{name}", DeprecationWarning, stacklevel=3)
+    warnings.warn(f"{module}.{name} is now {home}.{attribute}", DeprecationWarning, stacklevel=3)
     return found
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from patagium.learning import Identification
-    from patagium.sensing import Table
+    from patagium.sensing import LogTable
 
 EXAMPLES = (
     "patagium identify flight.nc --network strip --hidden 8,8 --prior-std 0.3 "
@@ -129,7 +129,7 @@ def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | N
     from patagium.learning import identify as identify_flight
     from patagium.learning.long_log import identify_record
     from patagium.learning.tables import identify_table
-    from patagium.sensing import Table
+    from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
 
     resume = None if state is None else state.with_name(f"{state.name}.course")
@@ -140,7 +140,7 @@ def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | N
                     return identify_record(
                         learned, learner, every=every, progress=progress, course=resume
                     )
-                identify = identify_table if isinstance(learned, Table) else identify_flight
+                identify = identify_table if isinstance(learned, LogTable) else identify_flight
                 return identify(learned, learner, every=every, progress=progress)
         except Interrupted:
             if isinstance(learned, LogRecord):
@@ -208,7 +208,7 @@ def _look(flight: Any) -> float:
 
 
 def table_network(
-    table: Table, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
+    table: LogTable, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     """A network for a table; it is scaled by the ranges of its mapping."""
     from patagium.errors import ParameterError

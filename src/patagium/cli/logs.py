@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from patagium.sensing import Table
+    from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
 
 
@@ -61,7 +61,7 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
     return record_of(file, None)
 
 
-def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, Table | None]:
+def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | None]:
     """Flight or table in a file.
 
     Args:

@@ -28,7 +28,7 @@ from patagium.learning.scores import SILENT_RATIO, coverage, persistence, span_s
 from patagium.learning.stream import Progress, StreamRun
 from patagium.learning.tables import HORIZONS
 from patagium.sensing.logs.record import LogRecord
-from patagium.sensing.logs.table import Table, find_gaps
+from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class _Course:
         self.begin, self.last, self.gaps = 0, float("nan"), 0
         self.lengths: dict[str, int] = {}
         self.outcome, self.message = Outcome.COMPLETED, ""
-        self.table: Table | None = None
+        self.table: LogTable | None = None
         self.final: Identification | None = None
         self._resume()
 

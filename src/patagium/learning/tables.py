@@ -14,7 +14,7 @@ from patagium.learning.model_file import Model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.result import Identification
 from patagium.learning.stream import Progress, stream
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,9 @@ HORIZONS = {"10ms": 0.01, "1s": 1.0}
 """Spans predicted with frozen weights unless others are asked for [s]."""
 
 
-def network_for(table: Table, hidden: Sequence[int], activation: str = "softplus") -> DenseNetwork:
+def network_for(
+    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
+) -> DenseNetwork:
     """A dense network for the columns of a table, scaled by their stated ranges.
 
     Center and half width of each range; nothing is taken from the samples, so that a
@@ -58,7 +60,7 @@ def network_for(table: Table, hidden: Sequence[int], activation: str = "softplus
 
 
 def identify_table(
-    table: Table,
+    table: LogTable,
     learner: Learner,
     *,
     every: int = 100,
@@ -91,7 +93,7 @@ def identify_table(
     return result
 
 
-def evaluate_table(table: Table, model: Trained, *, every: int = 100) -> Identification:
+def evaluate_table(table: LogTable, model: Trained, *, every: int = 100) -> Identification:
     """A model with frozen weights against a log it never saw; see `evaluate`.
 
     Args:
@@ -120,6 +122,6 @@ def evaluate_table(table: Table, model: Trained, *, every: int = 100) -> Identif
     return result
 
 
-def _bounds(table: Table) -> tuple[tuple[str, ...], Array]:
+def _bounds(table: LogTable) -> tuple[tuple[str, ...], Array]:
     names = (*table.input_names, *table.output_names)
     return names, np.vstack([table.input_range, table.output_range])

@@ -15,7 +15,7 @@ from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.record import load_log
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clocks import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate import estimate_motion
 from patagium.sensing.motion.smoothers import Kalman, SavitzkyGolay, Spline
@@ -31,7 +31,7 @@ __all__ = [
     "SensorLog",
     "Shifts",
     "Spline",
-    "Table",
+    "LogTable",
     "TableMapping",
     "cell_wrench",
     "estimate_motion",

@@ -15,7 +15,7 @@ import pytest
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning import DenseNetwork, Tuned, identify_table, tune
 from patagium.learning.tuning import knobs
-from patagium.sensing import Table
+from patagium.sensing import LogTable
 
 NOISE = np.array([0.02, 0.3])
 
@@ -24,14 +24,14 @@ def network(*hidden: int) -> DenseNetwork:
     return DenseNetwork(2, hidden or (4,), 2, "tanh")
 
 
-def log(noise: np.ndarray = NOISE, samples: int = 400) -> Table:
+def log(noise: np.ndarray = NOISE, samples: int = 400) -> LogTable:
     """What a network with known weights says, with noise of a known deviation."""
     rng = np.random.default_rng(11)
     x = rng.uniform(-2.0, 2.0, (samples, 2))
     teacher = network()
     y = teacher.evaluate(x, 1.5 * teacher.initial(5)) + noise * rng.standard_normal((samples, 2))
     bounds = np.array([[-2.0, 2.0]] * 2)
-    return Table(
+    return LogTable(
         time=np.arange(samples) * 0.01, x=x, y=y,
         input_names=("a", "b"), output_names=("c", "d"),
         input_units=("1", "1"), output_units=("1", "1"),

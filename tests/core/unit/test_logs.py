@@ -9,7 +9,7 @@ from patagium.errors import LogError
 from patagium.learning.model_file import model_of
 from patagium.learning.tables import evaluate_table, identify_table, network_for
 from patagium.sensing.logs.mapping import parse_mapping
-from patagium.sensing.logs.table import Table, table_from_frame
+from patagium.sensing.logs.table import LogTable, table_from_frame
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "ms"},
@@ -21,7 +21,7 @@ WORDS: dict[str, Any] = {
 }
 
 
-def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> Table:
+def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> LogTable:
     rng = np.random.default_rng(seed)
     command, rate = rng.uniform(0, 1000, count), rng.uniform(-180, 180, count)
     force = 1e-3 * command + 0.01 * rate + 1.0 + 0.01 * rng.normal(size=count)
@@ -31,7 +31,7 @@ def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> Table
     return table_from_frame(frame, parse_mapping(words))
 
 
-def learner(table: Table) -> pt.CubatureLearner:
+def learner(table: LogTable) -> pt.CubatureLearner:
     return pt.CubatureLearner(
         network_for(table, (4,)), prior_std=0.5, measurement_std=0.02, spread=0.5
     )

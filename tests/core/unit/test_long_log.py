@@ -16,7 +16,7 @@ from patagium.sensing.logs.files import csv_file
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "s"},
@@ -47,7 +47,7 @@ def record(tmp_path: Path) -> Any:
         yield opened
 
 
-def learner(table: Table) -> pt.CubatureLearner:
+def learner(table: LogTable) -> pt.CubatureLearner:
     return pt.CubatureLearner(
         network_for(table, (3,)), prior_std=0.5, measurement_std=0.05, spread=0.5
     )

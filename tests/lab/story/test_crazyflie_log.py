@@ -5,7 +5,7 @@ import pytest
 
 from patagium.learning import CubatureLearner, ExtendedLearner, identify_table, network_for
 from patagium.learning.models.recollection import Recollection
-from patagium.sensing import Table, read_table
+from patagium.sensing import LogTable, read_table
 from patagium_lab.measured.crazyflie import (
     crazyflie_mapping,
     crazyflie_sections,
@@ -21,11 +21,11 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def table() -> Table:
+def table() -> LogTable:
     return read_table(LOG, crazyflie_mapping())
 
 
-def test_the_mapping_reads_the_log_in_si_units(table: Table) -> None:
+def test_the_mapping_reads_the_log_in_si_units(table: LogTable) -> None:
     assert table.x.shape == (47182, 7) and table.y.shape == (47182, 1)
     assert table.output_units == ("m/s^2",) and table.input_units[4:] == ("rad/s",) * 3
     standing = table.time < 13.0
@@ -35,12 +35,12 @@ def test_the_mapping_reads_the_log_in_si_units(table: Table) -> None:
     assert rate == pytest.approx(1011.0, rel=2e-3)  # Hz
 
 
-def test_the_one_gap_is_stated(table: Table) -> None:
+def test_the_one_gap_is_stated(table: LogTable) -> None:
     assert len(table.gaps) == 1
     assert "1 gap(s)" in table.describe_gaps() and "0.003961 s" in table.describe_gaps()
 
 
-def test_taking_off_is_learned_and_holding_a_sample_is_the_bar(table: Table) -> None:
+def test_taking_off_is_learned_and_holding_a_sample_is_the_bar(table: LogTable) -> None:
     start = table.where(slice(14_000, 19_000))
     learner = CubatureLearner(
         network_for(start, (8,)), prior_std=0.5, measurement_std=1.0, spread=1.7
@@ -53,7 +53,7 @@ def test_taking_off_is_learned_and_holding_a_sample_is_the_bar(table: Table) -> 
     assert ahead < dense["horizon_1s_persistence_second_half_worst"]
 
 
-def test_flights_are_what_lies_between_take_off_and_motors_off(table: Table) -> None:
+def test_flights_are_what_lies_between_take_off_and_motors_off(table: LogTable) -> None:
     flights = in_flight(table)
     assert len(flights.gaps) == 1 and 13_000 < len(flights.time) < 15_000
     pause = flights.gaps[0]
@@ -72,7 +72,7 @@ def test_the_study_sets_learners_beside_holding_a_sample() -> None:
     assert crazyflie_sections(study)[0].blocks
 
 
-def test_slopes_of_physics_and_network_are_those_of_the_whole_run(table: Table) -> None:
+def test_slopes_of_physics_and_network_are_those_of_the_whole_run(table: LogTable) -> None:
     part = table.where(slice(15_000, 15_100))
     network = thrust_network_for(part, (3,))
     draw = np.random.default_rng(0)
@@ -96,7 +96,7 @@ def test_slopes_of_physics_and_network_are_those_of_the_whole_run(table: Table) 
     np.testing.assert_allclose(again(last(weights), weights), value, rtol=1e-13)  # rounding
 
 
-def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: Table) -> None:
+def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: LogTable) -> None:
     part = table.where(slice(15_000, 15_040))
     network = thrust_network_for(part, (3,))
     weights = network.initial(0)
@@ -112,7 +112,7 @@ def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: Ta
     assert (moved.state != carried.state).any()
 
 
-def test_a_rotors_lag_is_found(table: Table) -> None:
+def test_a_rotors_lag_is_found(table: LogTable) -> None:
     flight = in_flight(table).where(slice(0, 4000))
     network = thrust_network_for(flight, (2,))
     truth = network.initial(0)

@@ -27,7 +27,7 @@ from patagium.report import PageSection
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.read_table import read_table
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 from patagium_lab.measured.thrust import thrust_network_for
 
 EVERY = (1, 10, 100)
@@ -70,7 +70,7 @@ def crazyflie_mapping() -> TableMapping:
         return load_mapping(path)
 
 
-def in_flight(table: Table) -> Table:
+def in_flight(table: LogTable) -> LogTable:
     """The samples between take-off and the end of each flight; the rest is a gap.
 
     Args:
@@ -159,7 +159,7 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
     ]
 
 
-def _makers(table: Table) -> dict[str, Callable[[], Learner]]:
+def _makers(table: LogTable) -> dict[str, Callable[[], Learner]]:
     network = network_for(table, HIDDEN)
     physics, linear = thrust_network_for(table, HIDDEN), network_for(table, ())
     prior: dict[str, Any] = {
@@ -181,7 +181,7 @@ def _makers(table: Table) -> dict[str, Callable[[], Learner]]:
 
 
 def _row(
-    table: Table, make: Callable[[], Learner], every: int
+    table: LogTable, make: Callable[[], Learner], every: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     scores = identify_table(table, make(), every=every, horizons=HORIZONS).scores
     own: dict[str, Any] = {
@@ -201,7 +201,7 @@ def _row(
     return own, held
 
 
-def _frozen(table: Table, learner: Learner, every: int, pause: int) -> float:
+def _frozen(table: LogTable, learner: Learner, every: int, pause: int) -> float:
     """Error after a pause, of weights learned before it."""
     identify_table(table.where(slice(pause)), learner, every=every, horizons={})
     unseen = evaluate_table(table.where(slice(pause, None)), learner, every=every)

@@ -20,7 +20,7 @@ from patagium.learning.models.network import Encoding
 from patagium.learning.models.recalling import RecallingNetwork
 from patagium.learning.models.structure import Indices
 from patagium.learning.tables import network_for
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 
 Array = NDArray[np.float64]
 
@@ -244,7 +244,7 @@ class ThrustNetwork(RecallingNetwork):
         return np.hstack([2 * state - 1, rates]), state, slopes
 
 
-def thrust_network_for(table: Table, hidden: Sequence[int]) -> ThrustNetwork:
+def thrust_network_for(table: LogTable, hidden: Sequence[int]) -> ThrustNetwork:
     """Physics and network for a log of commands and rates, scaled by the stated ranges.
 
     Args:

@@ -36,7 +36,7 @@ from patagium.learning.tuning.settings import (
     Settings,
     make_learner,
 )
-from patagium.sensing.logs.table import Table
+from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ class Tuned:
 
 
 def tune(
-    flight: xr.Dataset | Table,
+    flight: xr.Dataset | LogTable,
     network: Network | Sequence[Network],
     *,
     every: int = 100,
@@ -180,7 +180,7 @@ class _Task:
 
     def __init__(
         self,
-        flight: xr.Dataset | Table,
+        flight: xr.Dataset | LogTable,
         networks: tuple[Network, ...],
         every: int,
         learner: LearnerKind,
@@ -329,10 +329,10 @@ def _try(
 
 
 def _used(
-    flight: xr.Dataset | Table, network: Network, every: int, source: str
+    flight: xr.Dataset | LogTable, network: Network, every: int, source: str
 ) -> tuple[Observed, Array, str]:
     """The samples used, those between them where the network remembers; y; their name."""
-    if isinstance(flight, Table):
+    if isinstance(flight, LogTable):
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
         time, x, y, _ = samples(flight, network)

@@ -1,4 +1,4 @@
-"""Table of a log file in one call: plain columns directly, all else through an import."""
+"""LogTable of a log file in one call: plain columns directly, all else through an import."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from patagium.errors import LogError
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.record import LogRecord
-from patagium.sensing.logs.table import Table, table_from_frame
+from patagium.sensing.logs.table import LogTable, table_from_frame
 
 
 def read_table(
     path: str | Path,
     mapping: TableMapping | str | Path,
     tell: Callable[[Any], None] | None = None,
-) -> Table:
+) -> LogTable:
     """Checked table of a CSV or Parquet file, or of another log through `import_log`.
 
     A header may carry its unit as `name [unit]`; it must then agree with the mapping. If the

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from patagium.errors import FlightError, LogError
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
-from patagium.sensing.logs.table import Table, find_gaps
+from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation.flight import quantities
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ class LogRecord:
         columns = [np.asarray(self._columns[name][begin:end], float) for name in names]
         return np.column_stack(columns) if columns else np.empty((rows, 0))
 
-    def table(self, begin: int = 0, end: int | None = None) -> Table:
+    def table(self, begin: int = 0, end: int | None = None) -> LogTable:
         """Inputs and outputs of the samples from `begin` to `end`.
 
         Raises:
@@ -144,7 +144,7 @@ class LogRecord:
                 f"{', '.join(self.labels[:12])}"
             )
         time = self.time(begin, end)
-        return Table(
+        return LogTable(
             time=time - time[0] if begin == 0 else time,
             x=self.values(inputs, begin, end),
             y=self.values(outputs, begin, end),

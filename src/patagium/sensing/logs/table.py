@@ -24,7 +24,7 @@ _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 
 @dataclass(frozen=True)
-class Table:
+class LogTable:
     """Samples of a log in the units that a model sees.
 
     Attributes:
@@ -55,8 +55,8 @@ class Table:
     gap: float
     source: str
 
-    def where(self, kept: slice | ArrayLike) -> Table:
-        """Table of some of the samples with their times; left-out samples become gaps.
+    def where(self, kept: slice | ArrayLike) -> LogTable:
+        """LogTable of some of the samples with their times; left-out samples become gaps.
 
         Args:
             kept: Slice, increasing indices, or a bool for each sample.
@@ -93,7 +93,7 @@ def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
     return np.flatnonzero(steps > factor * np.median(steps)) + 1
 
 
-def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "table") -> Table:
+def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "table") -> LogTable:
     """Checked table of columns in memory.
 
     Args:
@@ -124,7 +124,7 @@ def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "
     ranges = np.array([bounds for _, _, bounds in scaled])
     labels = tuple(column.label for column in columns)
     time = time - time[0]
-    return Table(
+    return LogTable(
         time=time,
         x=np.ascontiguousarray(values[:, :count]),
         y=np.ascontiguousarray(values[:, count:]),
