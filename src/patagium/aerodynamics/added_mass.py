@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
@@ -246,8 +247,7 @@ def added_mass_from_description(robot: Robot, description: Mapping[str, Any]) ->
         ParameterError: If a key is missing or unknown.
     """
     known = {"air", "factor"}
-    if set(description) != known:
-        raise ParameterError("added mass", f"the keys {sorted(known)}", sorted(description))
+    check_keys("added mass", description, known)
     return AddedMass(robot, air_from_description(description["air"]), factor=description["factor"])
 
 

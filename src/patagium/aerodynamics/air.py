@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.traveling_gust import TravelingGust, gust_from_description
 from patagium.errors import ParameterError, ShapeError
 
@@ -115,8 +116,7 @@ def air_from_description(description: Mapping[str, Any]) -> Air:
         ParameterError: If a key is missing or unknown.
     """
     known = {"density", "wind", "gust"}
-    if set(description) != known:
-        raise ParameterError("air", f"the keys {sorted(known)}", sorted(description))
+    check_keys("air", description, known)
     gust = description["gust"]
     return Air(
         density=description["density"],

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.induced_velocity import Relaxation
+from patagium.aerodynamics.lag_states import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow

@@ -11,6 +11,7 @@ from patagium.aerodynamics.indicial import indicial_from_description
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.measured_section import measured_section_from_description
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import StripSection, section_from_description
@@ -42,8 +43,7 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         raise ParameterError("aerodynamic model", f"one of {', '.join(_KEYS)}", name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
-    if set(values) != _KEYS[name]:
-        raise ParameterError(f"model {name}", f"the keys {sorted(_KEYS[name])}", sorted(values))
+    check_keys(f"model {name}", values, _KEYS[name])
     air = air_from_description(values["air"])
     if name == DeLaurier.name:
         return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})

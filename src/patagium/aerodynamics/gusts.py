@@ -8,13 +8,14 @@ they are the same everywhere; `traveling` lets them sweep over the robot.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from math import ceil, exp, floor, isfinite, sqrt
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.aerodynamics.named_descriptions import from_named_description
 from patagium.errors import ParameterError, ShapeError, positive
 
 STEPS_PER_LENGTH = 50
@@ -52,13 +53,53 @@ class Profile(Gust, Protocol):
 
 
 @dataclass(frozen=True)
-class OneMinusCosineGust:
+class DiscreteGust:
+    """A gust of one shape in time: a velocity times a share that depends on (t - start)/T.
+
+    Args:
+        velocity: Largest velocity W, world axes, (3,) [m/s].
+        start: Time when it begins [s].
+        length_time: Duration T of the change [s].
+
+    Raises:
+        ParameterError: If a number is not finite or T not positive.
+        ShapeError: If `velocity` is not (3,).
+    """
+
+    velocity: tuple[float, float, float]
+    start: float
+    length_time: float
+
+    name: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "velocity", triple("velocity", self.velocity))
+        if not isfinite(self.start):
+            raise ParameterError("start", "a finite time [s]", self.start)
+        positive("length_time", self.length_time)
+
+    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
+        raise NotImplementedError
+
+    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
+        phase = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
+        return np.outer(self.share(phase), self.velocity)
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the gust can be made again, as JSON-able values."""
+        return {"name": self.name, **_listed(asdict(self))}
+
+
+@dataclass(frozen=True)
+class OneMinusCosineGust(DiscreteGust):
     """One smooth gust, w(t) = W/2 (1 - cos(2 pi (t - start)/T)) for 0 <= t - start <= T.
 
     Args:
         velocity: Largest velocity W, world axes, (3,) [m/s].
-        start: When it begins [s].
-        length_time: How long it lasts, T [s].
+        start: Time when it begins [s].
+        length_time: Time it lasts, T [s].
 
     Raises:
         ParameterError: If a number is not finite or T not positive.
@@ -68,32 +109,19 @@ class OneMinusCosineGust:
         MIL-F-8785C, section 3.7.1.3.
     """
 
-    velocity: tuple[float, float, float]
-    start: float
-    length_time: float
+    name = "one_minus_cosine"
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "velocity", triple("velocity", self.velocity))
-        if not isfinite(self.start):
-            raise ParameterError("start", "a finite time [s]", self.start)
-        positive("length_time", self.length_time)
-
-    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
-        phase = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
-        return np.outer(0.5 * (1.0 - np.cos(2 * np.pi * phase)), self.velocity)
+    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
+        return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * phase)))
 
     def knots(self, first: float, last: float) -> NDArray[np.float64]:
         """Times between which the velocity is as good as a cubic, (K,) [s]."""
         return self.start + self.length_time * np.linspace(0.0, 1.0, PIECES + 1)
 
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
-        return {"name": "one_minus_cosine", **_listed(asdict(self))}
-
 
 @dataclass(frozen=True)
-class RampGust:
+class RampGust(DiscreteGust):
     """An edge: w grows evenly from zero to W while 0 <= t - start <= T, and stays.
 
     The sharp-edged gust of textbooks is one whose T is short beside the time it takes to
@@ -101,36 +129,23 @@ class RampGust:
 
     Args:
         velocity: Velocity W behind the edge, world axes, (3,) [m/s].
-        start: When it begins [s].
-        length_time: How long it grows, T [s].
+        start: Time when it begins [s].
+        length_time: Time it grows, T [s].
 
     Raises:
         ParameterError: If a number is not finite or T not positive.
         ShapeError: If `velocity` is not (3,).
     """
 
-    velocity: tuple[float, float, float]
-    start: float
-    length_time: float
+    name = "ramp"
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "velocity", triple("velocity", self.velocity))
-        if not isfinite(self.start):
-            raise ParameterError("start", "a finite time [s]", self.start)
-        positive("length_time", self.length_time)
-
-    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
-        share = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
-        return np.outer(share, self.velocity)
+    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
+        return phase
 
     def knots(self, first: float, last: float) -> NDArray[np.float64]:
         """Times between which the velocity is as good as a cubic, (K,) [s]."""
         return self.start + np.array([0.0, self.length_time])
-
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
-        return {"name": "ramp", **_listed(asdict(self))}
 
 
 @dataclass(frozen=True)
@@ -161,6 +176,8 @@ class DrydenGust:
     length_scale: tuple[float, float, float]
     airspeed: float
     seed: int
+
+    name: ClassVar[str] = "dryden"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intensity", triple("intensity", self.intensity))
@@ -205,7 +222,7 @@ class DrydenGust:
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make it again, as JSON-able values."""
-        return {"name": "dryden", **_listed(asdict(self))}
+        return {"name": self.name, **_listed(asdict(self))}
 
     def _unit(
         self, axis: int, noise: NDArray[np.float64], past: NDArray[np.float64]
@@ -274,20 +291,10 @@ def profile_from_description(description: Mapping[str, Any]) -> Profile:
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: dict[str, type[OneMinusCosineGust] | type[RampGust] | type[DrydenGust]] = {
-        "one_minus_cosine": OneMinusCosineGust,
-        "ramp": RampGust,
-        "dryden": DrydenGust,
-    }
-    values = dict(description)
-    name = values.pop("name", None)
-    if name not in kinds:
-        raise ParameterError("gust", f"one of {', '.join(kinds)}", name)
-    kind = kinds[name]
-    names = {field.name for field in fields(kind)}
-    if set(values) != names:
-        raise ParameterError(f"gust {name}", f"the keys {sorted(names)}", sorted(values))
-    return kind(**values)
+    kinds: tuple[type[OneMinusCosineGust] | type[RampGust] | type[DrydenGust], ...]
+    kinds = OneMinusCosineGust, RampGust, DrydenGust
+    made: Profile = from_named_description("gust", kinds, description)
+    return made
 
 
 def triple(name: str, value: ArrayLike) -> tuple[float, ...]:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.thin_airfoil import circulation_function, theodorsen_function
 from patagium.errors import ParameterError, ShapeError
 
@@ -125,8 +126,7 @@ def indicial_from_description(description: Mapping[str, Any]) -> Indicial:
         ParameterError: If a key is missing or unknown.
     """
     known = {"rate", "lift", "circulation"}
-    if set(description) != known:
-        raise ParameterError("lags", f"the keys {sorted(known)}", sorted(description))
+    check_keys("lags", description, known)
     return Indicial(**{name: tuple(values) for name, values in description.items()})
 
 

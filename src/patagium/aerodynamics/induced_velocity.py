@@ -1,8 +1,8 @@
-"""Normalwashes of strips with memory that feel each other, and how the memory follows them.
+"""Velocity that trailing vortices induce at strips with memory, and the normalwash they feel.
 
-What a lifting line and networks built on one have in common: the linear system of all
-strips' circulations, the lags it drives, and one step of these lags from sample to sample.
-Neglected: as in `lifting_line`.
+A lifting line and the networks built on one share this: the linear system of the circulations of
+all strips, and a step of the lag states in which vortices and lags at its end feel each other.
+Neglected: what `lifting_line` neglects.
 """
 
 from __future__ import annotations
@@ -13,45 +13,25 @@ from typing import Any
 
 import casadi as ca
 
+from patagium.aerodynamics.lag_states import Lags, Relaxation, lag_relaxation, lag_step
 from patagium.aerodynamics.local_flow import StripMotion
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.trailing_vortices import Lattice, StripChain, horseshoe_function
 
 
 @dataclass(frozen=True)
-class Lags:
-    """Numbers of a section's memory, as symbols or values.
+class VortexSystem:
+    """Strips of a robot, how they move and the trailing vortices they share.
 
     Attributes:
-        rate: b_k, how fast each lag fades [1/semichord].
-        lift: a_k, part of the lift that each holds back.
-        circulation: g_k, part of the circulation that each holds back.
+        chains: Strips that share trailing vortices, chain by chain.
+        lattice: Places of strips and vortices.
+        motions: Motion of each strip relative to the air, n.
     """
 
-    rate: Sequence[Any]
-    lift: Sequence[Any]
-    circulation: Sequence[Any]
-
-    @property
-    def first_lift(self) -> Any:
-        """phi(0), part of the lift without delay."""
-        return 1.0 - sum(self.lift, ca.SX(0))
-
-    @property
-    def first_circulation(self) -> Any:
-        """Gamma(0), part of the circulation without delay."""
-        return 1.0 - sum(self.circulation, ca.SX(0))
-
-    def lagged(self, amplitude: Sequence[Any], state: ca.SX, strip: int) -> ca.SX:
-        """Sum over a strip's lags of amplitude times lagged normalwash.
-
-        Args:
-            amplitude: Of each lag.
-            state: Lags strip by strip, (n_z, 1) [m/s].
-            strip: Which one.
-        """
-        terms = [a * state[strip * len(amplitude) + k] for k, a in enumerate(amplitude)]
-        return sum(terms, ca.SX(0))
+    chains: Sequence[StripChain]
+    lattice: Lattice
+    motions: Sequence[StripMotion]
 
 
 @dataclass(frozen=True)
@@ -72,65 +52,32 @@ class Normalwash:
     induced: ca.SX
 
 
-@dataclass(frozen=True)
-class Relaxation:
-    """Memory that follows something: dz/dt = rate (target - z), one by one.
-
-    Attributes:
-        rate: Never negative, (n_z, 1) [1/s].
-        target: What each follows, (n_z, 1), in the unit of z.
-    """
-
-    rate: ca.SX
-    target: ca.SX
-
-    def derivative(self, state: ca.SX) -> ca.SX:
-        """dz/dt, (n_z, 1), in the unit of z a second [1/s].
-
-        Args:
-            state: z, (n_z, 1).
-        """
-        return self.rate * (self.target - state)
-
-
 def solve_normalwash(
-    chains: Sequence[StripChain],
-    net: Lattice,
-    motions: Sequence[StripMotion],
-    geometric: ca.SX,
-    state: ca.SX,
-    lags: Lags,
-    lift_slope: Any,
+    vortices: VortexSystem, geometric: ca.SX, state: ca.SX, lags: Lags, lift_slope: Any
 ) -> Normalwash:
     """Normalwashes of all strips; linear in the geometric ones and the state.
 
     Args:
-        chains: Which strips share trailing vortices.
-        net: Where the vortices are.
-        motions: How each strip moves.
+        vortices: Strips and their trailing vortices.
         geometric: Undisturbed normalwash of each strip, (n, 1) [m/s].
         state: Lags strip by strip, (n_z, 1) [m/s].
         lags: Numbers of the memory.
-        lift_slope: Of a section, or of each strip in turn [1/rad].
+        lift_slope: Lift slope of a section, or of each strip in turn [1/rad].
     """
+    strips = range(len(vortices.motions))
     bound = [
         lags.first_circulation * geometric[i] + lags.lagged(lags.circulation, state, i)
-        for i in range(len(motions))
+        for i in strips
     ]
     feedthrough = lags.first_circulation
-    signed, induced = _vortices(chains, net, motions, bound, 1.0, feedthrough, lift_slope)
-    effective = geometric + ca.sum1(net.normals * induced).T
-    lagged = [
-        lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i)
-        for i in range(len(motions))
-    ]
+    signed, induced = _induced(vortices, bound, 1.0, feedthrough, lift_slope)
+    effective = geometric + ca.sum1(vortices.lattice.normals * induced).T
+    lagged = [lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i) for i in strips]
     return Normalwash(effective, ca.vertcat(*lagged), signed, induced)
 
 
 def implicit_lag_step(
-    chains: Sequence[StripChain],
-    net: Lattice,
-    motions: Sequence[StripMotion],
+    vortices: VortexSystem,
     geometric: ca.SX,
     state: ca.SX,
     step: Any,
@@ -145,40 +92,37 @@ def implicit_lag_step(
     any step.
 
     Args:
-        chains: Which strips share trailing vortices.
-        net: Where the vortices are at the end of the step.
-        motions: How each strip moves there.
+        vortices: Strips and their trailing vortices at the end of the step.
         geometric: Undisturbed normalwash of each strip there, (n, 1) [m/s].
         state: Lags strip by strip at the beginning, (n_z, 1) [m/s].
-        step: Its length [s].
-        before: What the lags follow at the beginning.
+        step: Length of the step [s].
+        before: Relaxation of the lags at the beginning.
         lags: Numbers of the memory.
-        lift_slope: Of a section [1/rad].
+        lift_slope: Lift slope of a section [1/rad].
 
     Returns:
-        (n_z, 1) and (n, 1) [m/s].
+        Lags, (n_z, 1) [m/s], and effective normalwashes, (n, 1) [m/s], at the end.
     """
+    motions = vortices.motions
     count, still = len(lags.rate), ca.SX.zeros(len(motions), 1)
     after = lag_relaxation(motions, still, lags)
     fixed = lag_step(state, step, before, after)
-    alone = Relaxation(before.rate, 0 * before.target), Relaxation(after.rate, 1 + after.target)
-    share = lag_step(0 * state, step, *alone)  # of the effective normalwash at the end
+    unit = Relaxation(before.rate, 0 * before.target), Relaxation(after.rate, 1 + after.target)
+    share = lag_step(0 * state, step, *unit)  # of the effective normalwash at the end
     bound, feedthrough = [], []
     for i in range(len(motions)):
         through = lags.first_circulation + lags.lagged(lags.circulation, share, i)
         held = lags.lagged(lags.circulation, fixed, i)
         feedthrough.append(through)
         bound.append(geometric[i] + held / through)
-    _, induced = _vortices(chains, net, motions, bound, feedthrough, 1.0, lift_slope)
-    effective = geometric + ca.sum1(net.normals * induced).T
+    _, induced = _induced(vortices, bound, feedthrough, 1.0, lift_slope)
+    effective = geometric + ca.sum1(vortices.lattice.normals * induced).T
     reached = fixed + share * ca.vec(ca.repmat(effective.T, count, 1))
     return reached, effective
 
 
-def _vortices(
-    chains: Sequence[StripChain],
-    net: Lattice,
-    motions: Sequence[StripMotion],
+def _induced(
+    vortices: VortexSystem,
     bound: Sequence[Any],
     shares: Any,
     feedthrough: Any,
@@ -188,6 +132,7 @@ def _vortices(
 
     c = 1/2 chord a0 share (bound + feedthrough n . induced) of each strip.
     """
+    chains, net, motions = vortices.chains, vortices.lattice, vortices.motions
     sizes = tuple(len(chain.strips) for chain in chains)
     order = [i for chain in chains for i in chain.strips]
     right = [sign for chain in chains for sign in chain.right]
@@ -207,8 +152,7 @@ def _vortices(
 
 
 def attached_lift(
-    motion: StripMotion,
-    net: Lattice,
+    vortices: VortexSystem,
     wash: Normalwash,
     strip: int,
     gain: Any,
@@ -221,14 +165,14 @@ def attached_lift(
     by the wake shed across the span, (W - w_e) along the lift. Induced drag is the tilt.
 
     Args:
-        motion: How the strip moves.
-        net: Where the vortices are.
-        wash: Of all strips.
-        strip: Which one.
-        gain: Of the lifting surface over the line.
+        vortices: Strips and their trailing vortices.
+        wash: Normalwashes of all strips.
+        strip: Index of the strip.
+        gain: Lift of the lifting surface over that of the line.
         pressure: Lift per normalwash, 1/2 rho c ds a0 U [N s/m].
         normal: Normal velocity of the strip where the force acts [m/s].
     """
+    motion, net = vortices.motions[strip], vortices.lattice
     forward, sign = motion.forward, smooth_sign(motion.forward)
     speed = smooth_norm(forward * forward + normal * normal)
     shed = sign * (wash.lagged[strip] - wash.effective[strip]) / speed
@@ -238,51 +182,3 @@ def attached_lift(
     wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
     lift = sign * gain * net.shares[strip] * pressure * wash.lagged[strip] / wind
     return lift * wind_normal, -lift * wind_forward
-
-
-def lag_relaxation(motions: Sequence[StripMotion], effective: ca.SX, lags: Lags) -> Relaxation:
-    """Lagged normalwashes follow the effective ones at 2 U b_k / c.
-
-    Args:
-        motions: How each strip moves.
-        effective: Normalwash of each strip, (n, 1) [m/s].
-        lags: Numbers of the memory.
-    """
-    rates, targets = [ca.SX(0, 1)], [ca.SX(0, 1)]
-    for i, motion in enumerate(motions):
-        semichords = 2 * airspeed(motion) / motion.strip.chord
-        rates += [semichords * rate for rate in lags.rate]
-        targets += [effective[i]] * len(lags.rate)
-    return Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
-
-
-def lag_step(state: ca.SX, step: Any, before: Relaxation, after: Relaxation) -> ca.SX:
-    """Memory one step later by the exponential trapezoid, (n_z, 1).
-
-    z <- e z + (1 - e) (target + target')/2, e = exp(-(rate + rate')/2 step): of second order,
-    and a weighted mean at any step, 0 < e <= 1.
-
-    Args:
-        state: z at the beginning, (n_z, 1).
-        step: Length of the step [s].
-        before: What z follows at its beginning.
-        after: The same at its end.
-    """
-    keep = ca.exp(-step * (before.rate + after.rate) / 2)
-    return keep * state + (1.0 - keep) * (before.target + after.target) / 2
-
-
-def normalwash(motion: StripMotion) -> Any:
-    """Air through a strip at three quarters of its chord, camber apart [m/s]."""
-    return -motion.normal_ahead(collocation(motion))
-
-
-def collocation(motion: StripMotion) -> Any:
-    """Where the normalwash is taken, ahead of the quarter chord [m]."""
-    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
-
-
-def airspeed(motion: StripMotion) -> Any:
-    """Speed across the span where the normalwash is taken, never zero [m/s]."""
-    normal = motion.normal_ahead(collocation(motion))
-    return smooth_norm(motion.forward * motion.forward + normal * normal)

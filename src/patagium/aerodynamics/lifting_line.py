@@ -21,16 +21,18 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial
 from patagium.aerodynamics.induced_velocity import (
-    Lags,
     Normalwash,
-    Relaxation,
-    airspeed,
+    VortexSystem,
     attached_lift,
-    lag_relaxation,
-    normalwash,
     solve_normalwash,
 )
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.lag_states import Lags, Relaxation, lag_relaxation
+from patagium.aerodynamics.local_flow import (
+    StripMotion,
+    airspeed,
+    normalwash,
+    strip_motions,
+)
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
@@ -39,7 +41,6 @@ from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
 from patagium.aerodynamics.trailing_vortices import (
-    Lattice,
     StripChain,
     lattice,
     strip_chains,
@@ -170,14 +171,15 @@ class LiftingLine(Aerodynamics):
         if not motions:
             return assemble(robot, q, [], ca.SX(0, 1))
         p = _Numbers(self, parameters)
-        net = lattice(robot, self.chains, q, v, wind)
+        vortices = VortexSystem(self.chains, lattice(robot, self.chains, q, v, wind), motions)
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
-        wash = self._wash(net, motions, geometric, state, p)
+        slope = p.section["lift_slope"]
+        wash = solve_normalwash(vortices, geometric, state, p.lags, slope)
         gains = surface_gains(self.robot, robot, p.surface_constant)
         separated, delayed = self._separated(motions, wash, state, p)
         loads = [
-            _load(motion, net, wash, gains[i], p, i, self.section, separated[i])
-            for i, motion in enumerate(motions)
+            _load(vortices, wash, gains[i], p, i, self.section, separated[i])
+            for i in range(len(motions))
         ]
         lags = lag_relaxation(motions, wash.effective, p.lags)
         memory = Relaxation(
@@ -216,7 +218,9 @@ class LiftingLine(Aerodynamics):
         state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
         motions = strip_motions(robot, q, v, wind)
         net = lattice(robot, self.chains, q, v, wind)
-        wash = self._wash(net, motions, normalwash, state, p)
+        vortices = VortexSystem(self.chains, net, motions)
+        slope = p.section["lift_slope"]
+        wash = solve_normalwash(vortices, normalwash, state, p.lags, slope)
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [
@@ -251,17 +255,6 @@ class LiftingLine(Aerodynamics):
         separation = [Relaxation(rates[i] / p.delays[1], shares[i]) for i in range(count)]
         return present, [*pressure, *separation]
 
-    def _wash(
-        self,
-        net: Lattice,
-        motions: Sequence[StripMotion],
-        geometric: ca.SX,
-        state: ca.SX,
-        p: _Numbers,
-    ) -> Normalwash:
-        slope = p.section["lift_slope"]
-        return solve_normalwash(self.chains, net, motions, geometric, state, p.lags, slope)
-
 
 _LAGS = ("rate", "lift", "circulation")
 
@@ -292,8 +285,7 @@ def _pressure(motion: StripMotion, p: _Numbers) -> Any:
 
 
 def _load(
-    motion: StripMotion,
-    net: Lattice,
+    vortices: VortexSystem,
     wash: Normalwash,
     gain: Any,
     p: _Numbers,
@@ -301,6 +293,7 @@ def _load(
     section: StripSection,
     separated: Any,
 ) -> StripLoad:
+    motion, net = vortices.motions[i], vortices.lattice
     strip, forward = motion.strip, motion.forward
     sign, lagged = smooth_sign(forward), wash.lagged[i]
     effective = section_flow(forward, -lagged)
@@ -311,7 +304,7 @@ def _load(
     normal = motion.normal_ahead(ahead)
 
     flow = section_flow(forward, normal)
-    lift = attached_lift(motion, net, wash, i, gain, _pressure(motion, p), normal)
+    lift = attached_lift(vortices, wash, i, gain, _pressure(motion, p), normal)
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, body_poses, body_velocities, in_body_axes
 from patagium.native import load_functions
@@ -133,6 +134,22 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
             )
         )
     return motions
+
+
+def normalwash(motion: StripMotion) -> Any:
+    """Air through a strip at three quarters of its chord, camber apart [m/s]."""
+    return -motion.normal_ahead(collocation(motion))
+
+
+def collocation(motion: StripMotion) -> Any:
+    """Where the normalwash is taken, ahead of the quarter chord [m]."""
+    return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
+
+
+def airspeed(motion: StripMotion) -> Any:
+    """Speed across the span where the normalwash is taken, never zero [m/s]."""
+    normal = motion.normal_ahead(collocation(motion))
+    return smooth_norm(motion.forward * motion.forward + normal * normal)
 
 
 def strip_flow(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, chord_fraction: Any = 0.25) -> ca.SX:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.polars import (
     SectionFlow,
     TablePolar,
@@ -169,8 +170,7 @@ def measured_section_from_description(description: Mapping[str, Any]) -> Measure
         ParameterError: If a key is missing or unknown, or the polar is no table.
     """
     known = {*_NUMBERS, "separated", "stalled"}
-    if set(description) != known:
-        raise ParameterError("section", f"the keys {sorted(known)}", sorted(description))
+    check_keys("section", description, known)
     stalled = polar_from_description(description["stalled"])
     if not isinstance(stalled, TablePolar):
         raise ParameterError("section stalled", "a polar of the name table", stalled.name)

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.named_descriptions import from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.table_interpolation import table_values
 from patagium.errors import ParameterError
@@ -258,15 +259,6 @@ def polar_from_description(description: Mapping[str, Any]) -> Polar:
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: dict[str, type[DickinsonPolar | SmoothPolar | TablePolar]] = {
-        kind.name: kind for kind in (DickinsonPolar, SmoothPolar, TablePolar)
-    }
-    values = dict(description)
-    name = values.pop("name", None)
-    if name not in kinds:
-        raise ParameterError("polar", f"one of {', '.join(kinds)}", name)
-    kind = kinds[name]
-    names = {field.name for field in fields(kind)}
-    if set(values) != names:
-        raise ParameterError(f"polar {name}", f"the keys {sorted(names)}", sorted(values))
-    return kind(**values)
+    kinds = DickinsonPolar, SmoothPolar, TablePolar
+    polar: Polar = from_named_description("polar", kinds, description)
+    return polar

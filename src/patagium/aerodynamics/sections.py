@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
@@ -165,7 +166,6 @@ def section_from_description(description: Mapping[str, Any]) -> Section:
         ParameterError: If a key is missing or unknown.
     """
     known = {*_NUMBERS, "stalled"}
-    if set(description) != known:
-        raise ParameterError("section", f"the keys {sorted(known)}", sorted(description))
+    check_keys("section", description, known)
     numbers = {name: description[name] for name in _NUMBERS}
     return Section(**numbers, stalled=polar_from_description(description["stalled"]))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.errors import ParameterError
 
 
@@ -62,6 +63,5 @@ def stall_delay_from_description(description: Mapping[str, Any]) -> StallDelay:
     Raises:
         ParameterError: If a key is missing or unknown.
     """
-    if set(description) != set(DELAYS):
-        raise ParameterError("stall delay", f"the keys {sorted(DELAYS)}", sorted(description))
+    check_keys("stall delay", description, DELAYS)
     return StallDelay(**description)

@@ -22,6 +22,7 @@ from patagium.aerodynamics.gusts import (
     profile_from_description,
     triple,
 )
+from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.errors import ParameterError, ShapeError, positive
 
 Array = NDArray[np.float64]
@@ -160,8 +161,7 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
     if description.get("name") != "traveling":
         return profile_from_description(description)
     known = {"name", "profile", "direction", "speed", "origin"}
-    if set(description) != known:
-        raise ParameterError("gust traveling", f"the keys {sorted(known)}", sorted(description))
+    check_keys("gust traveling", description, known)
     profile = profile_from_description(description["profile"])
     direction, origin = tuple(description["direction"]), tuple(description["origin"])
     return TravelingGust(profile, direction, description["speed"], origin)

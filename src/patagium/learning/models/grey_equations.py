@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as ca
 
 from patagium.aerodynamics.added_mass import AddedMass
-from patagium.aerodynamics.induced_velocity import Relaxation, lag_step
+from patagium.aerodynamics.lag_states import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError

@@ -14,20 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.induced_velocity import (
-    Lags,
     Normalwash,
-    Relaxation,
-    airspeed,
+    VortexSystem,
     attached_lift,
     implicit_lag_step,
-    normalwash,
     solve_normalwash,
 )
-from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.lag_states import Lags, Relaxation
+from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
 from patagium.aerodynamics.polars import SectionFlow, section_flow
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
-from patagium.aerodynamics.trailing_vortices import Lattice, lattice, strip_chains
+from patagium.aerodynamics.trailing_vortices import lattice, strip_chains
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.learning.models.hidden_numbers import coded_size, learned_air
@@ -90,9 +88,10 @@ class _Air:
         n_q = machine.coordinate_count
         self.q, v = self.x[:n_q], self.x[n_q:]
         self.numbers = learned_air(self.coded, lags)
-        self.chains = strip_chains(machine)
+        chains = strip_chains(machine)
         self.motions = strip_motions(self.robot, self.q, v, wind)
-        self.net: Lattice = lattice(self.robot, self.chains, self.q, v, wind)
+        net = lattice(self.robot, chains, self.q, v, wind)
+        self.vortices = VortexSystem(chains, net, self.motions)
         self.geometric = ca.vertcat(*[normalwash(motion) for motion in self.motions])
         self.gains = surface_gains(machine, self.robot, SURFACE_CONSTANT)
         self.state = ca.SX.sym("state", self.count * lags)
@@ -102,13 +101,11 @@ class _Air:
     def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
         """Normalwashes of all strips with lags in a state."""
         slope = self.numbers.lift_slope
-        return solve_normalwash(
-            self.chains, self.net, self.motions, self.geometric, state, lags, slope
-        )
+        return solve_normalwash(self.vortices, self.geometric, state, lags, slope)
 
     def reached(self, state: ca.SX, step: Any, before: Relaxation) -> tuple[ca.SX, ca.SX]:
         """Lags and effective normalwashes at the end of a step."""
-        known = self.chains, self.net, self.motions, self.geometric, state, step, before
+        known = self.vortices, self.geometric, state, step, before
         return implicit_lag_step(*known, self.numbers.lags, self.numbers.lift_slope)
 
     def repeated(self, of_strips: ca.SX) -> ca.SX:
@@ -244,7 +241,7 @@ def _wrench(
     attached = 1 - separated
     pressure = air.density * area * air.numbers.lift_slope * airspeed(motion) / 2
     ahead_normal = motion.normal_ahead(ahead)
-    lift = attached_lift(motion, air.net, wash, i, air.gains[i], pressure, ahead_normal)
+    lift = attached_lift(air.vortices, wash, i, air.gains[i], pressure, ahead_normal)
     unit = air.scale * air.density * area * flow.speed / 2
     sine, along = -flow.normal / flow.speed, motion.spanwise_ahead(ahead)
     push = unit * flow.speed

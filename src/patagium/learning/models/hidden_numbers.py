@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.indicial import Indicial, fitted_indicial
-from patagium.aerodynamics.induced_velocity import Lags
+from patagium.aerodynamics.lag_states import Lags
 from patagium.errors import ParameterError
 
 Array = NDArray[np.float64]
