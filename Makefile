@@ -41,10 +41,10 @@ demo: $(STAMP)
 	@$(BIN)/patagium reproduce --out $(OUT)/demo
 
 test: $(STAMP)
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(TESTS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(TESTS)
 
 test-core: $(STAMP)
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile tests/core
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder tests/core
 
 golden: $(STAMP)
 	@$(BIN)/python -m pytest -q tests/core/golden --accept-golden

@@ -24,6 +24,23 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, max_exa
 settings.load_profile("repeatable")
 
 
+SLOW = (
+    *("test_reproduce.py", "test_live_browser.py", "test_validation.py", "test_rig.py"),
+    *("test_documentation.py", "test_quaternion_base.py", "test_stall_delay_invariants.py"),
+    *("test_readme.py", "test_command_line.py", "test_flight_fallback.py", "test_cycles.py"),
+)
+"""Files that take longest, the longest first."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow files begin first, so that no worker waits for the last one alone.
+
+    It needs `--no-loadscope-reorder`, which `make test` gives.
+    """
+    places = {name: place for place, name in enumerate(SLOW)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+
+
 @pytest.fixture(autouse=True)
 def fixed_seeds() -> None:
     """The same random numbers in every run, whatever ran before."""
