@@ -16,9 +16,12 @@ from patagium_lab.bench.targets import TARGETS, figure_text, speed_targets
 from patagium_lab.learners.entries import ENTRIES
 from patagium_lab.reproduction import page as reproduction_page
 from patagium_lab.rig import page as rig_page
-from patagium_lab.validation.cases.case import CaseResult, Target
-from patagium_lab.validation.page import write_validation
-from patagium_lab.validation.run import error_rows, validate
+from patagium_lab.study import Stages
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit
+from patagium_lab.validation.page import page as validation_page
+from patagium_lab.validation.plan import ValidationPlan
+from patagium_lab.validation.run import error_rows
+from patagium_lab.validation.run import run as run_validation
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -29,7 +32,7 @@ def rows_of(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
 
 
-def made_up(errors: dict[str, float], **targets: Target) -> CaseResult:
+def made_up(errors: dict[str, float], **targets: ErrorLimit) -> CaseResult:
     """A case of nothing."""
     x = np.linspace(0.0, 1.0, 5)
     return CaseResult(
@@ -39,9 +42,11 @@ def made_up(errors: dict[str, float], **targets: Target) -> CaseResult:
 
 
 def test_the_page_of_the_validation_says_what_the_results_say(tmp_path: Path) -> None:
-    (real,) = validate(["wagner"])
-    missed = made_up({"good": 0.1, "bad": 0.3}, good=Target(0.2, "a book"), bad=Target(0.2, "it"))
-    text = write_validation(tmp_path / "v.md", [real, missed]).read_text("utf-8")
+    (real,) = run_validation(ValidationPlan(("wagner",)), Stages())
+    missed = made_up(
+        {"good": 0.1, "bad": 0.3}, good=ErrorLimit(0.2, "a book"), bad=ErrorLimit(0.2, "it")
+    )
+    text = validation_page([real, missed]).write(tmp_path / "v.md").read_text("utf-8")
     cells = rows_of(text)
     for row in error_rows([real, missed]):
         name = row["model"] if row["ours"] else f"{row['model']} (others')"
@@ -54,7 +59,7 @@ def test_the_page_of_the_validation_says_what_the_results_say(tmp_path: Path) ->
     fails = text.split("## What fails, and why")[1].split("\n## ")[0]
     assert "**A case**" in fails and "Because of this." in fails and "Wagner" not in fails
     assert {one.name for one in (tmp_path / "v").iterdir()} == {"wagner-step.svg", "a-case.svg"}
-    page = write_validation(tmp_path / "v.html", [missed]).read_text("utf-8")
+    page = validation_page([missed]).write(tmp_path / "v.html").read_text("utf-8")
     assert "<strong>no</strong>" in page and page.count("<img ") == 1
 
 

@@ -19,13 +19,13 @@ from patagium_lab.stress.calibration import flight_calibration
 from patagium_lab.stress.campaign import (
     FIRST,
     WORST_RATIO,
-    Pilot,
-    course_of,
+    LearnerKind,
+    fault_free,
     learner_of,
+    measured_flight,
     one_run,
     run_fault,
     run_kill,
-    undisturbed,
 )
 from patagium_lab.stress.damage import (
     BEAT,
@@ -37,18 +37,19 @@ from patagium_lab.stress.damage import (
 )
 from patagium_lab.stress.endurance import single_precision, steady_glide
 from patagium_lab.stress.faults import FAULTS
+from patagium_lab.stress.plan import StressPlan
 
-PILOTS = (
-    Pilot("strip", "full", "float32", detects=True, seed=0),
-    Pilot("dense", "node", "float64", detects=False, seed=1),
-    Pilot("dense", "node", "float32", detects=True, seed=0),
+KINDS = (
+    LearnerKind("strip", "full", "float32", detects=True, seed=0),
+    LearnerKind("dense", "node", "float64", detects=False, seed=1),
+    LearnerKind("dense", "node", "float32", detects=True, seed=0),
 )
 
 
 @pytest.mark.parametrize("name", FAULTS)
-@pytest.mark.parametrize("pilot", PILOTS, ids=["strip full", "dense node", "dense node single"])
-def test_a_fault_is_counted_and_survived(pilot, name) -> None:
-    row = run_fault(pilot, FAULTS[name], np.random.default_rng([7, len(name)]))
+@pytest.mark.parametrize("kind", KINDS, ids=["strip full", "dense node", "dense node single"])
+def test_a_fault_is_counted_and_survived(kind, name) -> None:
+    row = run_fault(kind, FAULTS[name], np.random.default_rng([7, len(name)]))
     assert row["crash"] == "" and row["finite"] and row["definite"]
     assert row["counted"], row["events"]
     assert row["ratio"] <= WORST_RATIO
@@ -57,25 +58,25 @@ def test_a_fault_is_counted_and_survived(pilot, name) -> None:
 @pytest.mark.parametrize("name", ["spikes", "storm"])
 def test_the_campaign_would_see_a_learner_that_does_not_screen(name) -> None:
     row = run_fault(
-        replace(PILOTS[0], screened=False), FAULTS[name], np.random.default_rng([7, len(name)])
+        replace(KINDS[0], screened=False), FAULTS[name], np.random.default_rng([7, len(name)])
     )
     assert row["crash"] or not row["recovered"]
 
 
 def test_a_twin_goes_on_bit_for_bit_from_where_the_fault_begins() -> None:
-    pilot = PILOTS[0]
-    twin, feed, learner = undisturbed(pilot), course_of(pilot.seed).feed, learner_of(pilot)
+    kind = KINDS[0]
+    twin, feed, learner = fault_free(kind), measured_flight(kind.seed).feed, learner_of(kind)
     for k in range(FIRST):
         learner.update(feed.x[k], feed.y[k], feed.time[k])
-    other = learner_of(pilot)
+    other = learner_of(kind)
     other.resume(twin.state)
     assert (learner.weights == other.weights).all()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_no_state_is_lost_to_kill_9() -> None:
-    rows = [run_kill(pilot, np.random.default_rng([5, k])) for k, pilot in enumerate(PILOTS)]
-    assert [row["lost"] for row in rows] == [False] * len(PILOTS)
+    rows = [run_kill(kind, np.random.default_rng([5, k])) for k, kind in enumerate(KINDS)]
+    assert [row["lost"] for row in rows] == [False] * len(KINDS)
 
 
 def test_a_run_is_drawn_from_seed_and_number() -> None:
@@ -154,9 +155,9 @@ def test_single_precision_is_as_good_as_double(precision) -> None:
 @pytest.fixture(scope="module")
 def small(rows_of_damage, precision):
     draw = np.random.default_rng(1)
-    faulted = {"run": 1, "fault": "no input"} | run_fault(PILOTS[1], FAULTS["no input"], draw)
-    killed = {"run": 10, "fault": "kill -9 while saving"} | run_kill(PILOTS[1], draw)
-    return study.StressStudy(
+    faulted = {"run": 1, "fault": "no input"} | run_fault(KINDS[1], FAULTS["no input"], draw)
+    killed = {"run": 10, "fault": "kill -9 while saving"} | run_kill(KINDS[1], draw)
+    return study.StressResults(
         seed=2,
         runs=[faulted, killed],
         damage=rows_of_damage,
@@ -168,18 +169,18 @@ def small(rows_of_damage, precision):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_the_command_writes_page_and_figures(small, monkeypatch, tmp_path, capsys) -> None:
-    asked = {}
+    asked = []
 
-    def found(runs, seed, **options):
-        asked.update(runs=runs, seed=seed, **options)
+    def found(plan, stages):
+        asked.append(plan)
         return small
 
-    monkeypatch.setattr(study, "stress", found)
+    monkeypatch.setattr(study, "run", found)
     page = tmp_path / "page.html"
     with pytest.raises(SystemExit) as left:
         run(["stress", "--runs", "3", "--seed", "2", "--jobs", "1", "-o", str(page), "--json"])
     assert not left.value.code
-    assert (asked["runs"], asked["seed"], asked["workers"]) == (3, 2, 1)
+    assert (asked[0].runs, asked[0].seed, asked[0].workers) == (3, 2, 1)
     figures = json.loads(capsys.readouterr().out)
     assert [row["fault"] for row in figures["faults"]] == ["no input", "kill -9 while saving"]
     assert all(not row["crashes"] and not row["lost_states"] for row in figures["faults"])
@@ -190,9 +191,9 @@ def test_the_command_writes_page_and_figures(small, monkeypatch, tmp_path, capsy
 
 def test_no_runs_and_no_workers_are_refused() -> None:
     with pytest.raises(ParameterError, match="runs"):
-        study.stress(0)
+        StressPlan(runs=0)
     with pytest.raises(ParameterError, match="jobs"):
-        study.stress(1, workers=0)
+        StressPlan(workers=0)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

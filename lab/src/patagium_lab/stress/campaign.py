@@ -1,9 +1,9 @@
-"""Learners flown through faults, each beside a twin that never met one.
+"""Campaign of faults: learners flown through faults, each beside the same learner without one.
 
-A run draws a learner, a fault, its place and its length from a seed. What is checked: nothing
-stops the learner, its weights are finite, its covariance definite, it counted what was done to
-it, and soon after it predicts as its twin does. Neglected: faults of the machine that it runs on,
-but for kill -9.
+A run draws a learner, a fault, its place and its length from a seed. These are checked: nothing
+stops the learner, its weights are finite, its covariance is definite, it counts the faulty
+samples, and soon after the fault it predicts as well as without it. Neglected: faults of the
+machine that it runs on, except for kill -9.
 """
 
 from __future__ import annotations
@@ -41,32 +41,32 @@ Array = NDArray[np.float64]
 
 SAMPLES = 1500
 TIME_STEP, EVERY = 1e-4, 4
-"""Of the flight [s]; one sample in so many is learned, so that wingbeats come again."""
+"""Time step of the flight [s]; one sample in this many is learned, so that wingbeats repeat."""
 NOISE = 0.02
-"""Deviation of the measurement, as a share of each output's own."""
+"""Standard deviation of the noise over that of each output."""
 FIRST, LAST = 500, 800
 """The fault begins between these samples."""
 SETTLING, WINDOW = 200, 300
-"""The error is compared over so many samples, so many after the fault."""
+"""Samples between the fault and the comparison of errors, and samples of the comparison."""
 WORST_RATIO = 2.0
-"""Of the error after a fault over that of the twin; above it a learner has not recovered."""
+"""Error after a fault over that without it, above which a learner has not recovered."""
 KILL = "kill -9 while saving"
 FAULT_NAMES = (*FAULTS, KILL)
 STRUCTURES: tuple[Structure, ...] = ("full", "layer", "node", LowRank(4))
 SHARES = (0.1, 0.15, 0.7, 0.05)
-"""Of the learners that have each; noise between samples makes the others slow."""
+"""Share of the learners that have each structure; screening makes the others slow."""
 
 
 @dataclass(frozen=True)
-class Pilot:
-    """A learner as a user would fly it.
+class LearnerKind:
+    """Kind of a learner, set as a user would set it.
 
     Attributes:
         network: "strip" or "dense".
-        covariance: What is kept of it.
-        dtype: Its precision.
-        detects: Whether it looks for changes.
-        seed: Of the weights to start from and of the measurement's noise.
+        covariance: Structure of the covariance.
+        dtype: Precision of the filter.
+        detects: Whether it detects changes.
+        seed: Seed of the first weights and of the measurement's noise.
         screened: Whether it screens its samples.
     """
 
@@ -78,14 +78,14 @@ class Pilot:
     screened: bool = True
 
 
-class Course(NamedTuple):
-    """A flight, measured with noise.
+class MeasuredFlight(NamedTuple):
+    """A flight measured with noise.
 
     Attributes:
         feed: Samples as they are measured.
-        truth: What there was to measure, (N, n_y).
-        std: Of the noise, (n_y,).
-        size: Deviation of what there was to measure, (n_y,).
+        truth: True outputs, (N, n_y) [N, N m].
+        std: Standard deviation of the noise, (n_y,) [N, N m].
+        size: Standard deviation of the true outputs, (n_y,) [N, N m].
     """
 
     feed: Feed
@@ -94,13 +94,13 @@ class Course(NamedTuple):
     size: Array
 
 
-class Twin(NamedTuple):
-    """A learner that met no fault.
+class FaultFree(NamedTuple):
+    """Result of a learner without a fault.
 
     Attributes:
         error: Normalized square error by sample, (N,).
-        state: What it was before the sample `FIRST`.
-        events: What it had counted by then.
+        state: State of the learner before the sample `FIRST`.
+        events: Events counted by then.
     """
 
     error: Array
@@ -109,15 +109,15 @@ class Twin(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Flown:
-    """What became of a learner.
+class FlightResult:
+    """Result of a learner on a feed.
 
     Attributes:
         error: Normalized square error by sample of the flight, mean over outputs, (N,).
-        events: What it counted.
-        finite: Whether all weights are.
+        events: Events that it counted.
+        finite: Whether all weights are finite.
         definite: Whether the covariance has a Cholesky factor.
-        crash: What stopped it; empty: nothing.
+        crash: Error that stopped it; empty if none did.
     """
 
     error: Array
@@ -128,38 +128,38 @@ class Flown:
 
 
 def campaign(seed: int, first: int, last: int) -> list[dict[str, Any]]:
-    """Runs `first` to `last - 1` of a seed, one JSON-able row each; see `run_fault`.
+    """JSON-able rows of the runs `first` to `last - 1`; see `run_fault`.
 
     Args:
-        seed: Of the campaign.
+        seed: Seed of the campaign.
         first: Number of the first run.
-        last: One past the last.
+        last: Number after that of the last run.
     """
     return [one_run(seed, number) for number in range(first, last)]
 
 
 def one_run(seed: int, number: int) -> dict[str, Any]:
-    """A run of a campaign; faults come in turn, everything else is drawn.
+    """One run of a campaign; faults come in turn, everything else is drawn.
 
     Args:
-        seed: Of the campaign.
-        number: Of the run.
+        seed: Seed of the campaign.
+        number: Number of the run.
     """
     draw = np.random.default_rng([seed, number])
     names = FAULT_NAMES if hasattr(os, "fork") else tuple(FAULTS)
-    name, pilot = names[number % len(names)], drawn_pilot(draw)
-    row = run_kill(pilot, draw) if name == KILL else run_fault(pilot, FAULTS[name], draw)
-    about = {"run": number, "fault": name, "network": pilot.network, "dtype": pilot.dtype}
-    return about | {"covariance": str(pilot.covariance), "detects": pilot.detects} | row
+    name, kind = names[number % len(names)], drawn_kind(draw)
+    row = run_kill(kind, draw) if name == KILL else run_fault(kind, FAULTS[name], draw)
+    about = {"run": number, "fault": name, "network": kind.network, "dtype": kind.dtype}
+    return about | {"covariance": str(kind.covariance), "detects": kind.detects} | row
 
 
-def drawn_pilot(draw: np.random.Generator) -> Pilot:
-    """A learner out of 64 kinds.
+def drawn_kind(draw: np.random.Generator) -> LearnerKind:
+    """Random kind of learner.
 
     Args:
-        draw: Where it comes from.
+        draw: Generator of random numbers.
     """
-    return Pilot(
+    return LearnerKind(
         network=str(draw.choice(["strip", "dense"])),
         covariance=STRUCTURES[int(draw.choice(len(STRUCTURES), p=SHARES))],
         dtype="float32" if draw.integers(2) else "float64",
@@ -168,30 +168,30 @@ def drawn_pilot(draw: np.random.Generator) -> Pilot:
     )
 
 
-def run_fault(pilot: Pilot, fault: Fault, draw: np.random.Generator) -> dict[str, Any]:
-    """A learner through a fault.
+def run_fault(kind: LearnerKind, fault: Fault, draw: np.random.Generator) -> dict[str, Any]:
+    """Result of a learner flown through a fault.
 
     Args:
-        pilot: The learner.
+        kind: Kind of the learner.
         fault: One of `FAULTS`.
-        draw: Where the fault's place and length come from.
+        draw: Generator of the fault's place and length.
 
     Returns:
         crash, finite, definite, counted (events as injected), ratio (error after the fault over
-        the twin's), recovered, events.
+        that without it), recovered, events.
     """
-    course, twin, learner = course_of(pilot.seed), undisturbed(pilot), learner_of(pilot)
-    learner.resume(twin.state)
-    faulted = fault(draw, course.feed, int(draw.integers(FIRST, LAST)), course.std)
+    flight, clean, learner = measured_flight(kind.seed), fault_free(kind), learner_of(kind)
+    learner.resume(clean.state)
+    faulted = fault(draw, flight.feed, int(draw.integers(FIRST, LAST)), flight.std)
     end = faulted.last + SETTLING + WINDOW
     kept = np.flatnonzero(faulted.feed.sample < end)[FIRST:]
-    flown = fly(learner, faulted.feed.taken(kept), course)
-    added = {name: flown.events[name] - twin.events[name] for name in flown.events}
-    ratio = _ratio(flown.error, twin.error, end - WINDOW)
+    found = fly(learner, faulted.feed.taken(kept), flight)
+    added = {name: found.events[name] - clean.events[name] for name in found.events}
+    ratio = _ratio(found.error, clean.error, end - WINDOW)
     return {
-        "crash": flown.crash,
-        "finite": flown.finite,
-        "definite": flown.definite,
+        "crash": found.crash,
+        "finite": found.finite,
+        "definite": found.definite,
         "counted": _counted(faulted, added),
         "ratio": ratio,
         "recovered": ratio <= WORST_RATIO,
@@ -199,18 +199,18 @@ def run_fault(pilot: Pilot, fault: Fault, draw: np.random.Generator) -> dict[str
     }
 
 
-def run_kill(pilot: Pilot, draw: np.random.Generator) -> dict[str, Any]:
-    """A learner that is killed while it saves, and goes on from its file.
+def run_kill(kind: LearnerKind, draw: np.random.Generator) -> dict[str, Any]:
+    """Result of a learner that is killed while it saves, and goes on from its file.
 
     Args:
-        pilot: The learner.
-        draw: Where the moment comes from.
+        kind: Kind of the learner.
+        draw: Generator of the moment.
 
     Returns:
         As `run_fault`; lost: the file does not load, is older than what was said to be saved, or
         the learner in it does not go on bit for bit; interrupted: a draft was left behind.
     """
-    feed, learner = course_of(pilot.seed).feed, learner_of(pilot)
+    feed, learner = measured_flight(kind.seed).feed, learner_of(kind)
     begin = int(draw.integers(5, 50))
     for k in range(begin):
         learner.update(feed.x[k], feed.y[k], feed.time[k])
@@ -233,91 +233,91 @@ def run_kill(pilot: Pilot, draw: np.random.Generator) -> dict[str, Any]:
 
 
 @cache
-def course_of(seed: int) -> Course:
-    """The flight, measured with noise drawn from a seed.
+def measured_flight(seed: int) -> MeasuredFlight:
+    """The corrected flight measured with noise.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
     every = training_data(corrected_flight(SAMPLES * EVERY * TIME_STEP))
     stamps, x, truth = (part[:-1:EVERY] for part in every)
     size = truth.std(axis=0)
     std = NOISE * np.maximum(size, 1e-3 * size.max())
     noise = std * np.random.default_rng(seed).normal(size=truth.shape)
-    return Course(Feed(stamps, x, truth + noise, np.arange(SAMPLES)), truth, std, size)
+    return MeasuredFlight(Feed(stamps, x, truth + noise, np.arange(SAMPLES)), truth, std, size)
 
 
-def learner_of(pilot: Pilot) -> CubatureLearner:
+def learner_of(kind: LearnerKind) -> CubatureLearner:
     """A learner at its start.
 
     Args:
-        pilot: What it is.
+        kind: Kind of the learner.
     """
     subject = FLIGHT_CASES["corrected"]
     robot, lever = load_robot(subject.robot), lever_arms(load_robot(subject.robot))
-    strip = pilot.network == "strip"
+    strip = kind.network == "strip"
     network = StripNetwork(robot, (6,), activation="tanh") if strip else dense_network((3,))
     return CubatureLearner(
         network,
         prior_std=0.5,
         measurement_std=0.05 * subject.strip_force * lever,
         spread=SPREAD,
-        dtype=pilot.dtype,
-        seed=pilot.seed,
+        dtype=kind.dtype,
+        seed=kind.seed,
         prior_share=1e-4,
-        covariance=pilot.covariance,
-        screening=Screening(stuck_samples=STUCK_SAMPLES) if pilot.screened else None,
+        covariance=kind.covariance,
+        screening=Screening(stuck_samples=STUCK_SAMPLES) if kind.screened else None,
         noise_estimation=NoiseEstimation(300),
-        change_detection=ChangeDetection(1e-9, 50, 300, 0.3) if pilot.detects else None,
+        change_detection=ChangeDetection(1e-9, 50, 300, 0.3) if kind.detects else None,
     )
 
 
 @cache
-def undisturbed(pilot: Pilot) -> Twin:
-    """The same learner through the same flight without a fault.
+def fault_free(kind: LearnerKind) -> FaultFree:
+    """Result of a learner on the flight without a fault.
 
     Args:
-        pilot: What it is.
+        kind: Kind of the learner.
     """
-    course, learner = course_of(pilot.seed), learner_of(pilot)
-    before, after = course.feed.taken(slice(FIRST)), course.feed.taken(slice(FIRST, None))
-    error = fly(learner, before, course).error[:FIRST]
+    flight, learner = measured_flight(kind.seed), learner_of(kind)
+    before, after = flight.feed.taken(slice(FIRST)), flight.feed.taken(slice(FIRST, None))
+    error = fly(learner, before, flight).error[:FIRST]
     state, events = learner.state(), learner.events
-    later = fly(learner, after, course).error[FIRST:]
-    return Twin(np.concatenate([error, later]), state, events)
+    later = fly(learner, after, flight).error[FIRST:]
+    return FaultFree(np.concatenate([error, later]), state, events)
 
 
-def fly(learner: CubatureLearner, feed: Feed, course: Course) -> Flown:
-    """A learner through a feed.
+def fly(learner: CubatureLearner, feed: Feed, flight: MeasuredFlight) -> FlightResult:
+    """Result of a learner on a feed.
 
     Args:
-        learner: It is changed.
-        feed: What it gets.
-        course: What there was to measure.
+        learner: The learner; it is changed.
+        feed: Samples in the order in which it gets them.
+        flight: The flight that was measured.
     """
     innovation, crash = np.full(feed.y.shape, np.nan), ""
     try:
         for row, stamp in enumerate(feed.time):
             innovation[row] = learner.update(feed.x[row], feed.y[row], stamp)
-    except Exception as problem:  # whatever it is, it is what the campaign looks for
+    except Exception as problem:  # any error at all is what the campaign looks for
         crash = f"{type(problem).__name__}: {problem}"
-    size = np.where(course.size > 1e-3 * course.size.max(), course.size, np.nan)
-    error = np.full(course.truth.shape, np.nan)
+    size = np.where(flight.size > 1e-3 * flight.size.max(), flight.size, np.nan)
+    error = np.full(flight.truth.shape, np.nan)
     sane = np.where(np.abs(feed.y) < 1e3 * size, feed.y, np.nan)  # beyond, the sum is rounding
-    error[feed.sample] = (sane - innovation - course.truth[feed.sample]) / size
+    error[feed.sample] = (sane - innovation - flight.truth[feed.sample]) / size
     finite = bool(np.isfinite(learner.weights).all())
     known = np.isfinite(error)
     total, parts = np.where(known, error, 0.0) ** 2, known.sum(axis=1)
     each = total.sum(axis=1) / np.where(parts > 0, parts, np.nan)
-    return Flown(each, learner.events, finite, finite and is_definite(learner), crash)
+    return FlightResult(each, learner.events, finite, finite and is_definite(learner), crash)
 
 
-def _ratio(error: Array, twin: Array, begin: int) -> float:
-    """Error after a fault over that of the twin; infinite where nothing was predicted."""
-    after, usual = (values[begin : begin + WINDOW] for values in (error, twin))
+def _ratio(error: Array, clean: Array, begin: int) -> float:
+    """Error after a fault over that without it; infinite where nothing was predicted."""
+    after, usual = (values[begin : begin + WINDOW] for values in (error, clean))
     if not np.isfinite(after).any():
         return np.inf
-    floor = 0.1 * NOISE**2  # what a learner makes of noise; below it errors do not count
+    floor = 0.1 * NOISE**2  # a learner's own error from noise; smaller errors do not count
     return float((np.nanmean(after) + floor) / (np.nanmean(usual) + floor))
 
 
@@ -327,7 +327,7 @@ def _counted(faulted: Faulted, added: dict[str, int]) -> bool:
 
 
 def _killed_child(learner: CubatureLearner, feed: Feed, path: Path, delay: float) -> int:
-    """Samples that a forked child said it had saved before it was killed."""
+    """Number of samples that a forked child reported as saved before it was killed."""
     listen, speak = os.pipe()
     child = os.fork()
     if child == 0:
@@ -349,7 +349,7 @@ def _killed_child(learner: CubatureLearner, feed: Feed, path: Path, delay: float
 
 
 def _goes_on(learner: CubatureLearner, feed: Feed, path: Path, said: int) -> bool:
-    """Whether the file holds the learner as it was, and that goes on as if never killed."""
+    """Whether the file holds the learner as it was, and it goes on as if it was never killed."""
     kept = load_learner(path)
     if not said <= kept.count <= said + 1:
         return False

@@ -1,38 +1,36 @@
-"""How much a learner takes: faults by the hundred, a broken wing, ten million updates.
+"""Run of the stress study: faults by the hundred, a broken wing, ten million updates.
 
-Neglected: faults of more than one kind at a time, but for the storm.
+Neglected: faults of more than one kind at a time, except for the storm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from patagium.errors import ParameterError
-from patagium_lab.jobs import WORKERS, Job, run_jobs
+from patagium_lab.jobs import Job, run_jobs
 from patagium_lab.stress.calibration import NOISES, flight_calibration, log_calibration
 from patagium_lab.stress.campaign import FAULT_NAMES, campaign
 from patagium_lab.stress.damage import damage_row, learner_names
-from patagium_lab.stress.endurance import GLIDE, UPDATES, single_precision, steady_glide
+from patagium_lab.stress.endurance import single_precision, steady_glide
+from patagium_lab.stress.plan import StressPlan
+from patagium_lab.study import Stages
 
-RUNS = 1000
 CHUNK = 25
 """Runs of the campaign that a worker takes at a time."""
 
 
 @dataclass(frozen=True)
-class StressStudy:
-    """What was found; rows are JSON-able.
+class StressResults:
+    """Results of the stress study; rows are JSON-able.
 
     Attributes:
-        seed: Of the campaign.
-        runs: One row a run of the campaign; see `stress_campaign.run_fault`.
-        damage: One row a learner; see `stress_damage.Recovery.row`.
-        calibration: One row a flight or log; see `stress_calibration.log_calibration`.
-        glide: See `stress_endurance.steady_glide`.
-        precision: See `stress_endurance.single_precision`.
+        seed: Seed of the campaign.
+        runs: Row of each run of the campaign; see `campaign.run_fault`.
+        damage: Row of each learner; see `damage.Recovery.row`.
+        calibration: Row of each flight or log; see `calibration.log_calibration`.
+        glide: See `endurance.steady_glide`.
+        precision: See `endurance.single_precision`.
     """
 
     seed: int
@@ -43,12 +41,12 @@ class StressStudy:
     precision: dict[str, Any]
 
     def faults(self) -> list[dict[str, Any]]:
-        """The campaign by fault: counts of what must not happen, and of what was counted."""
+        """Rows of the campaign by fault: counts of failures and of counted events."""
         names = [name for name in FAULT_NAMES if any(r["fault"] == name for r in self.runs)]
         return [_fault_row(name, [r for r in self.runs if r["fault"] == name]) for name in names]
 
-    def rows(self) -> dict[str, Any]:
-        """All of it for a JSON file, runs summed up by fault."""
+    def metrics(self) -> dict[str, Any]:
+        """All results for a JSON file, with the runs summed up by fault."""
         return {
             "seed": self.seed,
             "runs": len(self.runs),
@@ -61,51 +59,33 @@ class StressStudy:
         }
 
 
-def stress(
-    runs: int = RUNS,
-    seed: int = 0,
-    *,
-    workers: int = WORKERS,
-    log: str | Path | None = None,
-    glide: int = GLIDE,
-    updates: int = UPDATES,
-    progress: Callable[[float], None] | None = None,
-) -> StressStudy:
-    """The whole study.
+def run(plan: StressPlan, stages: Stages) -> StressResults:
+    """Results of the whole study.
 
     Args:
-        runs: Of the campaign.
-        seed: Of the campaign.
-        workers: Number of processes.
-        log: The quadrotor's log for the calibration; None: without it.
-        glide: Samples of the steady glide.
-        updates: Of the comparison of precisions.
-        progress: Told the part of the work done.
-
-    Raises:
-        ParameterError: If there are no runs or no workers.
+        plan: What is run.
+        stages: Receives progress.
     """
-    for name, value in (("runs", runs), ("jobs", workers)):
-        if value < 1:
-            raise ParameterError(name, "a positive integer", value)
-    starts = range(0, runs, CHUNK)
+    starts = range(0, plan.runs, CHUNK)
     parts = [
-        [Job(campaign, (seed, first, min(first + CHUNK, runs)), 10.0) for first in starts],
+        [Job(campaign, (plan.seed, k, min(k + CHUNK, plan.runs)), 10.0) for k in starts],
         [Job(damage_row, (name,), 20.0) for name in learner_names()],
         [Job(flight_calibration, (noise,), 5.0) for noise in NOISES],
-        [] if log is None else [Job(log_calibration, (str(log),), 10.0)],
-        [Job(steady_glide, (glide,), 2e-5 * glide)],
-        [Job(single_precision, (updates,), 1e-5 * updates)],
+        [] if plan.log is None else [Job(log_calibration, (str(plan.log),), 10.0)],
+        [Job(steady_glide, (plan.glide,), 2e-5 * plan.glide)],
+        [Job(single_precision, (plan.updates,), 1e-5 * plan.updates)],
     ]
-    found = iter(run_jobs([job for part in parts for job in part], progress, workers))
-    chunks, damage, flights, logs, (glided,), (precise,) = (
+    with stages.stage("faults, damage, calibration and long runs", 0.0, 1.0) as tell:
+        found = iter(run_jobs([job for part in parts for job in part], tell, plan.workers))
+    chunks, damage, flights, logs, (glide,), (precision,) = (
         [next(found) for _ in part] for part in parts
     )
-    every = [row for chunk in chunks for row in chunk]
-    return StressStudy(seed, every, damage, [*flights, *logs], glided, precise)
+    runs = [row for chunk in chunks for row in chunk]
+    return StressResults(plan.seed, runs, damage, [*flights, *logs], glide, precision)
 
 
 def _fault_row(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Counts of failures over the runs of one fault."""
     ratios = sorted(run["ratio"] for run in runs)
     counted: dict[str, int] = {}
     for run in runs:

@@ -1,107 +1,93 @@
-"""The page of the validation: targets first, what fails and why, then case by case.
-
-Every figure on it is a result's. Neglected: cases that were not computed.
-"""
+"""Page of the validation: targets first, what fails and why, then case by case."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from patagium.report import PageSection, Table, picture, write_page
+from patagium.report import Block, PageSection, picture
 from patagium.report.figures import curves
 from patagium_lab.conditions import conditions
-from patagium_lab.targets import count_met, verdict
+from patagium_lab.study import Columns, Page, Row, table_of
+from patagium_lab.targets import count_met, row_verdict, verdict
 from patagium_lab.validation.cases.case import CaseResult
 from patagium_lab.validation.run import error_rows, target_rows
 
+TITLE = "Models of the air, validated"
 SUMMARY = (
-    "The models of the air beside closed forms, classical functions and measurements. No constant "
-    "of a model is tuned to a case; where others reached a figure it stands beside."
+    "The models of the air stand beside closed forms, classical functions and measurements. No "
+    "constant of a model is tuned to a case. Errors that others reached are shown where they are "
+    "known."
 )
 NOT_COMPARED = (
-    "Only lift, and the induced drag of steady wings, are compared. No drag, moment or power of a "
-    "moving wing, no wing that folds or bends, no hover and no free flight of a real robot: there "
-    "are no such records here. Both measured cases are a wing or a section alone in a wind tunnel."
+    "Only lift, and the induced drag of steady wings, are compared. There are no records here of "
+    "the drag, moment or power of a moving wing, of a wing that folds or bends, of hover, or of "
+    "the free flight of a real robot. Both measured cases are a wing or a section alone in a wind "
+    "tunnel."
 )
 
 
-def write_validation(path: str | Path, results: Sequence[CaseResult]) -> Path:
-    """Write the page.
+def page(results: Sequence[CaseResult]) -> Page:
+    """Whole page of the validation.
 
     Args:
-        path: File to write, Markdown or HTML.
-        results: What `validate` gave.
+        results: Results of `run`.
     """
-    facts = {"made by": "`patagium validate`", **conditions()}
-    sections = validation_sections(results)
-    return write_page(path, "Models of the air, validated", sections, summary=SUMMARY, facts=facts)
-
-
-def validation_sections(results: Sequence[CaseResult]) -> list[PageSection]:
-    """The page in reading order.
-
-    Args:
-        results: What `validate` gave.
-    """
-    return [
-        PageSection("Targets", [count_met(target_rows(results)), _targets(results)]),
+    rows = target_rows(results)
+    columns: Columns = {
+        "case: model": "target",
+        "error": "measure",
+        "found": "found",
+        "at most": "limit",
+        "met": row_verdict,
+    }
+    caption = "The section of each case says where its limit comes from."
+    sections = [
+        PageSection("Targets", [count_met(rows), table_of(columns, rows, caption)]),
         PageSection("What fails, and why", [*_failures(results), NOT_COMPARED]),
         *map(_case, results),
     ]
+    return Page(TITLE, SUMMARY, {"made by": "`patagium validate`", **conditions()}, sections)
 
 
-def _targets(results: Sequence[CaseResult]) -> Table:
-    rows = [
-        [row["target"], row["measure"], row["found"], row["limit"], verdict(row["met"])]
-        for row in target_rows(results)
-    ]
-    caption = "Where each limit comes from stands with its case."
-    return Table(("case: model", "error", "found", "at most", "met"), rows, caption)
-
-
-def _failures(results: Sequence[CaseResult]) -> list[str | Table]:
-    """What misses its target, and what has none to meet."""
-    missed = [
+def _failures(results: Sequence[CaseResult]) -> list[Block]:
+    """Cases that miss their target, and cases without a target."""
+    missed: list[Block] = [
         f"**{result.name}**: {count_met(target_rows([result]))} {result.note}"
         for result in results
         if any(row["met"] is False for row in target_rows([result]))
     ]
-    bare = [
-        [row["case"], row["model"], row["error"], row["measure"]]
-        for row in error_rows([result for result in results if not result.targets])
-    ]
-    said: list[str | Table] = [*missed] or ["No case misses its target."]
+    said = missed or ["No case misses its target."]
+    bare = error_rows([result for result in results if not result.targets])
     if bare:
-        caption = "Cases without a target, because nobody says how near is near enough."
-        said.append(Table(("case", "model", "error", "measure"), bare, caption))
+        columns = {
+            "case": "case",
+            "model": "model",
+            "error": "error",
+            "measure and unit of the error": "measure",
+        }
+        caption = "Cases without a target, because no source says how small the error should be."
+        said.append(table_of(columns, bare, caption))
     return said
 
 
 def _case(result: CaseResult) -> PageSection:
-    rows = [
-        [
-            row["model"] if row["ours"] else f"{row['model']} (others')",
-            row["error"],
-            row["limit"],
-            "–" if row["met"] is None else verdict(row["met"]),
-            row["reason"],
-        ]
-        for row in error_rows([result])
-    ]
-    columns = ("model", "error", "at most", "met", "where the limit comes from")
+    columns: Columns = {
+        "model": lambda row: row["model"] if row["ours"] else f"{row['model']} (others')",
+        "error": "error",
+        "at most": "limit",
+        "met": _met,
+        "where the limit comes from": "reason",
+    }
+    table = table_of(columns, error_rows([result]), f"Error: {result.measure}.")
+    caption = f"{result.name}: expected values, and the values of each model."
     note = f"{result.note} Expected: {result.source}."
-    caption = f"{result.name}: expected, and found by each model."
-    return PageSection(
-        result.name,
-        [
-            note,
-            Table(columns, rows, f"Error: {result.measure}."),
-            picture(_figure(result), caption),
-        ],
-    )
+    return PageSection(result.name, [note, table, picture(_figure(result), caption)])
+
+
+def _met(row: Row) -> str:
+    return "–" if row["met"] is None else verdict(row["met"])
 
 
 def _figure(result: CaseResult) -> Figure:

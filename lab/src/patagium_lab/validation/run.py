@@ -1,54 +1,42 @@
-"""The models of the air beside what is known: errors, case by case, against their targets.
-
-Every case is a module of `validation_cases`. Neglected: the time a case takes.
-"""
+"""Run of the validation: models of the air beside theory and measurement, case by case."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from patagium.errors import ParameterError
 from patagium.report import Table
-from patagium_lab.validation.cases import CASES
+from patagium_lab.study import Columns, Stages, table_of
 from patagium_lab.validation.cases.case import CaseResult
+from patagium_lab.validation.plan import ValidationPlan
 
 
-def validate(
-    only: Sequence[str] | None = None, progress: Callable[[int, int], None] | None = None
-) -> list[CaseResult]:
+def run(plan: ValidationPlan, stages: Stages) -> list[CaseResult]:
     """Results of the cases.
 
     Args:
-        only: Names out of `CASES`; all of them by default.
-        progress: Called with cases done and cases in all.
-
-    Raises:
-        ParameterError: If there is no case of a name.
+        plan: Cases that are computed.
+        stages: Receives progress.
     """
-    chosen = list(only or CASES)
-    for name in chosen:
-        if name not in CASES:
-            raise ParameterError("case", f"one of {', '.join(CASES)}", name)
     results: list[CaseResult] = []
-    for done, name in enumerate(chosen):
-        module = import_module(f"patagium_lab.validation.cases.{name}")
-        results += module.compute()
-        if progress is not None:
-            progress(done + 1, len(chosen))
+    for done, name in enumerate(plan.cases):
+        with stages.stage(name, done / len(plan.cases), (done + 1) / len(plan.cases)):
+            module = import_module(f"patagium_lab.validation.cases.{name}")
+            results += module.compute()
+    stages.tell("done", 1.0)
     return results
 
 
 def error_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
-    """One error a model and case, and what others reached, as JSON-able rows.
+    """Errors of every model and case, and errors that others reached, as JSON-able rows.
 
     Args:
-        results: What `validate` gave.
+        results: Results of `run`.
 
     Returns:
-        case, model, error, measure, whether it is ours, and limit, reason and met of its
-        target, each None where it has none.
+        Rows with the keys case, model, error, measure and ours (whether the model is ours);
+        limit, reason and met belong to the target of the model and are None without one.
     """
     return [
         {"case": r.name, "model": name, "error": error, "measure": r.measure, "ours": ours}
@@ -60,10 +48,10 @@ def error_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
 
 
 def target_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
-    """The targets among them: target, limit, found, met, and where each comes from.
+    """Rows of the targets, with the keys target, found, measure, limit, reason and met.
 
     Args:
-        results: What `validate` gave.
+        results: Results of `run`.
     """
     return [
         {"target": f"{row['case']}: {row['model']}", "found": row["error"]}
@@ -74,18 +62,20 @@ def target_rows(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
 
 
 def error_table(results: Sequence[CaseResult]) -> Table:
-    """The errors as a table.
+    """Table of all errors.
 
     Args:
-        results: What `validate` gave.
+        results: Results of `run`.
     """
-    rows = [
-        [r["case"], r["model"] if r["ours"] else f"{r['model']} (known)", r["error"], r["limit"],
-         r["met"], r["measure"]]
-        for r in error_rows(results)
-    ]  # fmt: skip
-    columns = ["case", "model", "error", "at most", "met", "measure"]
-    return Table(columns, rows, "Every error, in one place.")
+    columns: Columns = {
+        "case": "case",
+        "model": lambda row: row["model"] if row["ours"] else f"{row['model']} (known)",
+        "error": "error",
+        "at most": "limit",
+        "met": "met",
+        "measure and unit of the error": "measure",
+    }
+    return table_of(columns, error_rows(results), "Errors of all models.")
 
 
 def _target(result: CaseResult, model: str, error: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`patagium validate`: the models of the air beside what is known."""
+"""`patagium validate`: models of the air beside theory and measurement."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ def validate(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
     ] = Path("validation.html"),
-    only: Annotated[list[str] | None, typer.Option(help="One case. Repeat it.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a case; the option may be repeated.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The errors as JSON on stdout.")] = False,
 ) -> None:
     """Compare the models of the air with theory and measurement, on one page.
@@ -26,13 +28,16 @@ def validate(
     Closed forms, classical functions, a measured flapping wing and a measured section that
     pitches through stall; nothing is tuned.
     """
-    from patagium.cli.words import json_text, progress_bar, show_table
+    from patagium.cli.words import json_text, show_table, stage_bar
+    from patagium_lab.study import Stages
     from patagium_lab.validation import run as validation
-    from patagium_lab.validation.page import write_validation
+    from patagium_lab.validation.page import page
+    from patagium_lab.validation.plan import CASES, ValidationPlan
 
-    with progress_bar("Validating") as progress:
-        results = validation.validate(only, progress)
-    write_validation(output, results)
+    plan = ValidationPlan(tuple(only or CASES))
+    with stage_bar("Validating") as progress:
+        results = validation.run(plan, Stages(progress))
+    page(results).write(output)
     if as_json:
         typer.echo(json_text(validation.error_rows(results)))
     else:

@@ -1,4 +1,4 @@
-"""A case of the validation: what is expected, what the model gives, how far apart they are."""
+"""Result of a case of the validation: expected values, values of the models, and their errors."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Target:
-    """How small an error is meant to be.
+class ErrorLimit:
+    """Limit of the error of a model.
 
     Attributes:
-        limit: Largest error that meets it, in the unit of the case's measure.
-        reason: Where the limit comes from.
+        limit: Largest error that meets the target, in the unit of the case's measure.
+        reason: Source of the limit.
     """
 
     limit: float
@@ -28,21 +28,21 @@ class Target:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """One case, computed.
+    """Result of one case.
 
     Attributes:
         name: Short name, one word or a few.
-        source: Where the expected values come from.
-        abscissa: What varies, with its unit.
-        ordinate: What is compared, with its unit.
+        source: Source of the expected values.
+        abscissa: Quantity that varies, with its unit.
+        ordinate: Quantity that is compared, with its unit.
         x: Values of the abscissa, (N,).
-        expected: (N,).
-        models: By name, each (N,).
-        measure: How the error is measured, with its unit.
-        errors: By name of a model.
-        known: Error that others reached on the same case, by name; empty where none is known.
+        expected: Expected values of the ordinate, (N,).
+        models: Values of the ordinate by each model, (N,), by the model's name.
+        measure: Measure of the error, with its unit.
+        errors: Error of each model, by its name.
+        known: Errors that others reached on the same case, by name; empty where none is known.
         note: What to look for, and why a target is missed if one is.
-        targets: By name of a model; a model without one is there to be compared with.
+        targets: Limit of each model's error, by its name; other models are for comparison.
     """
 
     name: str
@@ -56,7 +56,7 @@ class CaseResult:
     errors: Mapping[str, float]
     known: Mapping[str, float]
     note: str
-    targets: Mapping[str, Target] = field(default_factory=dict)
+    targets: Mapping[str, ErrorLimit] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, values in {"expected": self.expected, **self.models}.items():

@@ -22,7 +22,7 @@ from patagium.aerodynamics import (
 from patagium.aerodynamics.thin_airfoil import kussner_function, sears_function
 from patagium.aerodynamics.traveling_gust import gusts_at_strips
 from patagium.simulation import gaits, mounts, simulate
-from patagium_lab.validation.cases.case import CaseResult, Target, largest_difference
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer
 from patagium_lab.validation.cases.wings import AIRSPEED, INFINITE, rectangular_wing
 
@@ -80,8 +80,8 @@ def compute() -> list[CaseResult]:
             "lags, and its growth pushes the air carried along. What is left is the error of the "
             "lags. A gust that is the same everywhere begins with half of the lift instead.",
             {
-                "two states": Target(0.010, "the error of these lags on Wagner's function"),
-                "four states": Target(0.005, "half of it"),
+                "two states": ErrorLimit(0.010, "the error of these lags on Wagner's function"),
+                "four states": ErrorLimit(0.005, "half of it"),
             },
         ),
         CaseResult(
@@ -97,8 +97,8 @@ def compute() -> list[CaseResult]:
             {},
             "Phase at mid-chord. What the chord meets goes through the lags and the added mass.",
             {
-                "two states": Target(0.015, "the error of these lags on Theodorsen's function"),
-                "four states": Target(0.005, "a third of it"),
+                "two states": ErrorLimit(0.015, "the error of these lags on Theodorsen's function"),
+                "four states": ErrorLimit(0.005, "a third of it"),
             },
         ),
     ]

@@ -17,7 +17,7 @@ from patagium.aerodynamics import (
 from patagium.robot import load_robot
 from patagium.simulation import gaits, simulate
 from patagium_lab.measured.yeo_case import YeoCase, load_yeo_case
-from patagium_lab.validation.cases.case import Array, CaseResult, Target, mean_difference
+from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit, mean_difference
 
 STEPS = 1000
 """Time steps a cycle."""
@@ -52,7 +52,7 @@ def compute() -> list[CaseResult]:
             case.published_error,
             "No constant is fitted to this case. The lift is that of nine pressure ports a wing.",
             {
-                "the same with added mass": Target(
+                "the same with added mass": ErrorLimit(
                     0.027, "the best quasi-steady model known; a vortex lattice has .0291"
                 )
             },

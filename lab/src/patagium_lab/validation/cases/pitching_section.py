@@ -13,7 +13,7 @@ from patagium.aerodynamics import (
     measured_section,
 )
 from patagium.robot import Robot
-from patagium_lab.validation.cases.case import Array, CaseResult, Target, mean_difference
+from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit, mean_difference
 from patagium_lab.validation.cases.wings import INFINITE, flat_wing
 from patagium_lab.validation.pitching import PitchingCase, PitchLoop, load_pitching_case
 
@@ -57,7 +57,7 @@ def _result(case: PitchingCase, loop: PitchLoop, wing: Robot) -> CaseResult:
         f"{np.degrees(loop.amplitude):.1f} degrees. The section is made of its static polar; the "
         "lags of stall are Leishman and Beddoes' (1.7 and 3.0 semichords), those of the wake "
         "Jones'. The vortex of deep dynamic stall is no part of the model.",
-        dict.fromkeys(errors, Target(min(known.values()), "that of the static polar")),
+        dict.fromkeys(errors, ErrorLimit(min(known.values()), "that of the static polar")),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from patagium.aerodynamics import TWO_STATE
 from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT
-from patagium_lab.validation.cases.case import CaseResult, Target, largest_difference
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
     elliptic_wing,
@@ -28,7 +28,7 @@ FINITE = (
     "while the lift of Jones' finite wings rises faster. His final lift is a lifting line's, so "
     "that the gain of a surface lies below it."
 )
-EXACT = Target(1e-3, "both are Jones' exponentials")
+EXACT = ErrorLimit(1e-3, "both are Jones' exponentials")
 
 
 def compute() -> list[CaseResult]:

@@ -10,7 +10,7 @@ from patagium.aerodynamics import NO_STATE
 from patagium.robot import Robot
 from patagium_lab.validation.cases.case import (
     CaseResult,
-    Target,
+    ErrorLimit,
     largest_relative_difference,
 )
 from patagium_lab.validation.cases.wings import (
@@ -28,8 +28,8 @@ RECTANGULAR = {4.0: (4.0279, 1.3280), 6.0: (4.5299, 1.1413), 8.0: (4.8372, 0.994
 
 
 TARGETS = {
-    f"{STRIPS} strips": Target(0.01, "1 %: a wing's own numbers are known no better"),
-    "limit of many strips": Target(1e-4, "1e-4 of the closed form"),
+    f"{STRIPS} strips": ErrorLimit(0.01, "1 %: a wing's own numbers are known no better"),
+    "limit of many strips": ErrorLimit(1e-4, "1e-4 of the closed form"),
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE, Indicial
 from patagium.aerodynamics.thin_airfoil import theodorsen_function
-from patagium_lab.validation.cases.case import Array, CaseResult, Target
+from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit
 from patagium_lab.validation.cases.wings import (
     AIRSPEED,
     INFINITE,
@@ -36,8 +36,8 @@ def compute() -> list[CaseResult]:
             {"Jones (1940), two exponentials": 0.014},
             "The error counts the phase too, which the figure does not show.",
             {
-                "two states": Target(0.015, "Jones' own error, rounded up"),
-                "four states": Target(0.005, "a third of Jones'"),
+                "two states": ErrorLimit(0.015, "Jones' own error, rounded up"),
+                "four states": ErrorLimit(0.005, "a third of Jones'"),
             },
         )
     ]

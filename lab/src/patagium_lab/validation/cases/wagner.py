@@ -6,7 +6,7 @@ import numpy as np
 
 from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE
 from patagium.aerodynamics.thin_airfoil import wagner_function
-from patagium_lab.validation.cases.case import CaseResult, Target, largest_difference
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
     lifting_line,
@@ -35,8 +35,8 @@ def compute() -> list[CaseResult]:
             {"Jones (1940), two exponentials": 0.0096},
             "Two states are Jones' exponentials themselves; one state is a compromise.",
             {
-                "two states": Target(0.010, "Jones' own error, rounded up"),
-                "four states": Target(0.005, "half of Jones'"),
+                "two states": ErrorLimit(0.010, "Jones' own error, rounded up"),
+                "four states": ErrorLimit(0.005, "half of Jones'"),
             },
         )
     ]
