@@ -21,7 +21,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.physical import Estimate
-from patagium.learning.parameter_paths import told
+from patagium.learning.parameter_paths import estimates_of
 from patagium.learning.refinement import refine
 from patagium.learning.stream import stream
 from patagium.robot import Robot, load_robot, load_robot_text
@@ -134,7 +134,7 @@ def recover(course: Course, seed: int, learner: str = "extended") -> Recovery:
         seed,
         {e.name: e.value for e in grey.estimates(weights)},
         grey.estimates(student.weights, student.variances),
-        told(model),
+        estimates_of(model),
         scores["coverage"],
     )
 

@@ -135,11 +135,13 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
 
     from patagium.learning import refine
     from patagium.learning.identify import samples
-    from patagium.learning.parameter_paths import parameter_scores, told
+    from patagium.learning.parameter_paths import estimates_of, parameter_scores
 
     time, x, y, _ = samples(flight, result.learner.network)
     model = refine(result.learner, time, x, y, every=every)
-    return replace(result, scores=result.scores | parameter_scores(told(model)), learner=model)
+    return replace(
+        result, scores=result.scores | parameter_scores(estimates_of(model)), learner=model
+    )
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:

@@ -1,4 +1,4 @@
-"""A flight through a learner, and a learned model against a flight it never saw.
+"""Identification from a flight, and scores of a learned model on a flight it never saw.
 
 Names of inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`. Neglected: errors of
 the states; a flight's accelerations, too, are taken as they stand.
@@ -18,12 +18,14 @@ from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.network import Network
 from patagium.learning.models.recollection import Recollection
-from patagium.learning.parameter_paths import parameter_scores, told
-from patagium.learning.record import check, interval_scores, no_updates, record_of
+from patagium.learning.parameter_paths import estimates_of, parameter_scores
+from patagium.learning.prequential import Progress
+from patagium.learning.record import Arrays, check, no_updates, record_of
 from patagium.learning.result import Identification
 from patagium.learning.schedule import MOST_CHECKS, thin, used_samples
-from patagium.learning.scores import error_scores, persistence, silent_outputs
-from patagium.learning.stream import Progress, stream
+from patagium.learning.scorer import Scorer
+from patagium.learning.scores import persistence
+from patagium.learning.stream import stream
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import state_columns
 from patagium.sensing.force.samples import ForceSamples
@@ -65,14 +67,14 @@ def identify(
     robot: Robot | None = None,
     progress: Progress | None = None,
 ) -> Identification:
-    """What a learner makes of a flight, sample by sample.
+    """Identification of the air's force from a flight, sample by sample.
 
-    The force of the air is taken from the flight by inverse dynamics (`training_data`), or as
-    it was measured, each sample predicted before it may be used (`stream`).
+    The force is taken from the flight by inverse dynamics (`training_data`), or as it was
+    measured; each sample is predicted before it may be used (`stream`).
 
     Args:
-        flight: Record with q, v, a, u1; or measured forces, whose deviations the learner then
-            takes as noise on top of its own.
+        flight: Record with q, v, a, u1; or measured forces, whose standard deviations
+            the learner then takes as noise on top of its own.
         learner: What learns; it goes on from where it stands, and is changed. Its network
             sees the inputs and gives generalized forces, or what it says it measures.
         every: 100 to use one sample in 100.
@@ -116,7 +118,7 @@ def evaluate(
     inputs: Sequence[str] | None = None,
     robot: Robot | None = None,
 ) -> Identification:
-    """A model with frozen weights against a flight it never saw.
+    """Scores of a model with frozen weights on a flight it never saw.
 
     Args:
         flight: Record with q, v, a, u1; or measured forces.
@@ -149,7 +151,7 @@ def compare(
     units: Sequence[str] | None = None,
     gaps: ArrayLike = (),
 ) -> Identification:
-    """A model with frozen weights against samples it never saw; see `evaluate`.
+    """Scores of a model with frozen weights on samples it never saw; see `evaluate`.
 
     Args:
         model: A learner (it is not taught), or network and weights.
@@ -166,7 +168,11 @@ def compare(
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
     checks = [check(model, k, x[k], y[k]) for k in chosen]  # type: ignore[arg-type]
-    silent = silent_outputs(y)
+    scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
+    scorer.add_predictions(y, guess, held, late)
+    if checks:
+        error, std = (np.array([one[k] for one in checks]) for k in (1, 2))
+        scorer.add_checks(error, std, late[chosen])
     scores: dict[str, Any] = {
         "samples": len(time),
         "samples_predicted": len(time),
@@ -176,14 +182,12 @@ def compare(
         "gaps": len(np.asarray(gaps)),
         "outcome": Outcome.COMPLETED.name,
         "message": "",
-        "silent": [name for name, mute in zip(names, silent, strict=True) if mute],
-        **error_scores(y, guess, names),
-        **error_scores(y, held, names, "persistence"),
-        **interval_scores(checks, names, ~silent, len(y)),
-        **parameter_scores(told(model)),
+        **scorer.error_scores(),
+        **scorer.interval_scores(),
+        **parameter_scores(estimates_of(model)),
     }
-    record = record_of(time, y, guess, held, names, checks, no_updates(len(names)))
-    record.coords["unit"] = ("output", list(units or ["1"] * len(names)))
+    arrays = Arrays(time, y, guess, held, checks, no_updates(len(names)))
+    record = record_of(arrays, names, units or ["1"] * len(names))
     return Identification(scores, record, model, Outcome.COMPLETED, "")
 
 
@@ -193,7 +197,7 @@ def samples(
     inputs: Sequence[str] | None = None,
     robot: Robot | None = None,
 ) -> tuple[Array, Array, Array, list[str]]:
-    """What a network sees of a flight, and what it should say.
+    """Training samples of a flight: inputs of a network, and what it should predict.
 
     Args:
         flight: Record with q, v, a, u1; or measured forces.
@@ -204,6 +208,11 @@ def samples(
 
     Returns:
         Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
+
+    Raises:
+        FlightError: If the flight misses a quantity.
+        ShapeError: If the network's outputs are no coordinates of the robot.
+        ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
     if isinstance(flight, ForceSamples):
         machine = flight.robot if robot is None else robot
@@ -238,7 +247,7 @@ def samples(
 
 
 def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
-    """Of measured forces in the coordinates a network gives, (N, n_y); None of a flight.
+    """Standard deviations of measured forces, (N, n_y) [N, N m]; None for a flight.
 
     Args:
         flight: A flight, or measured forces.
@@ -250,7 +259,7 @@ def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
 
 
 def strip_force_matrix(network: Network) -> Array | None:
-    """What a network measures of the strip forces, (n_y, 3 n_strips); None if it does not.
+    """Matrix from strip forces to a network's outputs, (n_y, 3 n_strips); None without one.
 
     Args:
         network: The network; a `StripNetwork` may have a matrix as `measured`.
@@ -262,7 +271,7 @@ def strip_force_matrix(network: Network) -> Array | None:
 
 
 def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:
-    """10 ms, and one wingbeat where the flight's gait has a period.
+    """Horizons scored for a flight [s]: 10 ms, and one wingbeat of a periodic gait.
 
     Args:
         flight: Record whose attribute `gait` describes the gait, or measured forces.

@@ -1,7 +1,4 @@
-"""Physical parameters of an identification: their table, and their paths from update to update.
-
-Neglected: how they vary together; the learner's covariance says it.
-"""
+"""Physical parameters of an identification: their table, and their paths from update to update."""
 
 from __future__ import annotations
 
@@ -29,8 +26,8 @@ class _Trained(Protocol):
     def weights(self) -> Array: ...
 
 
-def told(trained: _Trained) -> tuple[Estimate, ...]:
-    """What a learner, or a model from a file, knows of physical parameters; may be nothing.
+def estimates_of(trained: _Trained) -> tuple[Estimate, ...]:
+    """Physical parameters as a learner or a model from a file knows them; may be none.
 
     Args:
         trained: The learner or model.
@@ -45,7 +42,7 @@ def told(trained: _Trained) -> tuple[Estimate, ...]:
 
 
 def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """The same as JSON-able values: parameter_value, ... by name of the parameter.
+    """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
 
     Args:
         estimates: May be none.
@@ -82,7 +79,7 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
 
 
 def parameter_table(scores: Mapping[str, Any]) -> Table | None:
-    """The parameters beside what was known of them before; None where there are none.
+    """Table of the parameters beside what was known of them before; None where there are none.
 
     Args:
         scores: Of an `Identification`.

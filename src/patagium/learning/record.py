@@ -1,28 +1,26 @@
-"""The arrays an identification keeps, named and united, and checks of predicted intervals."""
+"""Record of an identification: its arrays as one Dataset, and checks of predicted intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.learning.calibration import NOMINAL, reliability
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.schedule import Indices
-from patagium.learning.scores import coverage
 
 Array = NDArray[np.float64]
 
 
 class Check(NamedTuple):
-    """A prediction with its deviation, held against the sample.
+    """Error of a prediction at one sample, beside the standard deviation it was predicted with.
 
     Attributes:
-        sample: Which one.
+        sample: Number of the sample.
         error: y - yhat, (n_y,).
         std: Predicted standard deviation of it, (n_y,).
     """
@@ -53,7 +51,7 @@ class Updates(NamedTuple):
 
 
 def no_updates(outputs: int) -> Updates:
-    """Of a learner that was not taught.
+    """Updates of a learner that was not taught: none.
 
     Args:
         outputs: Number of outputs n_y.
@@ -64,11 +62,11 @@ def no_updates(outputs: int) -> Updates:
 
 
 def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None = None) -> Check:
-    """The predicted mean and deviation at one sample, against it.
+    """Check of the predicted mean and standard deviation at one sample.
 
     Args:
         learner: What predicts.
-        sample: Which one.
+        sample: Its number.
         x: Its input, (n_x,).
         y: What was measured, (n_y,).
         std: Of its noise on top of the learner's, (n_y,); None for none.
@@ -80,76 +78,55 @@ def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None =
     return Check(sample, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
 
 
-def interval_scores(
-    checks: Sequence[Check], names: Sequence[str], heard: NDArray[np.bool_], reached: int
-) -> dict[str, Any]:
-    """How often the predicted 95 % interval held what was measured.
+class Arrays(NamedTuple):
+    """Arrays that an identification keeps.
 
-    Args:
-        checks: Predictions with their deviations.
-        names: Names of the outputs.
-        heard: Outputs that are not silent, (n_y,).
-        reached: Number of samples predicted; the second half begins at half of it.
+    Attributes:
+        time: (N,) [s].
+        measurement: (N, n_y).
+        prediction: (N, n_y); NaN where there is none.
+        held: Persistence, (N, n_y).
+        checks: Predictions with their standard deviations.
+        updates: What the learner said of itself.
     """
-    error = np.array([c.error for c in checks]).reshape(-1, len(names))
-    std = np.array([c.std for c in checks]).reshape(-1, len(names))
-    late = np.array([c.sample for c in checks], int) >= reached // 2
-    each = coverage(error, std, heard)
-    return {
-        "coverage": _mean(each),
-        "coverage_second_half": _mean(coverage(error[late], std[late], heard)),
-        "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
-        "coverage_checks": len(checks),
-        "reliability": dict(
-            zip(map(str, NOMINAL), reliability(error[:, heard], std[:, heard]), strict=True)
-        ),
-    }
+
+    time: Array
+    measurement: Array
+    prediction: Array
+    held: Array
+    checks: Sequence[Check]
+    updates: Updates
 
 
-def record_of(
-    time: Array,
-    measurement: Array,
-    prediction: Array,
-    held: Array,
-    names: Sequence[str],
-    checks: Sequence[Check],
-    updates: Updates,
-) -> xr.Dataset:
+def record_of(arrays: Arrays, names: Sequence[str], units: Sequence[str]) -> xr.Dataset:
     """Measured, predicted and held samples, updates and checks as one Dataset.
 
     Args:
-        time: (N,) [s].
-        measurement: (N, n_y).
-        prediction: (N, n_y); nan where there is none.
-        held: Persistence, (N, n_y).
-        names: Names of the outputs.
-        checks: Predictions with their deviations.
-        updates: What the learner said of itself.
+        arrays: What it holds.
+        names: Names of the outputs, n_y.
+        units: Units of the outputs, n_y.
     """
-    checked = [c.sample for c in checks]
-    std = np.array([c.std for c in checks]).reshape(-1, len(names))
-    seconds = {"units": "s"}
+    time, updates = arrays.time, arrays.updates
+    checked = [one.sample for one in arrays.checks]
+    std = np.array([one.std for one in arrays.checks]).reshape(-1, len(names))
+    samples, learned, seconds = ("time", "output"), ("update_time", "output"), {"units": "s"}
     return xr.Dataset(
         {
-            "measurement": (("time", "output"), measurement),
-            "prediction": (("time", "output"), prediction),
-            "persistence": (("time", "output"), held),
-            "innovation": (("update_time", "output"), updates.innovation),
-            "innovation_std": (("update_time", "output"), updates.std),
-            "nis": (("update_time",), updates.nis),
-            "weights_norm": (("update_time",), updates.weights_norm),
-            "largest_variance": (("update_time",), updates.largest_variance),
+            "measurement": (samples, arrays.measurement),
+            "prediction": (samples, arrays.prediction),
+            "persistence": (samples, arrays.held),
+            "innovation": (learned, updates.innovation),
+            "innovation_std": (learned, updates.std),
+            "nis": (learned[:1], updates.nis),
+            "weights_norm": (learned[:1], updates.weights_norm),
+            "largest_variance": (learned[:1], updates.largest_variance),
             "predicted_std": (("check_time", "output"), std),
         },
         coords={
             "time": ("time", time, seconds),
             "output": list(names),
+            "unit": ("output", list(units)),
             "update_time": ("update_time", time[updates.samples], seconds),
             "check_time": ("check_time", time[checked], seconds),
         },
     )
-
-
-def _mean(values: Array) -> float:
-    heard = values[~np.isnan(values)]
-    return float(heard.mean()) if heard.size else float("nan")

@@ -1,8 +1,7 @@
-"""How good a prediction is, with the scale it is measured on always the same.
+"""Errors of a prediction over the variance of what is predicted, from sums that can go on.
 
-Normalized mean square error (NMSE) = mean square error / variance of the output
-over the same span, for each output; a share of components inside a predicted
-interval. Neglected: correlation of errors in time, weights on outputs.
+Normalized mean square error (NMSE) = mean square error / variance of the output over the same
+span, for each output. Neglected: correlation of errors in time, weights on outputs.
 """
 
 from __future__ import annotations
@@ -19,10 +18,96 @@ from patagium.errors import ShapeError
 Array = NDArray[np.float64]
 
 SILENT_RATIO = 1e-9
-"""An output is silent when its deviation is below this share of the largest rms of all outputs."""
+"""An output is silent when its std is at most this share of the largest rms of all outputs."""
 
 INTERVAL = 1.959963985
-"""Half width of the 95 % interval of a normal distribution, in deviations."""
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+
+
+class ErrorSums:
+    """Sums over samples from which the NMSE of a prediction and of persistence follow.
+
+    Blocks are merged by their means and their squares about them, so that no block cancels.
+
+    Args:
+        outputs: Number of outputs n_y.
+
+    Attributes:
+        sums: Number of samples, their mean, squares about it, squared errors of the prediction
+            and of persistence, (5, n_y).
+
+    References:
+        Chan, Golub & LeVeque (1983), Algorithms for computing the sample variance.
+    """
+
+    def __init__(self, outputs: int) -> None:
+        self.sums = np.zeros((5, outputs))
+
+    def add(
+        self,
+        measurement: Array,
+        prediction: Array,
+        held: Array | None = None,
+        keep: float = 1.0,
+    ) -> None:
+        """Count a block of samples.
+
+        Args:
+            measurement: y, (N, n_y); NaN where it does not count.
+            prediction: yhat, (N, n_y).
+            held: Persistence, (N, n_y); None for none.
+            keep: Factor on all that was counted from each sample to the next: 1 to forget
+                nothing.
+        """
+        known = np.isfinite(measurement)
+        share = known * keep ** np.arange(len(measurement) - 1, -1, -1.0)[:, None]
+        count = share.sum(axis=0)
+        some = np.where(count > 0, count, 1.0)
+        values = np.where(known, measurement, 0.0)
+        mean = (share * values).sum(axis=0) / some
+        fresh = [
+            (share * part**2).sum(axis=0)
+            for part in (
+                np.where(known, values - mean, 0.0),
+                np.where(known, values - prediction, 0.0),
+                np.zeros_like(values) if held is None else np.where(known, values - held, 0.0),
+            )
+        ]
+        forgotten = keep ** len(measurement)
+        old, past = self.sums[0] * forgotten, self.sums[1]
+        total = np.where(old + count > 0, old + count, 1.0)
+        apart = mean - past
+        squares = self.sums[2:] * forgotten + np.array(fresh)
+        squares[0] += apart**2 * old * count / total
+        self.sums = np.array([old + count, past + apart * count / total, *squares])
+
+    @property
+    def mean_square(self) -> Array:
+        """Mean of y^2, (n_y,); 0 where nothing was measured."""
+        count, mean, square = self.sums[:3]
+        return np.asarray(square / np.where(count > 0, count, 1.0) + mean**2)
+
+    @property
+    def silent(self) -> NDArray[np.bool_]:
+        """Outputs that never move: std_i <= 1e-9 max_j rms_j, (n_y,)."""
+        count, _, square = self.sums[:3]
+        std = np.sqrt(square / np.where(count > 0, count, 1.0))
+        largest = np.sqrt(self.mean_square.max(initial=0.0))
+        return np.asarray(std <= SILENT_RATIO * largest)
+
+    @property
+    def nmse(self) -> Array:
+        """NMSE of the prediction, (n_y,); NaN for silent outputs."""
+        return self._ratio(self.sums[3])
+
+    @property
+    def persistence(self) -> Array:
+        """NMSE of persistence, (n_y,); NaN for silent outputs."""
+        return self._ratio(self.sums[4])
+
+    def _ratio(self, error: Array) -> Array:
+        silent, square = self.silent, self.sums[2]
+        return np.where(silent, np.nan, error / np.where(silent, 1.0, square))
 
 
 def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
@@ -35,10 +120,11 @@ def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
 
     Returns:
         True for each silent output, (n_y,).
+
+    Raises:
+        ShapeError: If the measurement is not (N, n_y).
     """
-    truth = np.ma.masked_invalid(_table("measurement", measurement))
-    scale = np.sqrt((truth**2).mean(axis=0).filled(0.0)).max(initial=0.0)
-    return np.asarray(truth.std(axis=0).filled(0.0) <= SILENT_RATIO * scale)
+    return _errors(measurement, measurement).silent
 
 
 def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
@@ -57,60 +143,33 @@ def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     Raises:
         ShapeError: If the two differ in shape.
     """
-    truth, guess = _table("measurement", measurement), _table("prediction", prediction)
-    if truth.shape != guess.shape:
-        raise ShapeError("prediction", truth.shape, guess.shape)
-    score = np.full(truth.shape[1], np.nan)
-    for k in np.flatnonzero(~silent_outputs(truth)):
-        measured = np.isfinite(truth[:, k])
-        error = np.mean((truth[measured, k] - guess[measured, k]) ** 2)
-        score[k] = error / truth[measured, k].var()
-    return score
+    return _errors(measurement, prediction).nmse
 
 
-def persistence(measurement: ArrayLike, used: ArrayLike) -> Array:
+def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | None = None) -> Array:
     """The rival that needs no model: the last used sample, held.
 
-    yhat_k = y_u, u the largest used index below k at which the output was measured; before
-    any sample was used, zero.
+    yhat_k = y_u, u the largest used index below k at which the output was measured.
 
     Args:
         measurement: y, (N, n_y); NaN where it was not measured.
         used: Indices of the samples that were used, increasing.
+        before: What is held until then, (n_y,); None for zero.
 
     Returns:
         yhat, (N, n_y).
+
+    Raises:
+        ShapeError: If the measurement is not (N, n_y).
     """
     truth = _table("measurement", measurement)
     indices = np.asarray(used, int)
-    held = np.zeros_like(truth)
+    held = np.zeros_like(truth) if before is None else np.tile(before, (len(truth), 1))
     for k in range(truth.shape[1]):
         measured = indices[np.isfinite(truth[indices, k])]
         last = np.searchsorted(measured, np.arange(len(truth)), side="left") - 1
         held[last >= 0, k] = truth[measured[last[last >= 0]], k]
-    return held
-
-
-def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -> Array:
-    """Share of errors inside the predicted 95 % interval, for each output.
-
-    |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
-
-    Args:
-        error: y - yhat, (M, n_y); NaN where y was not measured.
-        std: Predicted standard deviation, (M, n_y), same unit.
-        heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
-
-    Returns:
-        Share, (n_y,) [-].
-    """
-    miss, sigma = _table("error", error), _table("std", std)
-    share = np.full(miss.shape[1], np.nan)
-    chosen = np.ones(miss.shape[1], bool) if heard is None else np.asarray(heard, bool)
-    if len(miss) and np.isfinite(sigma).all():
-        inside = np.ma.masked_where(np.isnan(miss), np.abs(miss) <= INTERVAL * sigma)
-        share[chosen] = inside.mean(axis=0).filled(np.nan)[chosen]
-    return share
+    return np.asarray(held)
 
 
 def error_scores(
@@ -154,7 +213,11 @@ def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[st
 
 
 def json_ready(value: Any) -> Any:
-    """The same scores for a JSON file, which knows no nan: those become null."""
+    """Scores as JSON values; JSON knows no nan, which becomes null.
+
+    Args:
+        value: A score, or scores nested in mappings and sequences.
+    """
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -166,6 +229,15 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value
+
+
+def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:
+    truth, guess = _table("measurement", measurement), _table("prediction", prediction)
+    if truth.shape != guess.shape:
+        raise ShapeError("prediction", truth.shape, guess.shape)
+    sums = ErrorSums(truth.shape[1])
+    sums.add(truth, guess)
+    return sums
 
 
 def _table(name: str, values: ArrayLike) -> Array:

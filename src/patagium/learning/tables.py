@@ -1,4 +1,4 @@
-"""A table through a learner: networks scaled by what the mapping says to expect."""
+"""Identification from a table, by networks scaled with the ranges its mapping states."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from patagium.learning.identify import Trained, compare
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.prequential import Progress
 from patagium.learning.result import Identification
-from patagium.learning.stream import Progress, stream
+from patagium.learning.stream import stream
 from patagium.sensing.logs.table import LogTable
 
 Array = NDArray[np.float64]
@@ -22,10 +23,8 @@ HORIZONS = {"10ms": 0.01, "1s": 1.0}
 """Spans predicted with frozen weights unless others are asked for [s]."""
 
 
-def network_for(
-    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
-) -> DenseNetwork:
-    """A dense network for the columns of a table, scaled by their stated ranges.
+def network_for(table: LogTable, hidden: Sequence[int], activation: str = "softplus") -> DenseNetwork:
+    """Dense network for the columns of a table, scaled by their stated ranges.
 
     Center and half width of each range; nothing is taken from the samples, so that a
     stream through it does not look ahead.
@@ -67,7 +66,7 @@ def identify_table(
     horizons: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Identification:
-    """What a learner makes of a log, sample by sample; see `stream`.
+    """Identification from a table, sample by sample; see `stream`.
 
     Args:
         table: The log.
@@ -94,7 +93,7 @@ def identify_table(
 
 
 def evaluate_table(table: LogTable, model: Trained, *, every: int = 100) -> Identification:
-    """A model with frozen weights against a log it never saw; see `evaluate`.
+    """Scores of a model with frozen weights on a table it never saw; see `evaluate`.
 
     Args:
         table: The log.
