@@ -45,8 +45,8 @@ class IntervalSums:
         """Count errors.
 
         Args:
-            error: y - yhat, (M, n_y); NaN where it does not count.
-            std: Predicted standard deviation, (M, n_y).
+            error: y - yhat, (M, n_y) [unit of y]; NaN where it does not count.
+            std: Predicted standard deviation, (M, n_y) [unit of y].
             keep: Factor on all that was counted from each error to the next: 1 to forget
                 nothing.
         """
@@ -97,8 +97,8 @@ class InnovationSums:
     Attributes:
         totals: Number of updates, sum of NIS per channel, number inside its interval, (3,).
         products: Sums of products of normalized innovations e_k e_k+1, e_k^2 and e_k+1^2,
-            (3, n_y).
-        last: Normalized innovation of the last update, (n_y,).
+            (3, n_y) [-].
+        last: Normalized innovation of the last update, (n_y,) [-].
     """
 
     def __init__(self, outputs: int) -> None:
@@ -109,10 +109,10 @@ class InnovationSums:
         """Count updates.
 
         Args:
-            innovation: e, (U, n_y); NaN where a channel was left out.
-            std: Predicted standard deviation of it, (U, n_y).
+            innovation: e, (U, n_y) [unit of y]; NaN where a channel was left out.
+            std: Predicted standard deviation of it, (U, n_y) [unit of y].
             nis: e' P_yy^-1 e, (U,).
-            heard: Outputs that are not silent, (n_y,).
+            heard: Outputs that are not silent, (n_y,) of bool.
         """
         channels = np.isfinite(innovation[:, heard]).sum(axis=1)
         counted = np.isfinite(nis) & (channels > 0)
@@ -131,7 +131,7 @@ class InnovationSums:
 
         Args:
             names: Names of the outputs, n_y.
-            heard: Outputs that are not silent, (n_y,).
+            heard: Outputs that are not silent, (n_y,) of bool.
         """
         count, ratio, inside = self.totals.tolist()
         product, power = self.products[0], np.sqrt(self.products[1] * self.products[2])
@@ -150,8 +150,8 @@ def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -
     |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
 
     Args:
-        error: y - yhat, (M, n_y); NaN where y was not measured.
-        std: Predicted standard deviation, (M, n_y), same unit.
+        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
+        std: Predicted standard deviation, (M, n_y) [unit of y], same unit.
         heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
 
     Returns:
@@ -169,8 +169,8 @@ def reliability(error: ArrayLike, std: ArrayLike) -> Array:
     |y - yhat| <= sigma Phi^-1((1 + p) / 2) for p in `NOMINAL`; a calibrated Gaussian gives p.
 
     Args:
-        error: y - yhat, (M, n_y); NaN where y was not measured.
-        std: Predicted standard deviation sigma, (M, n_y).
+        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
+        std: Predicted standard deviation sigma, (M, n_y) [unit of y].
 
     Returns:
         Share over all samples and outputs, (len(NOMINAL),); NaN where there is no error.
@@ -187,8 +187,8 @@ def calibration_scores(
     """Calibration of a filter by its innovations.
 
     Args:
-        innovation: e, (U, n_y); NaN where a channel was left out.
-        std: Predicted standard deviation of it, (U, n_y).
+        innovation: e, (U, n_y) [unit of y]; NaN where a channel was left out.
+        std: Predicted standard deviation of it, (U, n_y) [unit of y].
         nis: e' P_yy^-1 e, (U,).
         names: Names of the outputs.
 
@@ -212,7 +212,7 @@ def interval_scores(
         whole: Counts over all samples.
         late: Counts over the second half.
         names: Names of the outputs, n_y.
-        heard: Outputs that are not silent, (n_y,).
+        heard: Outputs that are not silent, (n_y,) of bool.
     """
     each = whole.coverage(heard)
     return {

@@ -156,8 +156,8 @@ def compare(
     Args:
         model: A learner (it is not taught), or network and weights.
         time: (N,) [s].
-        x: What is measured of the network's inputs, (N, n_measured); it recalls the rest.
-        y: What was measured, (N, n_y).
+        x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
+        y: What was measured, (N, n_y) [unit of y].
         every: The rival holds one measured sample in so many.
         units: Units of the outputs; None for "1".
         gaps: First sample after each gap in time.

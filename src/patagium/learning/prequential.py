@@ -48,10 +48,10 @@ class Samples:
 
     Attributes:
         time: Increasing, (N,) [s].
-        x: What is measured of the network's inputs, (N, n_measured).
-        y: What the network predicts, (N, n_y); NaN where a channel was not measured.
+        x: Measured inputs of the network, (N, n_measured) [units of x].
+        y: What the network predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         gaps: First sample after each gap in time.
-        std: Of each measurement on top of the learner's own noise, (N, n_y); None for none.
+        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y]; None for none.
     """
 
     time: Array
@@ -69,8 +69,8 @@ class Update(NamedTuple):
     """What a learner said of itself at one update.
 
     Attributes:
-        innovation: (n_y,); NaN where a channel was left out.
-        std: Predicted standard deviation of it, (n_y,); NaN of learners without.
+        innovation: (n_y,) [unit of y]; NaN where a channel was left out.
+        std: Predicted standard deviation of it, (n_y,) [unit of y]; NaN of learners without.
         nis: Normalized innovation squared; NaN of learners without.
     """
 
@@ -98,10 +98,10 @@ def learn(
 
     Args:
         learner: It is changed.
-        x: Input with what is remembered, (n_x,).
-        y: Measurement, (n_y,).
+        x: Input with what is remembered, (n_x,) [units of x].
+        y: Measurement, (n_y,) [unit of y].
         time: Of the sample [s]; None for none.
-        std: Of the measurement on top of the learner's own noise, (n_y,); None for none.
+        std: Noise of the measurement beside the learner's own, (n_y,) [unit of y]; None for none.
 
     Raises:
         FilterDiverged: If the learner or its weights are lost.
@@ -163,7 +163,7 @@ class BlockRun:
 
     Attributes:
         used: Samples used for an update, (U,).
-        prediction: (N, n_y); NaN where there is none.
+        prediction: (N, n_y) [unit of y]; NaN where there is none.
         updates: Number of updates so far.
         reached: Number of samples predicted so far.
         outcome: COMPLETED, or why the learner stopped.
@@ -231,7 +231,7 @@ class BlockRun:
 
         Args:
             hold: The interval.
-            rows: The network's inputs, (k, n_x).
+            rows: The network's inputs, (k, n_x) [units of x].
 
         Raises:
             FilterDiverged: If the prediction is not finite.
@@ -250,7 +250,7 @@ class BlockRun:
 
         Args:
             scorer: What counts.
-            held: Persistence, (N, n_y).
+            held: Persistence, (N, n_y) [unit of y].
             begin: Number of samples in the blocks before.
             half: First sample of the second half, counted over all blocks; None where this
                 block is the whole log: half of what was reached, and half of each horizon.
@@ -278,7 +278,7 @@ class BlockRun:
         Args:
             names: Names of the outputs, n_y.
             units: Their units.
-            held: Persistence, (N, n_y).
+            held: Persistence, (N, n_y) [unit of y].
         """
         told = slice(0, self.updates)
         parts = self.innovation, self.std, self.nis, self.weights_norm, self.largest_variance

@@ -21,8 +21,8 @@ class Check(NamedTuple):
 
     Attributes:
         sample: Number of the sample.
-        error: y - yhat, (n_y,).
-        std: Predicted standard deviation of it, (n_y,).
+        error: y - yhat, (n_y,) [unit of y].
+        std: Predicted standard deviation of it, (n_y,) [unit of y].
     """
 
     sample: int
@@ -35,8 +35,8 @@ class Updates(NamedTuple):
 
     Attributes:
         samples: Used for an update, (U,).
-        innovation: (U, n_y).
-        std: Predicted standard deviation of it, (U, n_y); nan of learners without.
+        innovation: (U, n_y) [unit of y].
+        std: Predicted standard deviation of it, (U, n_y) [unit of y]; nan of learners without.
         nis: Normalized innovation squared, (U,); nan of learners without.
         weights_norm: Euclidean norm of the weights, (U,).
         largest_variance: Largest diagonal entry of their covariance, (U,); nan where not seen.
@@ -67,9 +67,9 @@ def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None =
     Args:
         learner: What predicts.
         sample: Its number.
-        x: Its input, (n_x,).
-        y: What was measured, (n_y,).
-        std: Of its noise on top of the learner's, (n_y,); None for none.
+        x: Its input, (n_x,) [units of x].
+        y: What was measured, (n_y,) [unit of y].
+        std: Of its noise on top of the learner's, (n_y,) [unit of y]; None for none.
     """
     if std is not None and isinstance(learner, FilterLearner):
         mean, covariance = learner.predict(x, std)
@@ -83,9 +83,9 @@ class Arrays(NamedTuple):
 
     Attributes:
         time: (N,) [s].
-        measurement: (N, n_y).
-        prediction: (N, n_y); NaN where there is none.
-        held: Persistence, (N, n_y).
+        measurement: (N, n_y) [unit of y].
+        prediction: (N, n_y) [unit of y]; NaN where there is none.
+        held: Persistence, (N, n_y) [unit of y].
         checks: Predictions with their standard deviations.
         updates: What the learner said of itself.
     """

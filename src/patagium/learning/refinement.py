@@ -57,8 +57,8 @@ def refine(
     Args:
         learner: What has learned the log; it is not changed.
         time: Increasing, (N,) [s].
-        x: What is measured of the network's inputs, (N, n_measured).
-        y: What was measured, (N, n_y); NaN where it was not.
+        x: Measured inputs of the network, (N, n_measured) [units of x].
+        y: What was measured, (N, n_y) [unit of y]; NaN where it was not.
         every: 1 to use each sample, 100 to use one in 100.
         gaps: First sample after each gap in time.
         rounds: At most so many steps.

@@ -54,10 +54,10 @@ class Scorer:
         """Count samples.
 
         Args:
-            y: Measurement, (N, n_y); NaN where it was not measured.
-            prediction: yhat, (N, n_y).
-            held: Persistence, (N, n_y).
-            late: Samples of the second half, (N,).
+            y: Measurement, (N, n_y) [unit of y]; NaN where it was not measured.
+            prediction: yhat, (N, n_y) [unit of y].
+            held: Persistence, (N, n_y) [unit of y].
+            late: Samples of the second half, (N,) of bool.
         """
         self._add("", y, prediction, held, late)
         self.samples += len(y)
@@ -81,9 +81,9 @@ class Scorer:
         """Count checks of the predicted interval.
 
         Args:
-            error: y - yhat, (M, n_y).
-            std: Predicted standard deviation, (M, n_y).
-            late: Checks in the second half, (M,).
+            error: y - yhat, (M, n_y) [unit of y].
+            std: Predicted standard deviation, (M, n_y) [unit of y].
+            late: Checks in the second half, (M,) of bool.
         """
         self._intervals[_WHOLE].add(error, std)
         self._intervals[_LATE].add(error[late], std[late])
@@ -93,8 +93,8 @@ class Scorer:
         """Count updates; outputs silent so far are no channels.
 
         Args:
-            innovation: (U, n_y).
-            std: Predicted standard deviation of it, (U, n_y).
+            innovation: (U, n_y) [unit of y].
+            std: Predicted standard deviation of it, (U, n_y) [unit of y].
             nis: Normalized innovation squared, (U,).
         """
         self._innovations.add(innovation, std, nis, ~self.silent)

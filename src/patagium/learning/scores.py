@@ -53,9 +53,9 @@ class ErrorSums:
         """Count a block of samples.
 
         Args:
-            measurement: y, (N, n_y); NaN where it does not count.
-            prediction: yhat, (N, n_y).
-            held: Persistence, (N, n_y); None for none.
+            measurement: y, (N, n_y) [unit of y]; NaN where it does not count.
+            prediction: yhat, (N, n_y) [unit of y].
+            held: Persistence, (N, n_y) [unit of y]; None for none.
             keep: Factor on all that was counted from each sample to the next: 1 to forget
                 nothing.
         """
@@ -116,7 +116,7 @@ def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
     std_i <= 1e-9 max_j rms_j. Dividing by such a variance would score rounding errors.
 
     Args:
-        measurement: What was measured, (N, n_y); NaN where it was not.
+        measurement: What was measured, (N, n_y) [unit of y]; NaN where it was not.
 
     Returns:
         True for each silent output, (n_y,).
@@ -134,8 +134,8 @@ def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     predicting the mean scores 1.
 
     Args:
-        measurement: y, (N, n_y); NaN where it was not measured.
-        prediction: yhat, (N, n_y).
+        measurement: y, (N, n_y) [unit of y]; NaN where it was not measured.
+        prediction: yhat, (N, n_y) [unit of y].
 
     Returns:
         NMSE, (n_y,); nan for silent outputs.
@@ -152,9 +152,9 @@ def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | Non
     yhat_k = y_u, u the largest used index below k at which the output was measured.
 
     Args:
-        measurement: y, (N, n_y); NaN where it was not measured.
+        measurement: y, (N, n_y) [unit of y]; NaN where it was not measured.
         used: Indices of the samples that were used, increasing.
-        before: What is held until then, (n_y,); None for zero.
+        before: What is held until then, (n_y,) [unit of y]; None for zero.
 
     Returns:
         yhat, (N, n_y).
@@ -178,8 +178,8 @@ def error_scores(
     """NMSE by output, mean and worst, over the whole span and over its second half.
 
     Args:
-        measurement: y, (N, n_y).
-        prediction: yhat, (N, n_y).
+        measurement: y, (N, n_y) [unit of y].
+        prediction: yhat, (N, n_y) [unit of y].
         names: Names of the outputs, n_y.
         prefix: First word of the keys.
 
@@ -199,7 +199,7 @@ def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[st
     """One score by output name, with its mean and worst over the outputs that are heard.
 
     Args:
-        values: Score of each output, (n_y,); nan where silent.
+        values: Score of each output, (n_y,) [unit of y]; nan where silent.
         names: Names of the outputs, n_y.
         prefix: First word of the keys.
     """

@@ -28,7 +28,7 @@ class StreamOptions(TypedDict, total=False):
     """Options of `stream` that most logs do without.
 
     Attributes:
-        std: Standard deviation of each measurement on top of the learner's own noise, (N, n_y);
+        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y];
             NaN where y is. Learners without noise of the measurement leave it aside.
         names: Names of the outputs; without it the network's.
         units: Units of the outputs, for axes of figures; without it "1".
@@ -60,8 +60,8 @@ def stream(
     Args:
         learner: What learns; it goes on from where it stands, and is changed.
         time: Increasing, (N,) [s].
-        x: What is measured of the network's inputs, (N, n_measured); it recalls the rest.
-        y: What it predicts, (N, n_y); NaN where a channel was not measured.
+        x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
+        y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
         horizons: Label and length [s] of the spans to predict with frozen weights.
         gaps: First sample after each gap in time; see `find_gaps`.
@@ -116,7 +116,7 @@ def checked_samples(
         network: What learns them.
         arrays: Time (N,) [s], x (N, n_measured) and y (N, n_y).
         gaps: First sample after each gap in time.
-        std: Of each measurement, (N, n_y); None for none.
+        std: Of each measurement, (N, n_y) [unit of y]; None for none.
 
     Raises:
         ShapeError: If the arrays do not fit each other or the network.

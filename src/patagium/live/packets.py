@@ -176,7 +176,7 @@ def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> 
     """Packets as datagrams, for a sender.
 
     Args:
-        packets: (N, 1 + n_q + 3 n).
+        packets: (N, 1 + n_q + 3 n) [units of the columns].
         session: Any number that differs from that of the sender's last run.
         rows: Packets a datagram.
         first: How many were sent before.

@@ -39,7 +39,7 @@ class Records:
     """What became of each packet.
 
     Attributes:
-        rows: A row a packet, (N, 3 n_y + 4): prediction, its deviation, measurement, then nis,
+        rows: One for each packet, (N, 3 n_y + 4) [unit of y]: prediction, its std, measurement, nis,
             outcome, channels left out and nanoseconds.
     """
 

@@ -60,7 +60,7 @@ class PacketQueue:
         """Add packets.
 
         Args:
-            packets: (k, 1 + n_q + 3 n).
+            packets: (k, 1 + n_q + 3 n) [units of the columns].
             waits: Whether to wait for room; otherwise the newest without room are dropped,
                 and counted.
         """

@@ -26,7 +26,7 @@ class ForceSamples:
         q: Generalized coordinates, (N, n) [m, rad].
         v: Generalized velocities, (N, n) [m/s, rad/s].
         force: Of the air, (N, n) [N, N m]; NaN in coordinates where it was not measured.
-        covariance: Of the force, (N, n, n); NaN likewise.
+        covariance: Of the force, (N, n, n) [N^2, N^2 m^2]; NaN likewise.
         robot: The machine.
         source: How it was measured.
 

@@ -37,8 +37,8 @@ class Measured:
     """A signal on the time axis of a motion.
 
     Args:
-        values: (N, k); NaN where there is none.
-        variance: (N, k).
+        values: (N, k) [unit of y]; NaN where there is none.
+        variance: (N, k) [unit of y].
     """
 
     values: Array
@@ -181,7 +181,7 @@ class ForceParts:
     Attributes:
         force: Of the air, (N, n) [N, N m].
         held: Force of mount and added mass, (N, n) [N, N m].
-        covariance: Of the force, (N, n, n).
+        covariance: Of the force, (N, n, n) [N^2, N^2 m^2].
 
     Raises:
         FlightError: If the motion misses a quantity or carries no robot.
@@ -221,7 +221,7 @@ class ForceParts:
         Args:
             force: Of the air, (N, n) [N, N m].
             source: How it was measured.
-            left: Variance that it has on top, (N, n); None for none.
+            left: Variance that it has on top, (N, n) [unit of y]; None for none.
         """
         covariance = self.covariance.copy()
         rows = np.arange(self.robot.dof)
