@@ -51,7 +51,7 @@ class Samples:
         x: Measured inputs of the network, (N, n_measured) [units of x].
         y: What the network predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         gaps: First sample after each gap in time.
-        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y]; None for none.
+        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y], or None.
     """
 
     time: Array

@@ -23,7 +23,9 @@ HORIZONS = {"10ms": 0.01, "1s": 1.0}
 """Spans predicted with frozen weights unless others are asked for [s]."""
 
 
-def network_for(table: LogTable, hidden: Sequence[int], activation: str = "softplus") -> DenseNetwork:
+def network_for(
+    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
+) -> DenseNetwork:
     """Dense network for the columns of a table, scaled by their stated ranges.
 
     Center and half width of each range; nothing is taken from the samples, so that a

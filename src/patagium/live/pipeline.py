@@ -39,8 +39,8 @@ class Records:
     """What became of each packet.
 
     Attributes:
-        rows: One for each packet, (N, 3 n_y + 4) [unit of y]: prediction, its std, measurement, nis,
-            outcome, channels left out and nanoseconds.
+        rows: One for each packet, (N, 3 n_y + 4) [unit of y]: prediction, its std, measurement,
+            nis, outcome, channels left out and nanoseconds.
     """
 
     rows: Array
