@@ -10,7 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.aerodynamics.model import aero_functions
-from patagium.dynamics import energy, equations, kinematics
+from patagium.dynamics import equations, kinematics
 from patagium.robot.attitude import (
     angles_from_quaternion,
     body_rates,
@@ -18,6 +18,7 @@ from patagium.robot.attitude import (
     rotation_from_quaternion,
 )
 from patagium.robot.model import Robot
+from patagium_lab.rivals import energy_form as energy
 
 ROUNDING = 1e-12  # relative to the largest entry: another order of summation
 SOLVED = 1e-9  # of D^-1: D's condition number is about 1e7 for the aerobats

@@ -14,9 +14,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from patagium.dynamics import energy
 from patagium.native.compiler import compiler_path
 from patagium.robot.model import Robot
+from patagium_lab.rivals import energy_form as energy
 from patagium_lab.rivals.compiled import (
     LONG_FLAGS,
     SHORT_FLAGS,

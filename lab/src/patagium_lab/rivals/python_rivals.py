@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics import energy
 from patagium.robot.model import Robot
+from patagium_lab.rivals import energy_form as energy
 from patagium_lab.rivals.mujoco_model import MujocoModel
 from patagium_lab.rivals.pinocchio_model import PinocchioModel
 from patagium_lab.rivals.symbolic_rival import (

@@ -6,9 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.dynamics import energy, equations
+from patagium.dynamics import equations
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
+from patagium_lab.rivals import energy_form as energy
 
 PRESETS = ("aerobat", "aerobat-published", "aerobat-beta", "yeo-wing")
 ROUNDING = 1e-12  # relative to the largest entry: two orders of summation of the same terms
