@@ -16,10 +16,10 @@ from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.record import load_log
 from patagium.sensing.logs.table import LogTable
-from patagium.sensing.motion.clocks import Shifts, estimate_shifts
-from patagium.sensing.motion.estimate import estimate_motion
+from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts
+from patagium.sensing.motion.estimate_motion import estimate_motion
+from patagium.sensing.motion.motion_tracker import MotionTracker
 from patagium.sensing.motion.smoothers import Kalman, SavitzkyGolay, Spline
-from patagium.sensing.motion.tracker import MotionTracker
 from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
 
 __all__ = [

@@ -7,13 +7,13 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.sensing.motion.chains import (
+from patagium.sensing.motion.kalman_smoother import (
     added_covariance,
     likely_density,
     smooth_chain,
     transition,
 )
-from patagium.sensing.motion.smoothers import merged
+from patagium.sensing.motion.smoothers import merged_times
 
 METHODS = [
     pt.sensing.Kalman(),
@@ -129,7 +129,7 @@ def test_the_acceleration_converges_as_noise_falls(rng) -> None:
 
 
 def test_times_of_two_sensors_meet_on_one_axis() -> None:
-    grid, places = merged(np.array([0.0, 0.1, 0.2]), np.array([0.1 + 1e-11, 0.15]))
+    grid, places = merged_times(np.array([0.0, 0.1, 0.2]), np.array([0.1 + 1e-11, 0.15]))
     np.testing.assert_array_equal(grid, [0.0, 0.1, 0.15, 0.2])
     np.testing.assert_array_equal(places, [1, 2])
 

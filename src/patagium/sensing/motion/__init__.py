@@ -1,1 +1,1 @@
-"""How the robot moved, from what its sensors saw."""
+"""Motion of a robot from its sensors: clocks, smoothers, filters and an online tracker."""

@@ -1,8 +1,8 @@
-"""A measured coordinate, its rate and acceleration by three methods behind one interface.
+"""Smoothers of a measured coordinate, its rate and acceleration: Kalman, spline, Savitzky-Golay.
 
-All are linear in the measurements, so that their covariance is exact for white noise: a Kalman
-smoother, a least-squares spline, a sliding polynomial (Savitzky-Golay). Neglected: what a spline
-or polynomial cannot follow; only the Kalman smoother's covariance allows for that.
+All three are linear in the measurements, so that their covariance is exact for white noise.
+Neglected: motion that a spline or polynomial cannot follow; only the covariance of the Kalman
+smoother allows for it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from patagium.errors import LogError, ParameterError
-from patagium.sensing.motion.chains import MOTION_ORDERS, likely_density, smooth_chain
+from patagium.sensing.motion.kalman_smoother import MOTION_ORDERS, likely_density, smooth_chain
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,8 @@ class Smoothed(NamedTuple):
     """Coordinates with two derivatives.
 
     Attributes:
-        state: Coordinate, rate, acceleration, (M, B, 3).
-        covariance: Of those, (M, B, 3, 3).
+        state: Coordinate, rate, acceleration, (M, B, 3) [unit, unit/s, unit/s^2].
+        covariance: Covariance of the state, (M, B, 3, 3) [unit^2, unit^2/s, ...].
     """
 
     state: Array
@@ -34,23 +34,33 @@ class Smoothed(NamedTuple):
 
 
 class Smoother(Protocol):
-    """A way from measured coordinates to rates and accelerations."""
+    """Smoother that gives rates and accelerations of measured coordinates."""
 
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        """Coordinates and two derivatives at given times.
+
+        Args:
+            time: Times of the samples, (N,) [s].
+            values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
+            std: Standard deviation of the samples, (B,) or one for all [unit].
+            at: Times of the result, (M,) [s]; None for those of the samples.
+
+        Raises:
+            LogError: If there are too few samples.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Kalman:
-    """A chain of integrators driven by white noise, smoothed forwards and backwards.
+    """Kalman smoother of a chain of integrators driven by white noise.
 
     Args:
         order: 3 for white jerk, 4 for white snap.
-        density: Of that noise, one for all coordinates [unit^2/s^(2 order - 1)]; None: the one
-            that makes the measurements most likely, for each coordinate.
+        density: Density of that noise, one for all coordinates [unit^2/s^(2 order - 1)]; None
+            takes the most likely one for each coordinate.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -68,14 +78,14 @@ class Kalman:
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
         density = self.density
         drive = (
             likely_density(time, values, std, order=self.order)
             if density is None
             else np.full(values.shape[1], density)
         )
-        grid, rows = merged(time, time if at is None else at)
+        grid, rows = merged_times(time, time if at is None else at)
         known = np.full((len(grid), values.shape[1]), np.nan)
         known[np.searchsorted(grid, time)] = values
         found = smooth_chain(grid, known, std, drive, order=self.order)
@@ -84,10 +94,10 @@ class Kalman:
 
 @dataclass(frozen=True)
 class Spline:
-    """Least squares on a spline of degree five.
+    """Least-squares spline of degree five.
 
     Args:
-        knot_step: Between knots, several samples [s].
+        knot_step: Time between knots, several samples [s].
 
     Raises:
         ParameterError: If it is not positive.
@@ -102,7 +112,7 @@ class Spline:
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
         degree = 5
         times = time if at is None else at
         begin, end = min(time[0], times[0]), max(time[-1], times[-1])
@@ -127,11 +137,11 @@ class Spline:
 
 @dataclass(frozen=True)
 class SavitzkyGolay:
-    """A polynomial through the samples around each time, by least squares.
+    """Least-squares polynomial through the samples around each time.
 
     Args:
-        window: Width of what is taken [s].
-        degree: Of the polynomial, at least 2.
+        window: Width of the span of samples [s].
+        degree: Degree of the polynomial, at least 2.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -149,7 +159,7 @@ class SavitzkyGolay:
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates (N, B), NaN where missing, with noise (B,), smoothed at times (M,) [s]."""
+        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
         times = time if at is None else at
         spread = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         state = np.empty((len(times), values.shape[1], 3))
@@ -172,8 +182,8 @@ class SavitzkyGolay:
         return Smoothed(state, covariance)
 
 
-def merged(time: Array, at: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Times of both, increasing, and where those of the second stand; 1 ns apart is one time."""
+def merged_times(time: Array, at: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Times of both in order, and the places of the second; times within 1 ns are one."""
     both = np.concatenate([time, at])
     order = np.argsort(both, kind="stable")
     ordered = both[order]
@@ -186,7 +196,7 @@ def merged(time: Array, at: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _local(stamps: Array, now: float, half: float, degree: int) -> Array:
-    """Weights of samples in value, rate and acceleration of their polynomial, (3, K)."""
+    """Weights of K samples in value, rate and acceleration of their polynomial, (3, K)."""
     powers = ((stamps - now) / half)[:, None] ** np.arange(degree + 1)
     inverse = np.linalg.pinv(powers)[:3]
     return np.asarray(inverse * np.array([1.0, 1 / half, 2 / half**2])[:, None])
@@ -201,7 +211,7 @@ def _basis(knots: Array, times: Array, degree: int, derivative: int) -> Array:
 def _projection(
     knots: Array, time: Array, degree: int, rows: list[Array], step: float
 ) -> tuple[Array, Array]:
-    """Weights of the samples, (3, M, N), and covariance for noise of deviation one, (M, 3, 3)."""
+    """Weights of the samples, (3, M, N), and covariance for noise of variance one, (M, 3, 3)."""
     design = _basis(knots, time, degree, 0)
     normal = design.T @ design
     try:

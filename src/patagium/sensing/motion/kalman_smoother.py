@@ -1,8 +1,8 @@
-"""Motion of one coordinate as a chain of integrators driven by white noise: its filter, smoother.
+"""Kalman filter and smoother of coordinates that are chains of integrators driven by white noise.
 
 Order 3 is a Wiener process of the acceleration (white jerk), order 4 one of the jerk (white
-snap). Many coordinates measured at the same times go through one pass. Linear and exact: what a
-nonlinear filter is held against. Neglected: measurements of anything but the coordinate.
+snap). Many coordinates measured at the same times go through one pass. Only coordinates are
+measured, not their rates. The result is exact for this linear model.
 """
 
 from __future__ import annotations
@@ -19,20 +19,23 @@ Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4, 5)
 MOTION_ORDERS = (3, 4, 5)
-"""Orders of a chain that has an acceleration and a rate of it that is continuous, or white."""
-_DIFFUSE = 3.0  # deviation of the start, in largest changes between measurements
-_REACHES = ((-14.0, 8.0, 45), (-0.5, 0.5, 21))  # powers of ten of the noise's variance a step
+"""Orders of a chain that has an acceleration."""
+_DIFFUSE = 3.0
+"""Initial standard deviation, in largest changes between measurements."""
+_REACHES = ((-14.0, 8.0, 45), (-0.5, 0.5, 21))
+"""Grids of the search for a density, in powers of ten: from, to, number of points."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """A smoothed coordinate and its derivatives.
+    """Smoothed coordinates with their derivatives.
 
     Attributes:
         state: Coordinate, rate, acceleration (, jerk), (N, B, m) [unit, unit/s, ...].
-        covariance: Of those, (N, B, m, m).
-        log_likelihood: Of the measurements, each given those before it, (B,).
-        normalized: Innovations over their predicted deviation, (N, B); NaN where none.
+        covariance: Covariance of the state, (N, B, m, m) [unit^2, unit^2/s, ...].
+        log_likelihood: Log-likelihood of the measurements of each coordinate, (B,) [-].
+        normalized: Innovations over their predicted standard deviation, (N, B) [-]; NaN where
+            there is no measurement.
     """
 
     state: Array
@@ -42,11 +45,11 @@ class Chain:
 
 
 def transition(order: int, step: float) -> Array:
-    """Of a chain over a step: exp of the shift matrix, (m, m), in powers of [s].
+    """Transition matrix of a chain over a step, (m, m), in powers of [s].
 
     Args:
-        order: m.
-        step: [s].
+        order: Number m of levels.
+        step: Length of the step [s].
     """
     return np.array(
         [
@@ -57,11 +60,11 @@ def transition(order: int, step: float) -> Array:
 
 
 def added_covariance(order: int, step: float) -> Array:
-    """What white noise of density one adds to a chain over a step, (m, m).
+    """Covariance that white noise of density one adds to a chain over a step, (m, m).
 
     Args:
-        order: m.
-        step: [s].
+        order: Number m of levels.
+        step: Length of the step [s].
     """
     m = order
     return np.array(
@@ -85,21 +88,21 @@ def smooth_chain(
     order: int = 4,
     filtered: bool = False,
 ) -> Chain:
-    """Coordinates and their derivatives, given all measurements.
+    """Coordinates and their derivatives given all measurements.
 
-    Kalman filter forwards, Rauch-Tung-Striebel smoother backwards.
+    A Kalman filter runs forwards and a Rauch-Tung-Striebel smoother backwards.
 
     Args:
-        time: Increasing, (N,) [s].
-        values: Measured coordinates, (N, B); NaN where one was not measured.
-        std: Of their noise, (B,) or one for all, or (N, B).
-        density: Of the white noise that drives each, (B,) or one for all [unit^2/s^(2m-1)].
-        order: m.
-        filtered: Whether to stop before the smoother: given the measurements so far.
+        time: Increasing times, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
+        std: Standard deviation of the measurements, (B,), (N, B) or one for all [unit].
+        density: Density of the driving noise, (B,) or one for all [unit^2/s^(2m-1)].
+        order: Number m of levels.
+        filtered: Whether to leave out the smoother.
 
     Raises:
         ShapeError: If arrays do not fit each other.
-        ParameterError: If order, deviation or density cannot be.
+        ParameterError: If order, standard deviation or density is out of its range.
         LogError: If time does not advance, or a coordinate was never measured.
     """
     stamps, y, noise, drive = _checked(time, values, std, density, order)
@@ -113,19 +116,22 @@ def smooth_chain(
 
 
 def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order: int = 4) -> Array:
-    """Density of the driving noise that makes the measurements most likely, (B,).
+    """Density of the driving noise for which the measurements are most likely, (B,).
 
-    A grid over 22 powers of ten, refined about its best; all at once.
+    The search is a grid over 22 powers of ten, refined about its best point.
 
     Args:
-        time: Increasing, (N,) [s].
-        values: Measured coordinates, (N, B); NaN where one was not measured.
-        std: Of their noise, (B,) or one for all; above zero.
-        order: m.
+        time: Increasing times, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
+        std: Standard deviation of the measurements, (B,) or one for all, positive [unit].
+        order: Number m of levels.
+
+    Returns:
+        Density of each coordinate, (B,) [unit^2/s^(2m-1)].
 
     Raises:
         ShapeError: If arrays do not fit each other.
-        ParameterError: If order or deviation cannot be.
+        ParameterError: If order or standard deviation is out of its range.
         LogError: If time does not advance, or a coordinate was never measured.
     """
     stamps, y, noise, _ = _checked(time, values, std, 1.0, order)
@@ -140,7 +146,7 @@ def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order:
 
 
 def _likelihoods(stamps: Array, y: Array, noise: Array, density: Array, order: int) -> Array:
-    """Of each of (G, B) densities, (G, B)."""
+    """Log-likelihood for each of the densities, (G, B)."""
     tried, count = density.shape
     unit = float(np.median(np.diff(stamps)))
     drive = density.reshape(-1) * unit ** (2 * order - 1)
@@ -150,7 +156,7 @@ def _likelihoods(stamps: Array, y: Array, noise: Array, density: Array, order: i
 
 
 class _Pass:
-    """One pass over the measurements; time in steps."""
+    """One pass over the measurements, with time in units of the median step."""
 
     def __init__(
         self, time: Array, y: Array, noise: Array, drive: Array, order: int, keep: bool = True
@@ -232,7 +238,7 @@ def _even(matrices: Array) -> Array:
 
 
 def _solve(matrices: Array, right: Array) -> Array:
-    """A^-1 B for symmetric A, each scaled to a unit diagonal first."""
+    """Solutions A^-1 B for symmetric A, each scaled to a unit diagonal first."""
     scale = 1.0 / np.sqrt(np.maximum(np.einsum("...ii->...i", matrices), 1e-300))
     scaled = matrices * scale[..., :, None] * scale[..., None, :]
     return np.asarray(scale[..., None] * np.linalg.solve(scaled, scale[..., None] * right))

@@ -1,9 +1,9 @@
-"""What sensors should show of a robot's motion, and how that changes with each part of it.
+"""Kinematics of a sensor's frame on a robot, with derivatives with respect to the motion.
 
-A floating body's attitude is a reference rotation and a small rotation vector about it, in body
-axes: no angle of Euler is ever differenced. Everything is seen from the reference's axes, where
-the Euler angles of the equations are zero and cannot be singular. Neglected: several floating
-bodies.
+The attitude of a floating body is a reference rotation and a small rotation vector about it, in
+body axes, so that Euler angles are never differenced. The equations are evaluated in the axes of
+the reference, where their Euler angles are zero and cannot be singular. A robot may have one
+floating body.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Base:
-    """Where a floating body's coordinates stand in q.
+class FloatingBase:
+    """Indices of the coordinates of a floating body in q.
 
     Attributes:
-        place: x, y, z, (3,).
-        turn: roll, pitch, yaw, (3,).
+        place: Indices of x, y, z, (3,).
+        turn: Indices of roll, pitch, yaw, (3,).
     """
 
     place: tuple[int, ...]
@@ -43,47 +43,50 @@ class Motion:
     """Motion at one instant, without singularities.
 
     Attributes:
-        levels: Position, velocity, acceleration (, jerk) of each coordinate, (m, n); those of
-            attitude are, level by level, zero, angular velocity in body axes [rad/s], and its
-            derivatives.
-        attitude: Body axes to world axes, (3, 3); the identity without a floating body.
+        levels: Position, velocity, acceleration (, jerk) of each coordinate, (m, n) [m, rad,
+            per s, per s^2 ...]; for attitude zero, angular velocity in body axes, its derivatives.
+        attitude: Rotation from body to world axes, (3, 3) [-]; the identity without a floating
+            body.
     """
 
     levels: Array
     attitude: Array
 
 
-def by_angles(robot: Robot) -> Robot:
-    """The same robot with roll, pitch and yaw for a floating body's attitude."""
+def with_euler_angles(robot: Robot) -> Robot:
+    """Robot with roll, pitch and yaw for the attitude of its floating body."""
     return robot if robot.coordinate_count == robot.dof else robot.with_attitude("euler")
 
 
-def base_of(robot: Robot) -> Base | None:
-    """The floating body's coordinates; None where there is none.
+def floating_base(robot: Robot) -> FloatingBase | None:
+    """Coordinates of the floating body; None without one.
 
     Raises:
-        ParameterError: If there are several.
+        ParameterError: If there are several floating bodies.
     """
     found = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
     if len(found) > 1:
         raise ParameterError("robot", "one floating body at most", f"{len(found)} of them")
-    return Base(tuple(found[0][:3]), tuple(found[0][3:])) if found else None
+    return FloatingBase(tuple(found[0][:3]), tuple(found[0][3:])) if found else None
 
 
 class FrameModel:
-    """A sensor's frame on a body as a function of the motion.
+    """Frame of a sensor on a body as a function of the motion.
 
     Args:
         robot: The machine.
-        body: Name of the body that carries it.
-        position: Of the frame from the body's origin, body axes, (3,) [m].
-        orientation: The frame's axes to body axes, (3, 3).
+        body: Name of the body that carries the sensor.
+        position: Position of the frame from the body's origin, body axes, (3,) [m].
+        orientation: Rotation from the frame's axes to body axes, (3, 3) [-].
+
+    Raises:
+        ParameterError: If the robot has no such body, or several floating bodies.
     """
 
     def __init__(
         self, robot: Robot, body: str, position: Sequence[float], orientation: Sequence[object]
     ) -> None:
-        self.robot, self.base = robot, base_of(robot)
+        self.robot, self.base = robot, floating_base(robot)
         self.offset = np.asarray(position, float)
         self.mount = np.asarray(orientation, float)
         self._both = np.kron(np.eye(2), self.mount.T)
@@ -101,10 +104,10 @@ class FrameModel:
         """Specific force and angular rate in the frame's axes, (6,), and their Jacobian.
 
         Args:
-            motion: Of the robot.
+            motion: Motion of the robot.
 
         Returns:
-            (6,) [m/s^2, rad/s], and its derivative with respect to the first three levels,
+            Both, (6,) [m/s^2, rad/s], and the derivative with respect to the first three levels,
             (6, 3, n).
         """
         seen, turn = self._from_reference(motion)
@@ -118,8 +121,12 @@ class FrameModel:
         """Specific force and angular rate in the frame's axes at many instants, (N, 6).
 
         Args:
-            levels: Position, velocity, acceleration of each coordinate, (N, 3, n).
-            attitude: N rotations of body axes to world axes.
+            levels: Position, velocity, acceleration of each coordinate, (N, 3, n) [m, rad, per s,
+                per s^2].
+            attitude: Rotations from body to world axes, N.
+
+        Returns:
+            Both, (N, 6) [m/s^2, rad/s].
         """
         seen, turn = levels.copy(), attitude.as_matrix()
         if self.base is not None:
@@ -131,14 +138,14 @@ class FrameModel:
         return np.asarray(shown.reshape(-1, 6))
 
     def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Where the frame is in the world, and how that changes with the positions.
+        """Pose of the frame in the world, and its derivative with respect to the coordinates.
 
         Args:
-            motion: Of the robot.
+            motion: Motion of the robot.
 
         Returns:
-            Position (3,) [m]; the frame's axes to world axes, (3, 3); derivatives of position in
-            world axes and of attitude in the frame's axes, (6, n).
+            Position (3,) [m]; rotation from the frame's axes to world axes, (3, 3) [-]; derivatives
+            of position in world axes and of attitude in the frame's axes, (6, n).
         """
         seen, turn = self._from_reference(motion)
         position, rotation, moved, turned = self._pose(seen[0], self.offset, self._parameters)
@@ -164,7 +171,7 @@ class FrameModel:
 
 
 def _functions(robot: Robot, body: int) -> list[ca.Function]:
-    """`inertial` and `pose` of a body, seen from the axes of the reference attitude."""
+    """Functions `inertial` and `pose` of a body in the axes of the reference attitude."""
     machine, p = robot.symbolic()
     levels = [ca.SX.sym(name, robot.dof) for name in ("position", "velocity", "acceleration")]
     up, offset = ca.SX.sym("up", 3), ca.SX.sym("offset", 3)
@@ -201,17 +208,16 @@ def _functions(robot: Robot, body: int) -> list[ca.Function]:
 def coordinates(
     robot: Robot, position: ca.SX, velocity: ca.SX, acceleration: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """q, v, a of a motion whose attitude is a rotation vector about the reference.
+    """Expressions of q, v, a for a motion whose attitude is a rotation vector, (n,) each.
 
-    To first order in the vector its components are roll, pitch and yaw.
+    To first order the components of the vector are roll, pitch and yaw.
     """
-    base = base_of(robot)
+    base = floating_base(robot)
     q, v, a = (ca.SX(part) for part in (position, velocity, acceleration))
     if base is None:
         return q, v, a
     turn = list(base.turn)
-    rate, bend = euler_rates(q[turn], v[turn], a[turn])
-    v[turn], a[turn] = rate, bend
+    v[turn], a[turn] = euler_rates(q[turn], v[turn], a[turn])
     return q, v, a
 
 
@@ -221,7 +227,7 @@ def euler_rates(angles: ca.SX, spin: ca.SX, spin_rate: ca.SX) -> tuple[ca.SX, ca
     Args:
         angles: Roll, pitch, yaw, (3,) [rad].
         spin: Angular velocity in body axes, (3,) [rad/s].
-        spin_rate: Its derivative, (3,) [rad/s^2].
+        spin_rate: Derivative of the angular velocity, (3,) [rad/s^2].
     """
     turned = ca.SX.sym("angles", 3)
     roll, pitch = turned[0], turned[1]
@@ -236,25 +242,25 @@ def euler_rates(angles: ca.SX, spin: ca.SX, spin_rate: ca.SX) -> tuple[ca.SX, ca
 
 
 def euler_function() -> NativeFunction:
-    """Compiled (angles, spin, spin rate) -> rates, second rates, and their Jacobian.
+    """Compiled function (angles, spin, spin rate) -> rates, second rates, and their Jacobian.
 
     The Jacobian, (9, 9), is of (roll, pitch, yaw and both derivatives) with respect to (small
     rotation in body axes, angular velocity, its derivative).
     """
 
     def build() -> list[ca.Function]:
-        angles, spin, bend = (ca.SX.sym(name, 3) for name in ("angles", "spin", "spin_rate"))
+        angles, spin, spin_rate = (ca.SX.sym(name, 3) for name in ("angles", "spin", "spin_rate"))
         small = ca.SX.sym("small", 3)
         moved = angles + euler_rates(angles, small, ca.SX.zeros(3, 1))[0]
-        first, second = euler_rates(moved, spin, bend)
+        first, second = euler_rates(moved, spin, spin_rate)
         whole = ca.vertcat(moved, first, second)
-        slope = ca.jacobian(whole, ca.vertcat(small, spin, bend))
+        slope = ca.jacobian(whole, ca.vertcat(small, spin, spin_rate))
         results = [ca.substitute(part, small, ca.DM.zeros(3, 1)) for part in (first, second, slope)]
         dense = [ca.densify(part) for part in results]
         return [
             ca.Function(
                 "euler",
-                [angles, spin, bend],
+                [angles, spin, spin_rate],
                 dense,
                 ["angles", "spin", "spin_rate"],
                 ["rates", "second_rates", "slope"],

@@ -1,7 +1,7 @@
-"""Rotations as matrices, and small ones as vectors, at the pace of a filter.
+"""Rotation matrices and rotation vectors of single rotations, fast enough for a filter.
 
-What `scipy.spatial.transform.Rotation` does for many at once, for one and without its checks.
-Neglected: matrices that are no rotations.
+`scipy.spatial.transform.Rotation` does the same for many rotations at once; for one its checks
+take most of the time.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 _SMALL = 1e-6
 
 
-def rotation_of(vector: Array) -> Array:
-    """Rotation by a rotation vector, (3,) [rad], as a matrix, (3, 3)."""
+def rotation_matrix(vector: Array) -> Array:
+    """Rotation matrix, (3, 3) [-], of a rotation vector, (3,) [rad]."""
     x, y, z = vector.tolist()
     square = x * x + y * y + z * z
     if square < _SMALL:
@@ -36,8 +36,8 @@ def rotation_of(vector: Array) -> Array:
     )
 
 
-def vector_of(matrix: Array) -> Array:
-    """Rotation vector of a rotation, (3,) [rad], no longer than half a turn."""
+def rotation_vector(matrix: Array) -> Array:
+    """Rotation vector, (3,) [rad], of a rotation matrix, at most half a turn long."""
     m = matrix.tolist()
     axis = np.array([m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]) / 2
     sine, cosine = sqrt(float(axis @ axis)), (m[0][0] + m[1][1] + m[2][2] - 1) / 2

@@ -1,7 +1,6 @@
-"""What each kind of sensor says of a motion: its residual, its slope, its noise.
+"""Measurement models of encoders, inertial units and cameras: residual, Jacobian and noise.
 
-Neglected: errors of an encoder's zero, of a load cell's or amplifier's scale; they are no part of
-the motion's noise.
+Neglected: the error of an encoder's zero.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError
 from patagium.robot import Robot
-from patagium.sensing.motion.attitude import vector_of
-from patagium.sensing.motion.model import FrameModel, Motion
+from patagium.sensing.motion.frame_model import FrameModel, Motion
+from patagium.sensing.motion.rotation_vectors import rotation_vector
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sensor import Sensor
@@ -25,37 +24,43 @@ from patagium.sensing.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 
 FLOOR = {"m": 2e-6, "rad": 1e-5, "rad/s": 1e-5, "m/s^2": 1e-4}
-"""Deviation below which no measurement is believed: a hundredth of what data sheets have."""
+"""Smallest standard deviation of a measurement by its unit: a hundredth of data sheet values."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample of a sensor.
+    """Sample of a sensor.
 
     Attributes:
-        name: Of the sensor.
-        values: What it showed; NaN where it did not.
+        name: Name of the sensor.
+        values: Measured values; NaN where one is missing.
     """
 
     name: str
     values: Array
 
 
-class Channel(Protocol):
-    """A sensor as the filter of motion sees it."""
+class MeasurementModel(Protocol):
+    """Model of a sensor for the motion filter.
+
+    Attributes:
+        biases: Whether the sensor has biases that the filter estimates.
+        bias_walk: Random walk of the biases, (6,) [m/s^2/sqrt(s), rad/s/sqrt(s)].
+        bias_std: Initial standard deviation of the biases, (6,) [m/s^2, rad/s].
+    """
 
     biases: bool
     bias_walk: Array
     bias_std: Array
 
     def rows(self, reading: xr.Dataset) -> Array:
-        """Samples of a reading, (N, k)."""
+        """Samples of a reading, (N, k), in the unit of the sensor."""
         ...
 
-    def compare(
+    def residual(
         self, motion: Motion, observation: Observation, bias: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Residual (k,), its slope with respect to levels (k, m', n), variance of noise (k,)."""
+        """Residual (k,), its Jacobian in the levels (k, m', n), noise variance (k,)."""
         ...
 
 
@@ -65,8 +70,8 @@ class _NoBias:
     bias_std: Array = np.zeros(0)
 
 
-class EncoderChannel(_NoBias):
-    """Coordinates as they are.
+class EncoderModel(_NoBias):
+    """Measurement model of an encoder: coordinates.
 
     Args:
         sensor: The encoder.
@@ -83,18 +88,18 @@ class EncoderChannel(_NoBias):
         """Coordinates, (N, k) [m, rad]."""
         return values_of(reading, "position", len(self.columns))
 
-    def compare(
+    def residual(
         self, motion: Motion, observation: Observation, bias: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Residual, slope and variance of what was shown."""
+        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
         seen = np.isfinite(observation.values)
         residual = observation.values - motion.levels[0, self.columns]
         variance = np.full(int(seen.sum()), self.std**2)
         return residual[seen], self._slope[seen], variance
 
 
-class ImuChannel:
-    """Specific force and angular rate, with biases that walk.
+class ImuModel:
+    """Measurement model of an inertial unit: specific force and angular rate with biases.
 
     Args:
         sensor: The unit.
@@ -125,17 +130,17 @@ class ImuChannel:
         parts = ("specific_force", "angular_rate")
         return np.hstack([values_of(reading, name, 3) for name in parts])
 
-    def compare(
+    def residual(
         self, motion: Motion, observation: Observation, bias: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Residual, slope and variance of what was shown."""
+        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
         expected, slope = self.frame.inertial(motion)
         residual = observation.values - expected - (0.0 if bias is None else bias)
         return residual, slope, self.variance
 
 
-class CaptureChannel(_NoBias):
-    """Position and attitude of a frame on a body.
+class CaptureModel(_NoBias):
+    """Measurement model of motion capture: position and attitude of a frame on a body.
 
     Args:
         sensor: The cameras.
@@ -152,40 +157,40 @@ class CaptureChannel(_NoBias):
         """Position and quaternion, (N, 7) [m, 1]."""
         return np.hstack([values_of(reading, "position", 3), values_of(reading, "quaternion", 4)])
 
-    def compare(
+    def residual(
         self, motion: Motion, observation: Observation, bias: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Residual, slope and variance of what was shown."""
+        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
         position, attitude, slope = self.frame.pose(motion)
         shown = from_quaternion(observation.values[3:]).as_matrix()
-        turned = vector_of(attitude.T @ shown)
+        turned = rotation_vector(attitude.T @ shown)
         residual = np.concatenate([observation.values[:3] - position, turned])
         return residual, slope[:, None, :], self.variance
 
 
-def channels_of(sensors: Mapping[str, Sensor], robot: Robot) -> dict[str, Channel]:
-    """The sensors that say something of motion, as the filter sees them.
+def measurement_models(sensors: Mapping[str, Sensor], robot: Robot) -> dict[str, MeasurementModel]:
+    """Measurement models of the sensors that see motion, by name.
 
     Args:
-        sensors: By name.
+        sensors: Sensors by name; load cells and motor currents are left out.
         robot: The machine.
     """
-    found: dict[str, Channel] = {}
+    found: dict[str, MeasurementModel] = {}
     for name, sensor in sensors.items():
         if isinstance(sensor, Encoder):
-            found[name] = EncoderChannel(sensor, robot)
+            found[name] = EncoderModel(sensor, robot)
         elif isinstance(sensor, Imu):
-            found[name] = ImuChannel(sensor, robot)
+            found[name] = ImuModel(sensor, robot)
         elif isinstance(sensor, MotionCapture):
-            found[name] = CaptureChannel(sensor, robot)
+            found[name] = CaptureModel(sensor, robot)
     return found
 
 
 def values_of(reading: xr.Dataset, name: str, size: int) -> Array:
-    """A variable of a reading, (N, size).
+    """Variable of a reading, (N, size), in the unit of the sensor.
 
     Raises:
-        LogError: If it has none of that name, or it has another shape.
+        LogError: If the reading has no such variable, or the variable has another shape.
     """
     if name not in reading:
         held = ", ".join(map(str, reading.data_vars))

@@ -1,8 +1,8 @@
-"""Motion of a robot by now, from samples as they come in, also those that come late.
+"""Online tracker of a robot's motion from samples that may come late.
 
-The filter of `estimate_motion` as it runs beside a robot: a sample that shows what was before
-others already used is put in its place, and what came after it is done again. Neglected: samples
-later than the memory; they are counted and left out.
+The tracker is the filter of `estimate_motion` beside a running robot. A late sample is inserted
+at its time, and the later samples are processed again. Samples later than the memory are counted
+and left out.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
-from patagium.sensing.motion.chains import MOTION_ORDERS
-from patagium.sensing.motion.estimate import in_coordinates
-from patagium.sensing.motion.filter import Belief, MotionFilter
-from patagium.sensing.motion.model import by_angles
-from patagium.sensing.motion.runs import Found, start
-from patagium.sensing.motion.sensors import Observation, channels_of
-from patagium.sensing.motion.streams import Stream
+from patagium.sensing.motion.estimate_motion import in_coordinates
+from patagium.sensing.motion.frame_model import with_euler_angles
+from patagium.sensing.motion.kalman_smoother import MOTION_ORDERS
+from patagium.sensing.motion.measurement_models import Observation, measurement_models
+from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
+from patagium.sensing.motion.motion_smoother import SmoothedMotion, initial_estimate
+from patagium.sensing.motion.sensor_streams import Stream
 from patagium.sensing.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -34,11 +34,11 @@ class MotionNow:
     """Motion at one time.
 
     Attributes:
-        time: [s].
+        time: Time [s].
         q: Generalized coordinates, (n,) [m, rad].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
-        covariance: Of [q, v, a], (3 n, 3 n).
+        covariance: Covariance of [q, v, a], (3 n, 3 n), in products of their units.
     """
 
     time: float
@@ -52,21 +52,22 @@ class MotionNow:
 class _Event:
     time: float
     observation: Observation
-    after: Belief
+    after: MotionEstimate
 
 
 class MotionTracker:
-    """Coordinates, velocities and accelerations that follow sensors online.
+    """Tracker of coordinates, velocities and accelerations.
 
-    It begins when every encoder and camera has shown something.
+    Tracking starts when every encoder and camera has given a sample.
 
     Args:
-        robot: The machine; roll, pitch and yaw stand for a quaternion of its.
-        sensors: Encoders, inertial units and cameras by name; others are left aside.
-        density: Of the white noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
-        order: Levels of each coordinate: 3 for white jerk, 4 for white snap.
-        shifts: What the stamps of a sensor are late, by its name [s].
-        memory: How late a sample may come [s].
+        robot: The machine; a quaternion is replaced by roll, pitch and yaw.
+        sensors: Encoders, inertial units and cameras by name; other sensors are left out.
+        density: Density of the white noise that drives each coordinate, (n,)
+            [unit^2/s^(2 order - 1)].
+        order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
+        shifts: Shift of late stamps by name of the sensor [s].
+        memory: Longest delay of a sample that is still used [s].
 
     Raises:
         ParameterError: If an argument is out of its range.
@@ -84,7 +85,7 @@ class MotionTracker:
         shifts: Mapping[str, float] | None = None,
         memory: float = 0.1,
     ) -> None:
-        robot, drive = by_angles(robot), np.array(density, float)
+        robot, drive = with_euler_angles(robot), np.array(density, float)
         if drive.shape != (robot.dof,):
             raise ShapeError("density", (robot.dof,), drive.shape)
         if not (np.isfinite(drive).all() and (drive > 0).all()):
@@ -92,35 +93,36 @@ class MotionTracker:
         if order not in MOTION_ORDERS:
             raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
         self.memory = positive("memory", memory)
-        self._channels = channels_of(sensors, robot)
-        if not self._channels:
+        self._models = measurement_models(sensors, robot)
+        if not self._models:
             raise LogError("sensors: expected encoders, inertial units or cameras, found none")
         self._shifts = dict(shifts or {})
-        self._filter = MotionFilter(robot, range(robot.dof), drive, order, self._channels)
+        self._filter = MotionFilter(robot, range(robot.dof), drive, order, self._models)
         self._waiting: dict[str, tuple[float, Array]] = {}
-        self._needed = {name for name, c in self._channels.items() if not c.biases}
+        self._needed = {name for name, c in self._models.items() if not c.biases}
         self._events: list[_Event] = []
         self.late = 0
 
     @property
     def started(self) -> bool:
-        """Whether every encoder and camera has shown something."""
+        """Whether every encoder and camera has given a sample."""
         return bool(self._events)
 
     def push(self, name: str, stamp: float, values: ArrayLike) -> None:
-        """Take one sample.
+        """Update with one sample.
 
         Args:
-            name: Of the sensor.
-            stamp: By the sensor's clock [s].
-            values: What it showed: coordinates; specific force and angular rate, (6,); or
-                position and quaternion w, x, y, z, (7,). NaN where something is missing.
+            name: Name of the sensor.
+            stamp: Stamp by the sensor's clock [s].
+            values: Coordinates [m, rad]; specific force and angular rate, (6,) [m/s^2, rad/s]; or
+                position and quaternion w, x, y, z, (7,) [m, -]. NaN where a value is missing.
 
         Raises:
             ParameterError: If there is no such sensor.
+            FilterDiverged: If the estimate is no longer finite.
         """
-        if name not in self._channels:
-            raise ParameterError("name", f"one of {', '.join(self._channels)}", name)
+        if name not in self._models:
+            raise ParameterError("name", f"one of {', '.join(self._models)}", name)
         row, time = np.asarray(values, float), stamp - self._shifts.get(name, 0.0)
         whole = name not in self._needed or len(row) == 7
         if not (np.isfinite(row).all() if whole else np.isfinite(row).any()):
@@ -136,10 +138,10 @@ class MotionTracker:
         """Motion after all samples so far.
 
         Args:
-            time: At or after the last sample [s]; None for that of the last sample.
+            time: Time at or after the last sample [s]; None for that of the last sample.
 
         Raises:
-            LogError: If it has not begun, or the time is before the last sample.
+            LogError: If tracking has not started, or the time is before the last sample.
         """
         if not self.started:
             missing = ", ".join(sorted(self._needed - set(self._waiting)))
@@ -148,12 +150,12 @@ class MotionTracker:
         span = 0.0 if time is None else time - last.time
         if span < 0:
             raise LogError(f"time: expected {last.time:.6g} s or later, found {time:.6g} s")
-        belief, _ = self._filter.predict(last.after, span)
+        estimate, _ = self._filter.predict(last.after, span)
         n = self._filter.robot.dof
-        found = Found(
-            belief.motion.levels[None, :3],
-            Rotation.from_matrix(belief.motion.attitude[None]),
-            belief.covariance[None, : 3 * n, : 3 * n],
+        found = SmoothedMotion(
+            estimate.motion.levels[None, :3],
+            Rotation.from_matrix(estimate.motion.attitude[None]),
+            estimate.covariance[None, : 3 * n, : 3 * n],
         )
         levels, covariance = in_coordinates(self._filter.robot, found)
         q, v, a = levels[0]
@@ -161,20 +163,20 @@ class MotionTracker:
 
     def _begin(self) -> None:
         streams = [
-            Stream(name, channel, np.array([time]), row[None])
-            for name, channel in self._channels.items()
+            Stream(name, model, np.array([time]), row[None])
+            for name, model in self._models.items()
             for time, row in [self._waiting.get(name, (np.inf, np.full(0, np.nan)))]
-            if name in self._waiting or channel.biases
+            if name in self._waiting or model.biases
         ]
-        belief = start(self._filter, streams)
+        estimate = initial_estimate(self._filter, streams)
         ordered = sorted(self._waiting.items(), key=lambda item: item[1][0])
         first = ordered[0][1][0]
         for name, (time, row) in ordered:
             past = self._events[-1].time if self._events else first
-            belief, _ = self._filter.predict(belief, time - past)
+            estimate, _ = self._filter.predict(estimate, time - past)
             observation = Observation(name, row)
-            belief, _ = self._filter.update(belief, [observation])
-            self._events.append(_Event(time, observation, belief))
+            estimate, _ = self._filter.update(estimate, [observation])
+            self._events.append(_Event(time, observation, estimate))
 
     def _place(self, time: float, observation: Observation) -> None:
         place = bisect_right([event.time for event in self._events], time)
@@ -186,9 +188,9 @@ class MotionTracker:
         del self._events[place:]
         for moment, seen in again:
             before = self._events[-1]
-            belief, _ = self._filter.predict(before.after, moment - before.time)
-            belief, _ = self._filter.update(belief, [seen])
-            self._events.append(_Event(moment, seen, belief))
+            estimate, _ = self._filter.predict(before.after, moment - before.time)
+            estimate, _ = self._filter.update(estimate, [seen])
+            self._events.append(_Event(moment, seen, estimate))
         oldest = self._events[-1].time - self.memory
         while len(self._events) > 1 and self._events[1].time < oldest:
             del self._events[0]

@@ -1,9 +1,9 @@
-"""What the stamps of sensors are late against each other: clocks and delays, from motion alone.
+"""Clock shifts between sensors, estimated from the motion that they all see.
 
-Inertial units are predicted from encoders and cameras that see the same bodies; each of those is
-moved in time until they are predicted best, a maximum of the likelihood with noise and biases of
-every axis unknown. Only the sum of delay and clock offset can be seen. Neglected: drift. Load cells
-and motors are not asked: where the motion is one sine, a delay and a drag look alike.
+Inertial units are predicted from encoders and cameras that see the same bodies. Each sensor is
+shifted in time until the prediction is best, a maximum of the likelihood with noise and biases of
+every axis unknown. Only the sum of delay and clock offset can be seen. Load cells and motors are
+left out: where the motion is one sine, a delay and a drag look alike. Neglected: drift of clocks.
 """
 
 from __future__ import annotations
@@ -19,28 +19,29 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
-from patagium.sensing.motion.model import Motion, by_angles
-from patagium.sensing.motion.runs import Part, smoothed_stream
-from patagium.sensing.motion.sensors import ImuChannel
+from patagium.sensing.motion.frame_model import Motion, with_euler_angles
+from patagium.sensing.motion.measurement_models import ImuModel
+from patagium.sensing.motion.motion_smoother import SensorMotion, smoothed_stream
+from patagium.sensing.motion.sensor_streams import Stream, streams_of
 from patagium.sensing.motion.smoothers import Kalman, Smoother
-from patagium.sensing.motion.streams import Stream, streams_of
 from patagium.sensing.sensors import SensorLog
 
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 2000
-_COARSE = 2e-3  # s between the shifts looked at first
+_COARSE = 2e-3
+"""Step of the first search over shifts [s]."""
 _SWEEPS = 3
 
 
 @dataclass(frozen=True)
 class Shifts:
-    """What stamps are late against those of one sensor.
+    """Shifts of the stamps of sensors against those of a reference.
 
     Args:
-        seconds: By name of the sensor; zero of the reference [s].
-        std: Of each, if errors were white; zero of the reference [s].
-        unlinked: Sensors that nothing ties to the reference.
+        seconds: Shift of each sensor by name, positive if its stamps are late [s].
+        std: Standard deviation of each shift for white errors; zero for the reference [s].
+        unlinked: Sensors that share no motion with the reference.
     """
 
     seconds: dict[str, float]
@@ -56,26 +57,26 @@ def estimate_shifts(
     robot: Robot | None = None,
     smoother: Smoother | None = None,
 ) -> Shifts:
-    """What the stamps of encoders, cameras and inertial units are late against each other.
+    """Clock shifts of encoders, cameras and inertial units against each other.
 
     Args:
-        log: With an inertial unit on a body that encoders or cameras see.
-        reference: The sensor whose stamps are taken as they are; None for the first inertial unit.
-        largest: Shift that is looked for [s].
-        robot: The machine; None for the log's.
-        smoother: Of encoders and cameras; None for a Kalman smoother.
+        log: Log with an inertial unit on a body that encoders or cameras see.
+        reference: Sensor whose stamps are taken as right; None for the first inertial unit.
+        largest: Largest shift of the search [s].
+        robot: The machine; None for that of the log.
+        smoother: Smoother of encoders and cameras; None for a Kalman smoother.
 
     Returns:
-        Seconds that each sensor's stamps are late, for `estimate_motion`.
+        Shifts of all linked sensors, for `estimate_motion`.
 
     Raises:
         LogError: If there is no inertial unit, or too little time in common.
-        ParameterError: If the reference is not among the sensors that are tied together.
+        ParameterError: If the reference is not among the sensors that are linked.
     """
     positive("largest", largest)
-    machine = by_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot if robot is None else robot)
     streams = streams_of(log, machine, {})
-    units = [s for s in streams if isinstance(s.channel, ImuChannel)]
+    units = [s for s in streams if isinstance(s.model, ImuModel)]
     if not units:
         raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
     search = _Search(machine, streams, units, largest, smoother or Kalman())
@@ -94,10 +95,10 @@ def estimate_shifts(
 
 @dataclass(frozen=True)
 class _Track:
-    """One sensor's motion at any time."""
+    """Motion seen by one sensor, interpolated in time."""
 
     stream: Stream
-    part: Part
+    part: SensorMotion
     levels: CubicSpline
     attitude: Slerp | None
 
@@ -108,7 +109,7 @@ class _Track:
 
 
 class _Search:
-    """Shifts that make inertial units predicted best, one sensor at a time."""
+    """Search for the shifts by which inertial units are predicted best."""
 
     def __init__(
         self,
@@ -130,7 +131,7 @@ class _Search:
         self.links = {unit.name: self._seen_by(unit) for unit in self.units}
 
     def run(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Seconds late and deviation of all that is tied to the first unit."""
+        """Shifts and their standard deviations of all sensors linked to the first unit [s]."""
         first = self.units[0].name
         late, spread = {first: 0.0}, {first: 0.0}
         for unit in self._in_order():
@@ -145,7 +146,7 @@ class _Search:
         return late, spread
 
     def _in_order(self) -> list[Stream]:
-        """Units, each after one that shares a sensor with it where there is such a one."""
+        """Inertial units, each after one that shares a sensor with it if possible."""
         left, order = list(self.units), []
         known: set[str] = set()
         while left:
@@ -156,17 +157,17 @@ class _Search:
         return order
 
     def _seen_by(self, unit: Stream) -> list[str]:
-        """Sensors that see coordinates which move a unit."""
+        """Names of the sensors that see coordinates which move an inertial unit."""
         rng = np.random.default_rng(0)
         motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), np.eye(3))
-        slope = np.abs(unit.channel.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
+        slope = np.abs(unit.model.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
         moving = set(np.flatnonzero(slope > 0).tolist())
         return [name for name, track in self.tracks.items() if moving & set(track.part.columns)]
 
     def _fit(
         self, unit: Stream, known: dict[str, float], free: list[str]
     ) -> tuple[dict[str, float], dict[str, float]]:
-        """Shifts of the free sensors, the others as they are, and their deviations."""
+        """Shifts of the free sensors with the others fixed, and their standard deviations [s]."""
         times, shown = self._samples(unit)
 
         def misfit(values: Array) -> float:
@@ -205,7 +206,7 @@ class _Search:
         return unit.time[chosen], unit.rows[chosen]
 
     def _misfit(self, unit: Stream, times: Array, shown: Array, late: dict[str, float]) -> float:
-        """Logarithm of what is left of each axis, summed."""
+        """Sum over the axes of the logarithm of the residual variance."""
         now = times - late[unit.name]
         levels = np.zeros((len(times), 3, self.robot.dof))
         attitude = Rotation.identity(len(times))
@@ -214,13 +215,13 @@ class _Search:
             state, turn = track.at(now + late[name])
             levels[:, :, list(track.part.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
-        expected = unit.channel.frame.expected(levels, attitude)  # type: ignore[attr-defined]
-        variance = np.var(shown - expected, axis=0) + unit.channel.variance  # type: ignore[attr-defined]
+        expected = unit.model.frame.expected(levels, attitude)  # type: ignore[attr-defined]
+        variance = np.var(shown - expected, axis=0) + unit.model.variance  # type: ignore[attr-defined]
         return float(np.log(variance).sum())
 
 
 def _curvature(function: Callable[[Array], float], at: Array) -> Array:
-    """Second derivatives by differences over 0.2 ms, (k, k)."""
+    """Second derivatives by differences over 0.2 ms, (k, k) [1/s^2]."""
     step, count = 2e-4, len(at)
     ways = step * np.eye(count)
     bend = np.empty((count, count))

@@ -1,8 +1,8 @@
-"""Coordinates, velocities and accelerations of a robot from what its sensors showed.
+"""Estimation of the coordinates, velocities and accelerations of a robot from a sensor log.
 
-Measurements of all rates meet on one time axis, each moved by what its clock and delay are off.
-Coordinates that one encoder alone sees are smoothed for themselves, the others together. Neglected:
-sensors that lie; biases of encoders and cameras.
+Measurements of all rates are put on one time axis, each shifted by its clock and delay.
+Coordinates that one encoder alone sees are smoothed by themselves, the others together. Neglected:
+faults of sensors; biases of encoders and cameras.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import ParameterError
 from patagium.robot import Robot
-from patagium.sensing.motion.chains import MOTION_ORDERS
-from patagium.sensing.motion.model import base_of, by_angles, euler_function
-from patagium.sensing.motion.runs import Found, by_kalman, by_smoother
+from patagium.sensing.motion.frame_model import euler_function, floating_base, with_euler_angles
+from patagium.sensing.motion.kalman_smoother import MOTION_ORDERS
+from patagium.sensing.motion.motion_smoother import SmoothedMotion, kalman_motion, smoothed_motion
+from patagium.sensing.motion.sensor_streams import common_times, noise_density, streams_of
 from patagium.sensing.motion.smoothers import Smoother
-from patagium.sensing.motion.streams import common_times, drive_of, streams_of
 from patagium.sensing.sensors import SensorLog
 
 Array = NDArray[np.float64]
@@ -37,53 +37,53 @@ def estimate_motion(
     smoother: Smoother | None = None,
     filtered: bool = False,
 ) -> xr.Dataset:
-    """Coordinates, velocities and accelerations given all of a log, with their covariance.
+    """Coordinates, velocities and accelerations with their covariance, given a whole log.
 
     Args:
-        log: Readings of encoders, inertial units and cameras; others are left aside.
-        robot: The machine; None for the log's.
-        shifts: What the stamps of a sensor are late, delay and clock together, by its name [s];
-            see `estimate_shifts`. Sensors not named are taken as they are.
-        times: Where the motion is wanted, (M,) [s]; None: the samples of the fastest sensor
-            that all others surround.
-        order: Levels of each coordinate: 3 for white jerk, 4 for white snap.
-        density: Of that noise, (n,) [unit^2/s^(2 order - 1)]; None: the most likely one.
-        smoother: Instead of the Kalman smoother, a spline or sliding polynomial through encoders
-            and cameras, without inertial units.
-        filtered: Whether only what was measured before a time counts for it, as online.
+        log: Readings of encoders, inertial units and cameras; other sensors are left out.
+        robot: The machine; None for that of the log.
+        shifts: Shift of late stamps, delay and clock together, by name of the sensor [s]; see
+            `estimate_shifts`. Sensors that are not named have no shift.
+        times: Times of the result, (M,) [s]; None for the samples of the fastest sensor within
+            the span of all others.
+        order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
+        density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None for the most likely.
+        smoother: Spline or sliding polynomial through encoders and cameras instead of the Kalman
+            smoother; inertial units are then left out.
+        filtered: Whether only measurements before a time count for it, as online.
 
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
-        [q, v, a], (time, 3 n, 3 n), and what it was made with as attributes; it carries the
-        robot, as a flight does, with roll, pitch and yaw if its attitude is a quaternion.
+        [q, v, a], (time, 3 n, 3 n), and the robot as attributes, with roll, pitch and yaw if its
+        attitude is a quaternion.
 
     Raises:
         LogError: If a coordinate is seen by no sensor, or readings cannot be used.
         ParameterError: If an argument is out of its range.
         ShapeError: If `density` is not (n,).
     """
-    machine = by_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot if robot is None else robot)
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})
     wanted = common_times(streams) if times is None else np.asarray(times, float)
     if smoother is not None:
-        found = by_smoother(machine, streams, wanted, smoother)
+        found = smoothed_motion(machine, streams, wanted, smoother)
     else:
-        drive = drive_of(machine, streams, density, order)
-        found = by_kalman(machine, streams, wanted, drive, filtered=filtered, order=order)
+        drive = noise_density(machine, streams, density, order)
+        found = kalman_motion(machine, streams, wanted, drive, filtered=filtered, order=order)
     levels, covariance = in_coordinates(machine, found)
     return _dataset(machine, wanted, levels, covariance, log)
 
 
-def in_coordinates(robot: Robot, found: Found) -> tuple[Array, Array]:
-    """q, v, a, (N, 3, n), and their covariance, (N, 3 n, 3 n), with Euler angles for attitude.
+def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
+    """Coordinates q, v, a, (N, 3, n), and their covariance, (N, 3 n, 3 n), with Euler angles.
 
     Args:
         robot: The machine.
-        found: The motion with its attitude apart.
+        found: Motion with its attitude as a rotation.
     """
-    levels, covariance, base = found.levels.copy(), found.covariance.copy(), base_of(robot)
+    levels, covariance, base = found.levels.copy(), found.covariance.copy(), floating_base(robot)
     if base is None:
         return levels, covariance
     turn, n = list(base.turn), robot.dof

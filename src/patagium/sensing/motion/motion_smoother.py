@@ -1,6 +1,6 @@
-"""The passes over a log: filter and smoother of coupled coordinates, chains of the others.
+"""Motion over a whole log: joint smoother of coupled coordinates, one smoother each for the others.
 
-Neglected: logs longer than memory; a filtered covariance is kept for each sample.
+A filtered covariance is kept in memory for each sample.
 """
 
 from __future__ import annotations
@@ -14,35 +14,37 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError
 from patagium.robot import Robot
-from patagium.sensing.motion.chains import smooth_chain
-from patagium.sensing.motion.filter import Belief, MotionFilter, Step
-from patagium.sensing.motion.model import FrameModel, Motion, base_of
-from patagium.sensing.motion.sensors import (
-    CaptureChannel,
-    EncoderChannel,
-    ImuChannel,
+from patagium.sensing.motion.frame_model import FrameModel, Motion, floating_base
+from patagium.sensing.motion.kalman_smoother import smooth_chain
+from patagium.sensing.motion.measurement_models import (
+    CaptureModel,
+    EncoderModel,
+    ImuModel,
     Observation,
 )
-from patagium.sensing.motion.smoothers import Smoother, merged
-from patagium.sensing.motion.streams import Stream, camera_of, encoded
+from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter, Step
+from patagium.sensing.motion.sensor_streams import Stream, encoded_coordinates, first_camera
+from patagium.sensing.motion.smoothers import Smoother, merged_times
 from patagium.sensing.sensors import from_quaternion
 
 Array = NDArray[np.float64]
 
 UNKNOWN = (1e-1, 3e1, 3e2)
-"""Deviation of position, rate, acceleration before any sample at least [m or rad, per s, s^2]."""
-_MEMORY = 0.5  # s of driving noise that the start may owe itself to
+"""Least standard deviation of position [m, rad], rate and acceleration before any sample."""
+_MEMORY = 0.5
+"""Time over which driving noise may have built up the initial motion [s]."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A motion at times, attitude apart.
+class SmoothedMotion:
+    """Motion at given times, with the attitude as a rotation.
 
     Attributes:
-        levels: Position, velocity, acceleration of each coordinate, (M, 3, n); for attitude
-            zero, angular velocity and its derivative in body axes.
-        attitude: Body axes to world axes, M rotations; the identity without a floating body.
-        covariance: Of the levels one after the other, small rotations for attitude, (M, 3 n, 3 n).
+        levels: Position, velocity, acceleration of each coordinate, (M, 3, n) [m, rad, per s,
+            per s^2]; for attitude zero, angular velocity and its derivative in body axes.
+        attitude: Rotations from body to world axes, M; the identity without a floating body.
+        covariance: Covariance of the levels one after the other, with small rotations for
+            attitude, (M, 3 n, 3 n), in products of their units.
     """
 
     levels: Array
@@ -50,7 +52,7 @@ class Found:
     covariance: Array
 
 
-def by_kalman(
+def kalman_motion(
     robot: Robot,
     streams: Sequence[Stream],
     times: Array,
@@ -58,48 +60,59 @@ def by_kalman(
     *,
     order: int,
     filtered: bool,
-) -> Found:
-    """Motion by Kalman filter and, unless `filtered`, smoother.
+) -> SmoothedMotion:
+    """Motion by a Kalman filter and, unless `filtered`, a smoother.
 
     Args:
         robot: The machine.
-        streams: What was measured.
-        times: Where the motion is wanted, (M,) [s].
-        density: Of the noise that drives each coordinate, (n,).
-        order: Levels of each coordinate.
-        filtered: Whether to stop before the smoother.
+        streams: Measurements.
+        times: Times at which the motion is wanted, (M,) [s].
+        density: Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
+        order: Number of levels of each coordinate.
+        filtered: Whether to leave out the smoother.
+
+    Raises:
+        LogError: If a coordinate is seen by no sensor.
+        FilterDiverged: If the estimate or its covariance is lost.
     """
     n = robot.dof
     columns = coupled(robot, streams)
-    levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
-    _smooth_alone(robot, streams, times, density, order, filtered, columns, levels, covariance)
+    levels, covariance = _smooth_alone(
+        robot, streams, times, density, columns, order=order, filtered=filtered
+    )
     attitude = Rotation.identity(len(times))
     if columns:
         among = [s for s in streams if not _alone(s, columns)]
         run = _Run(robot, among, times, columns, density[columns], order)
-        beliefs = run.forwards(filtered) if filtered else run.both_ways()
-        attitude = Rotation.from_matrix(np.array([belief.motion.attitude for belief in beliefs]))
+        estimates = run.forwards(filtered) if filtered else run.smoothed()
+        attitude = Rotation.from_matrix(
+            np.array([estimate.motion.attitude for estimate in estimates])
+        )
         places = np.concatenate([np.array(columns) + level * n for level in range(3)])
         kept = 3 * len(columns)
-        for k, belief in enumerate(beliefs):
-            levels[k][:, columns] = belief.motion.levels[:3][:, columns]
-            covariance[k][np.ix_(places, places)] = belief.covariance[:kept, :kept]
-    return Found(levels, attitude, covariance)
+        for k, estimate in enumerate(estimates):
+            levels[k][:, columns] = estimate.motion.levels[:3][:, columns]
+            covariance[k][np.ix_(places, places)] = estimate.covariance[:kept, :kept]
+    return SmoothedMotion(levels, attitude, covariance)
 
 
 def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
-    """Coordinates that must be estimated together: all but those one encoder alone sees."""
-    base = base_of(robot)
+    """Coordinates that must be estimated together: all that more than one encoder depends on.
+
+    Raises:
+        LogError: If a coordinate is seen by no sensor.
+    """
+    base = floating_base(robot)
     found = set() if base is None else {*base.place, *base.turn}
     rng = np.random.default_rng(0)
     motion = Motion(rng.uniform(0.1, 1.0, (3, robot.dof)), np.eye(3))
     seen: list[int] = []
     for s in streams:
-        if isinstance(s.channel, EncoderChannel):
-            seen += s.channel.columns
+        if isinstance(s.model, EncoderModel):
+            seen += s.model.columns
             continue
-        frame: FrameModel = s.channel.frame  # type: ignore[attr-defined]
-        if isinstance(s.channel, ImuChannel):
+        frame: FrameModel = s.model.frame  # type: ignore[attr-defined]
+        if isinstance(s.model, ImuModel):
             slope = np.abs(frame.inertial(motion)[1]).max(axis=(0, 1))
         else:
             slope = np.abs(frame.pose(motion)[2]).max(axis=0)
@@ -113,9 +126,9 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
 
 
 def _alone(stream: Stream, columns: Sequence[int]) -> bool:
-    """Whether a stream sees nothing of the coupled coordinates."""
-    channel = stream.channel
-    return isinstance(channel, EncoderChannel) and not set(channel.columns) & set(columns)
+    """Whether a stream sees none of the coupled coordinates."""
+    model = stream.model
+    return isinstance(model, EncoderModel) and not set(model.columns) & set(columns)
 
 
 def _smooth_alone(
@@ -123,33 +136,35 @@ def _smooth_alone(
     streams: Sequence[Stream],
     times: Array,
     density: Array,
+    columns: Sequence[int],
+    *,
     order: int,
     filtered: bool,
-    columns: Sequence[int],
-    levels: Array,
-    covariance: Array,
-) -> None:
+) -> tuple[Array, Array]:
+    """Levels, (M, 3, n), and covariance, (M, 3 n, 3 n), of the coordinates not in `columns`."""
     n = robot.dof
+    levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
     for s in streams:
-        if not isinstance(s.channel, EncoderChannel):
+        if not isinstance(s.model, EncoderModel):
             continue
-        alone = [(k, i) for k, i in enumerate(s.channel.columns) if i not in columns]
+        alone = [(k, i) for k, i in enumerate(s.model.columns) if i not in columns]
         if not alone:
             continue
         picked, place = [k for k, _ in alone], np.array([i for _, i in alone])
-        grid, rows = merged(s.time, times)
+        grid, rows = merged_times(s.time, times)
         values = np.full((len(grid), len(alone)), np.nan)
         values[np.searchsorted(grid, s.time)] = s.rows[:, picked]
-        std = s.channel.std
+        std = s.model.std
         found = smooth_chain(grid, values, std, density[place], order=order, filtered=filtered)
         for i in range(3):
             levels[:, i, place] = found.state[rows, :, i]
             for j in range(3):
                 covariance[:, i * n + place, j * n + place] = found.covariance[rows, :, i, j]
+    return levels, covariance
 
 
 class _Run:
-    """Filter and smoother over the events of a log."""
+    """Filter and smoother over all measurements of a log in order of time."""
 
     def __init__(
         self,
@@ -161,87 +176,91 @@ class _Run:
         order: int,
     ) -> None:
         self.streams, self.order, self.columns = streams, order, columns
-        channels = {s.name: s.channel for s in streams}
-        self.filter = MotionFilter(robot, columns, density, order, channels)
-        grid, wanted = merged(np.concatenate([s.time for s in streams]), times)
+        models = {s.name: s.model for s in streams}
+        self.filter = MotionFilter(robot, columns, density, order, models)
+        grid, wanted = merged_times(np.concatenate([s.time for s in streams]), times)
         self.time, self.wanted = grid, wanted
         self.events: list[list[Observation]] = [[] for _ in grid]
         for s in streams:
-            whole = not isinstance(s.channel, EncoderChannel)
+            whole = not isinstance(s.model, EncoderModel)
             seen = np.isfinite(s.rows)
             usable = seen.all(axis=1) if whole else seen.any(axis=1)
             places = np.searchsorted(grid, s.time - 1e-9)
             for k in np.flatnonzero(usable).tolist():
                 self.events[places[k]].append(Observation(s.name, s.rows[k]))
 
-    def forwards(self, only_wanted: bool = False) -> list[Belief]:
-        """Beliefs after each event, or at the times wanted."""
-        belief = start(self.filter, self.streams)
-        kept: list[Belief] = []
+    def forwards(self, only_wanted: bool = False) -> list[MotionEstimate]:
+        """Estimates after each time of a measurement, or at the wanted times alone."""
+        estimate = initial_estimate(self.filter, self.streams)
+        kept: list[MotionEstimate] = []
         self.steps: list[Step] = []
         asked = set(self.wanted.tolist()) if only_wanted else set()
-        found: dict[int, Belief] = {}
+        found: dict[int, MotionEstimate] = {}
         for k, observations in enumerate(self.events):
             if k:
-                belief, step = self.filter.predict(belief, float(self.time[k] - self.time[k - 1]))
+                estimate, step = self.filter.predict(
+                    estimate, float(self.time[k] - self.time[k - 1])
+                )
                 self.steps.append(step)
             if observations:
-                belief, _ = self.filter.update(belief, observations)
+                estimate, _ = self.filter.update(estimate, observations)
             if not only_wanted:
-                kept.append(belief)
+                kept.append(estimate)
             elif k in asked:
-                found[k] = belief
+                found[k] = estimate
         return [found[k] for k in self.wanted.tolist()] if only_wanted else kept
 
-    def both_ways(self) -> list[Belief]:
-        """Beliefs at the times wanted, given everything."""
-        beliefs = self.forwards()
+    def smoothed(self) -> list[MotionEstimate]:
+        """Estimates at the wanted times, given all measurements."""
+        estimates = self.forwards()
         asked = set(self.wanted.tolist())
-        after = beliefs[-1]
-        found = {len(beliefs) - 1: after}
-        for k in range(len(beliefs) - 2, -1, -1):
-            after = self.filter.retrace(beliefs[k], self.steps[k], after)
-            beliefs.pop()
+        after = estimates[-1]
+        found = {len(estimates) - 1: after}
+        for k in range(len(estimates) - 2, -1, -1):
+            after = self.filter.smooth_back(estimates[k], self.steps[k], after)
+            estimates.pop()
             if k in asked:
                 found[k] = after
         return [found[k] for k in self.wanted.tolist()]
 
 
-def start(motion_filter: MotionFilter, streams: Sequence[Stream]) -> Belief:
-    """What is known before the first event: first samples, and otherwise next to nothing."""
+def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> MotionEstimate:
+    """Estimate before the first measurement: first samples with large standard deviations."""
     robot, order = motion_filter.robot, motion_filter.order
     levels, attitude = np.zeros((order, robot.dof)), np.eye(3)
-    for column, (s, k) in encoded(streams).items():
+    for column, (s, k) in encoded_coordinates(streams).items():
         seen = s.rows[np.isfinite(s.rows[:, k]), k]
         if len(seen) and column in motion_filter.columns:
             levels[0, column] = seen[0]
-    camera, base = camera_of(streams), base_of(robot)
-    if camera is not None and base is not None and isinstance(camera.channel, CaptureChannel):
+    camera, base = first_camera(streams), floating_base(robot)
+    if camera is not None and base is not None and isinstance(camera.model, CaptureModel):
         row = camera.rows[np.isfinite(camera.rows).all(axis=1)][0]
-        _, guessed, _ = camera.channel.frame.pose(Motion(levels, attitude))
+        _, guessed, _ = camera.model.frame.pose(Motion(levels, attitude))
         attitude = from_quaternion(row[3:]).as_matrix() @ guessed.T
-        place, _, _ = camera.channel.frame.pose(Motion(levels, attitude))
+        place, _, _ = camera.model.frame.pose(Motion(levels, attitude))
         levels[0, list(base.place)] += row[:3] - place
-    biases = [s.channel.bias_std for s in streams if s.channel.biases]
+    biases = [s.model.bias_std for s in streams if s.model.biases]
     owed = [
         np.sqrt(motion_filter.density * _MEMORY ** (2 * (order - 1 - k) + 1)) for k in range(order)
     ]
     least = np.zeros((order, 1))
     least[:3, 0] = UNKNOWN
     std = np.concatenate([np.maximum(owed, least).ravel(), *biases])
-    return Belief(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(std))
+    return MotionEstimate(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(std))
 
 
-def by_smoother(robot: Robot, streams: Sequence[Stream], times: Array, smoother: Smoother) -> Found:
-    """Motion through encoders and cameras alone, each coordinate for itself.
+def smoothed_motion(
+    robot: Robot, streams: Sequence[Stream], times: Array, smoother: Smoother
+) -> SmoothedMotion:
+    """Motion from encoders and cameras alone, each coordinate by itself.
 
     Attitude is smoothed as a quaternion, whose noise is half that of the angles.
 
     Args:
         robot: The machine.
-        streams: What was measured.
-        times: Where the motion is wanted, (M,) [s].
-        smoother: How.
+        streams: Measurements.
+        times: Times at which the motion is wanted, (M,) [s].
+        smoother: Smoother of each coordinate.
 
     Raises:
         LogError: If a coordinate is seen by no encoder, and by no camera on the floating body.
@@ -264,18 +283,18 @@ def by_smoother(robot: Robot, streams: Sequence[Stream], times: Array, smoother:
     if silent:
         names = ", ".join(robot.dof_names[i] for i in sorted(silent))
         raise LogError(f"log: expected encoders or cameras that see {names}, found none")
-    return Found(levels, attitude, covariance)
+    return SmoothedMotion(levels, attitude, covariance)
 
 
 @dataclass(frozen=True)
-class Part:
-    """What one sensor alone says of the motion.
+class SensorMotion:
+    """Motion of the coordinates that one sensor sees.
 
     Attributes:
-        columns: Coordinates it sees.
-        state: Position, velocity, acceleration of each, (M, k, 3).
-        covariance: Of those, (M, k, 3, 3).
-        attitude: M rotations; None from an encoder.
+        columns: Indices of the coordinates.
+        state: Position, velocity, acceleration of each, (M, k, 3) [m, rad, per s, per s^2].
+        covariance: Covariance of those three, (M, k, 3, 3), in products of their units.
+        attitude: Rotations from body to world axes, M; None from an encoder.
     """
 
     columns: tuple[int, ...]
@@ -284,41 +303,43 @@ class Part:
     attitude: Rotation | None
 
 
-def smoothed_stream(robot: Robot, stream: Stream, times: Array, smoother: Smoother) -> Part | None:
-    """What an encoder or cameras alone say of the motion; None of other sensors.
+def smoothed_stream(
+    robot: Robot, stream: Stream, times: Array, smoother: Smoother
+) -> SensorMotion | None:
+    """Motion from one encoder or camera system alone; None for other sensors.
 
     Args:
         robot: The machine.
-        stream: What was measured.
-        times: Where the motion is wanted, (M,) [s].
-        smoother: How.
+        stream: Measurements of the sensor.
+        times: Times at which the motion is wanted, (M,) [s].
+        smoother: Smoother of each coordinate.
 
     Raises:
         LogError: If cameras do not see the floating body.
     """
-    channel, base = stream.channel, base_of(robot)
-    if isinstance(channel, EncoderChannel):
-        found = smoother.smooth(stream.time, stream.rows, channel.std, times)
-        return Part(tuple(channel.columns), found.state, found.covariance, None)
-    if isinstance(channel, CaptureChannel) and base is not None:
+    model, base = stream.model, floating_base(robot)
+    if isinstance(model, EncoderModel):
+        found = smoother.smooth(stream.time, stream.rows, model.std, times)
+        return SensorMotion(tuple(model.columns), found.state, found.covariance, None)
+    if isinstance(model, CaptureModel) and base is not None:
         place, turn, attitude = _smooth_base(stream, times, smoother)
         state = np.concatenate([place[0], turn[0]], axis=1)
         spread = np.concatenate([place[1], turn[1]], axis=1)
-        return Part((*base.place, *base.turn), state, spread, attitude)
+        return SensorMotion((*base.place, *base.turn), state, spread, attitude)
     return None
 
 
 def _smooth_base(
     camera: Stream, times: Array, smoother: Smoother
 ) -> tuple[tuple[Array, Array], tuple[Array, Array], Rotation]:
-    """Place and turn of a floating body with their covariances, and its attitude."""
-    channel = camera.channel
-    if not isinstance(channel, CaptureChannel) or not channel.frame.on_base:
+    """Position and rotation of a floating body with covariances, and its attitude."""
+    model = camera.model
+    if not isinstance(model, CaptureModel) or not model.frame.on_base:
         raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
     seen = np.isfinite(camera.rows).all(axis=1)
-    std = np.sqrt(channel.variance)
+    std = np.sqrt(model.variance)
     place = smoother.smooth(camera.time[seen], camera.rows[seen, :3], std[:3], times)
-    mount = Rotation.from_matrix(channel.frame.mount)
+    mount = Rotation.from_matrix(model.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
     parts = shown.as_quat()
     flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
@@ -331,7 +352,7 @@ def _smooth_base(
     spin = 2 * _vector_part(four[:, :, 0], four[:, :, 1])
     bend = 2 * _vector_part(four[:, :, 0], four[:, :, 2])
     spread = 4 * turned.covariance[:, :3]
-    offset = channel.frame.offset
+    offset = model.frame.offset
     lever = np.tile(offset, (len(spin), 1))
     swing = np.cross(spin, lever)
     bow = np.cross(bend, lever) + np.cross(spin, swing)
@@ -341,7 +362,7 @@ def _smooth_base(
 
 
 def _vector_part(quaternion: Array, other: Array) -> Array:
-    """Of the product of a conjugate with another, (N, 3); x, y, z, w."""
+    """Vector part of the product of a conjugate quaternion with another, (N, 3) [-]; x, y, z, w."""
     u, w = -quaternion[:, :3], quaternion[:, 3:]
     p, s = other[:, :3], other[:, 3:]
     return np.asarray(w * p + s * u + np.cross(u, p))

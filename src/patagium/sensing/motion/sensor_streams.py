@@ -1,6 +1,6 @@
-"""Samples of sensors on one time axis, and how lively the motion is that they show.
+"""Samples of sensors on one time axis, and the noise density of the motion that they show.
 
-The density of the noise that drives each coordinate is the one that makes encoders and cameras
+The density of the noise that drives each coordinate is the one for which encoders and cameras are
 most likely, one coordinate at a time. Neglected: drift of clocks within a log.
 """
 
@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Robot
-from patagium.sensing.motion.chains import likely_density
-from patagium.sensing.motion.model import base_of
-from patagium.sensing.motion.sensors import (
-    CaptureChannel,
-    Channel,
-    EncoderChannel,
-    ImuChannel,
-    channels_of,
+from patagium.sensing.motion.frame_model import floating_base
+from patagium.sensing.motion.kalman_smoother import likely_density
+from patagium.sensing.motion.measurement_models import (
+    CaptureModel,
+    EncoderModel,
+    ImuModel,
+    MeasurementModel,
+    measurement_models,
 )
 from patagium.sensing.sensors import SensorLog, from_quaternion
 
@@ -35,40 +35,40 @@ class Stream:
     """Samples of one sensor on the common time axis.
 
     Attributes:
-        name: Of the sensor.
-        channel: How it sees the motion.
-        time: (N,) [s].
-        rows: (N, k); NaN where a sample was lost.
+        name: Name of the sensor.
+        model: Its measurement model.
+        time: Times of the samples, (N,) [s].
+        rows: Samples, (N, k) [m, rad, m/s^2, rad/s or 1]; NaN where a sample was lost.
     """
 
     name: str
-    channel: Channel
+    model: MeasurementModel
     time: Array
     rows: Array
 
 
 def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> list[Stream]:
-    """The sensors of a log that see motion, on one time axis.
+    """Streams of the sensors of a log that see motion.
 
     Args:
         log: The log.
         robot: The machine.
-        shifts: What stamps are late, by the name of the sensor [s].
+        shifts: Shift of late stamps by name of the sensor [s].
 
     Raises:
-        ParameterError: If a shift is of no sensor of the log.
+        ParameterError: If a shift is that of no sensor of the log.
         LogError: If stamps do not advance, or no sensor sees motion.
     """
     for name in shifts:
         if name not in log.readings:
             raise ParameterError("shifts", f"sensors among {', '.join(log.readings)}", name)
     found = []
-    for name, channel in channels_of(log.sensors, robot).items():
+    for name, model in measurement_models(log.sensors, robot).items():
         reading = log[name]
         stamps = np.asarray(reading["time"].values, float)
         if not (np.diff(stamps) > 0).all():
             raise LogError(f"{name}: expected stamps that advance")
-        found.append(Stream(name, channel, stamps - shifts.get(name, 0.0), channel.rows(reading)))
+        found.append(Stream(name, model, stamps - shifts.get(name, 0.0), model.rows(reading)))
     if not found:
         held = ", ".join(log.readings)
         raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
@@ -76,7 +76,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
 
 
 def common_times(streams: Sequence[Stream]) -> Array:
-    """Samples of the fastest sensor that all others surround, (M,) [s].
+    """Times of the fastest sensor within the span of all others, (M,) [s].
 
     Raises:
         LogError: If the sensors have no time in common.
@@ -89,34 +89,36 @@ def common_times(streams: Sequence[Stream]) -> Array:
     return np.asarray(chosen)
 
 
-def camera_of(streams: Sequence[Stream]) -> Stream | None:
-    """The first stream of motion capture; None where there is none."""
-    cameras = [s for s in streams if isinstance(s.channel, CaptureChannel)]
+def first_camera(streams: Sequence[Stream]) -> Stream | None:
+    """First stream of motion capture; None without one."""
+    cameras = [s for s in streams if isinstance(s.model, CaptureModel)]
     return cameras[0] if cameras else None
 
 
-def encoded(streams: Sequence[Stream]) -> dict[int, tuple[Stream, int]]:
-    """For each coordinate an encoder sees, the stream and the place in it."""
+def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, int]]:
+    """Stream and place in it of each coordinate that an encoder sees."""
     return {
         column: (s, k)
         for s in streams
-        if isinstance(s.channel, EncoderChannel)
-        for k, column in enumerate(s.channel.columns)
+        if isinstance(s.model, EncoderModel)
+        for k, column in enumerate(s.model.columns)
     }
 
 
-def drive_of(robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, order: int) -> Array:
+def noise_density(
+    robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, order: int
+) -> Array:
     """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
 
     Args:
         robot: The machine.
-        streams: What was measured.
-        given: Density of each, (n,); None: the most likely one.
-        order: Levels of each coordinate.
+        streams: Measurements.
+        given: Density of each, (n,) [unit^2/s^(2 order - 1)]; None takes the most likely one.
+        order: Number of levels of each coordinate.
 
     Raises:
-        ShapeError: If what is given is not (n,).
-        ParameterError: If it is not positive.
+        ShapeError: If `given` is not (n,).
+        ParameterError: If `given` is not positive.
         LogError: If a coordinate is seen by no encoder and no camera.
     """
     n = robot.dof
@@ -128,7 +130,7 @@ def drive_of(robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, o
             raise ParameterError("density", "positive numbers", drive.tolist())
         return drive
     drive = np.full(n, np.nan)
-    seen = encoded(streams)
+    seen = encoded_coordinates(streams)
     by_stream: dict[str, list[int]] = {}
     for column, (s, _) in seen.items():
         by_stream.setdefault(s.name, []).append(column)
@@ -136,9 +138,9 @@ def drive_of(robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, o
         stream = seen[columns[0]][0]
         values = stream.rows[:, [seen[i][1] for i in columns]]
         drive[columns] = _likely(stream, values, _std(stream), order)
-    base = base_of(robot)
+    base = floating_base(robot)
     if base is not None:
-        drive[[*base.place, *base.turn]] = _drive_of_base(streams, order)
+        drive[[*base.place, *base.turn]] = _density_of_base(streams, order)
     silent = [robot.dof_names[i] for i in np.flatnonzero(np.isnan(drive))]
     if silent:
         raise LogError(
@@ -148,21 +150,21 @@ def drive_of(robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, o
     return drive
 
 
-def _drive_of_base(streams: Sequence[Stream], order: int) -> Array:
-    """Of place and turn, (6,): the larger of what cameras and an inertial unit on it say."""
-    camera, found = camera_of(streams), np.full((2, 6), np.nan)
+def _density_of_base(streams: Sequence[Stream], order: int) -> Array:
+    """Density of position and rotation, (6,): the larger of cameras and an inertial unit."""
+    camera, found = first_camera(streams), np.full((2, 6), np.nan)
     if camera is None:
         return np.full(6, np.nan)
-    place, turn = captured(camera)
-    std = np.sqrt(getattr(camera.channel, "variance", np.full(6, np.nan)))
+    place, turn = captured_motion(camera)
+    std = np.sqrt(getattr(camera.model, "variance", np.full(6, np.nan)))
     found[0, :3] = _likely(camera, place, std[:3], order)
     found[0, 3:] = _likely(camera, turn, np.full(3, std[3:].mean()), order)
     for s in streams:
-        if isinstance(s.channel, ImuChannel) and s.channel.frame.on_base:
-            std = np.sqrt(s.channel.variance)
-            to_body = s.channel.frame.mount**2
+        if isinstance(s.model, ImuModel) and s.model.frame.on_base:
+            std = np.sqrt(s.model.variance)
+            to_body = s.model.frame.mount**2
             attitude = from_quaternion(camera.rows[np.isfinite(camera.rows).all(axis=1), 3:])
-            mount = getattr(camera.channel, "frame").mount  # noqa: B009
+            mount = getattr(camera.model, "frame").mount  # noqa: B009
             to_world = np.mean((attitude.as_matrix() @ mount.T) ** 2, axis=0)
             forces = _likely(s, s.rows[:, :3], std[:3], order - 2)
             found[1, :3] = to_world @ to_body @ forces
@@ -176,11 +178,11 @@ def _likely(stream: Stream, values: Array, std: ArrayLike, order: int) -> Array:
 
 
 def _std(stream: Stream) -> float:
-    return float(getattr(stream.channel, "std", np.nan))
+    return float(getattr(stream.model, "std", np.nan))
 
 
-def captured(camera: Stream) -> tuple[Array, Array]:
-    """Positions, and the sum of small turns in the frame's axes, (N, 3) each; NaN where lost."""
+def captured_motion(camera: Stream) -> tuple[Array, Array]:
+    """Positions [m] and summed small rotations in the frame's axes [rad], (N, 3) each."""
     seen = np.asarray(np.isfinite(camera.rows).all(axis=1))
     turn = np.full((len(camera.rows), 3), np.nan)
     attitude = from_quaternion(camera.rows[seen, 3:])

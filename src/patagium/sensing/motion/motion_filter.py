@@ -1,10 +1,11 @@
-"""Filter and smoother of a robot's motion from sensors that see different parts of it.
+"""Extended Kalman filter and smoother of a robot's motion from encoders, cameras and IMUs.
 
-Each coordinate is a chain of integrators driven by white noise; attitude is an error-state about a
+Each coordinate is a chain of integrators driven by white noise. Attitude is an error-state about a
 rotation (a rotation vector in body axes, reset after each measurement). Biases of inertial units
-are estimated with it. Extended Kalman filter, iterated where a measurement moves it far, and
-Rauch-Tung-Striebel smoother, both on square roots of the covariance: definite by construction,
-however exact the sensors. Neglected: what resets do to the covariance, of second order.
+are part of the state. The filter is iterated where a measurement moves it far; the smoother is
+that of Rauch, Tung and Striebel. Both work on square roots of the covariance, which stays positive
+definite however exact the sensors are. Neglected: the effect of resets on the covariance, which is
+of second order.
 
 References:
     Markley (2003), Attitude error representations for Kalman filtering; Rauch (1965),
@@ -23,26 +24,27 @@ from scipy.linalg import solve_triangular
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.robot import Robot
-from patagium.sensing.motion.attitude import rotation_of, vector_of
-from patagium.sensing.motion.chains import added_covariance, transition
-from patagium.sensing.motion.model import Base, Motion, base_of
-from patagium.sensing.motion.sensors import Channel, Observation
+from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base
+from patagium.sensing.motion.kalman_smoother import added_covariance, transition
+from patagium.sensing.motion.measurement_models import MeasurementModel, Observation
+from patagium.sensing.motion.rotation_vectors import rotation_matrix, rotation_vector
 
 Array = NDArray[np.float64]
 
-_MOST_LOOKS = 5
-_NEAR = np.array([1e-2, 1.0, 1.0])  # m or rad, and per s and s^2: slopes are the same there
+_MOST_ITERATIONS = 5
+_NEAR = np.array([1e-2, 1.0, 1.0])
+"""Changes of the levels within which slopes stay the same [m or rad, per s, per s^2]."""
 
 
 @dataclass(frozen=True)
-class Belief:
-    """Motion and biases with their covariance.
+class MotionEstimate:
+    """Mean and covariance of the motion and the biases.
 
     Attributes:
         motion: Mean of the motion.
-        biases: Of the inertial units, (6 units,) [m/s^2, rad/s].
-        root: S with covariance S S^T of (levels of the estimated coordinates one after the
-            other, biases), (s, s).
+        biases: Biases of the inertial units one after the other, (6 units,) [m/s^2, rad/s].
+        root: Square root S of the covariance S S^T of the error-state (levels of the estimated
+            coordinates one after the other, biases), (s, s), in the units of the state.
     """
 
     motion: Motion
@@ -51,17 +53,17 @@ class Belief:
 
     @property
     def covariance(self) -> Array:
-        """S S^T, (s, s)."""
+        """Covariance S S^T of the error-state, (s, s), in products of its units."""
         return np.asarray(self.root @ self.root.T)
 
 
 @dataclass(frozen=True)
 class Step:
-    """A prediction over a span, as the smoother needs it again.
+    """Prediction over a span of time, kept for the smoother.
 
     Attributes:
-        span: [s].
-        turned: Rotation vector of the attitude over it, body axes, (3,) [rad].
+        span: Length of the span [s].
+        turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
     """
 
     span: float
@@ -69,14 +71,17 @@ class Step:
 
 
 class MotionFilter:
-    """Mean and covariance of a motion that follows measurements.
+    """Kalman filter of a motion.
 
     Args:
         robot: The machine.
-        columns: Coordinates that are estimated; the others stay at zero and touch nothing.
-        density: Of the white noise that drives each, (n_columns,) [unit^2/s^(2m-1)].
-        order: m, levels of each coordinate.
-        channels: What is measured, by name of the sensor.
+        columns: Indices of the estimated coordinates; the others stay at zero.
+        density: Density of the white noise that drives each, (n_columns,) [unit^2/s^(2m-1)].
+        order: Number m of levels of each coordinate.
+        models: Measurement models by name of the sensor.
+
+    Raises:
+        ParameterError: If the robot has several floating bodies.
     """
 
     def __init__(
@@ -85,14 +90,14 @@ class MotionFilter:
         columns: Sequence[int],
         density: Array,
         order: int,
-        channels: Mapping[str, Channel],
+        models: Mapping[str, MeasurementModel],
     ) -> None:
         self.robot, self.order = robot, order
         self.columns = np.array(columns, int)
         self.density = np.asarray(density, float)
-        self._channels = dict(channels)
-        self._units = [name for name, channel in channels.items() if channel.biases]
-        self.base: Base | None = base_of(robot)
+        self._models = dict(models)
+        self._units = [name for name, model in models.items() if model.biases]
+        self.base: FloatingBase | None = floating_base(robot)
         n = len(self.columns)
         self.size = order * n + 6 * len(self._units)
         self._turn = (
@@ -100,47 +105,49 @@ class MotionFilter:
             if self.base is not None and set(self.base.turn) <= set(self.columns.tolist())
             else None
         )
-        walks = [np.asarray(channels[name].bias_walk) ** 2 for name in self._units]
+        walks = [np.asarray(models[name].bias_walk) ** 2 for name in self._units]
         self._walk = np.concatenate([np.zeros(0), *walks])
         self._cached: dict[float, tuple[Array, Array]] = {}
 
-    def bias_of(self, belief: Belief, name: str) -> Array:
-        """Bias of an inertial unit, (6,) [m/s^2, rad/s]."""
+    def bias_of(self, estimate: MotionEstimate, name: str) -> Array:
+        """Estimated bias of an inertial unit, (6,) [m/s^2, rad/s]."""
         k = self._units.index(name)
-        return belief.biases[6 * k : 6 * k + 6]
+        return estimate.biases[6 * k : 6 * k + 6]
 
-    def predict(self, belief: Belief, span: float) -> tuple[Belief, Step]:
-        """The motion a span later, and what led there.
+    def predict(self, estimate: MotionEstimate, span: float) -> tuple[MotionEstimate, Step]:
+        """Estimate after a span of time, and the step for the smoother.
 
         Args:
-            belief: Now.
-            span: Zero or more [s].
+            estimate: Estimate at the beginning.
+            span: Length of the span, zero or more [s].
         """
-        motion, step = self._moved(belief.motion, span)
-        root = _triangle(self._ahead(belief.root, step))
-        return Belief(motion, belief.biases, root), step
+        motion, step = self._predicted_motion(estimate.motion, span)
+        root = _lower_triangle(self._predicted_root(estimate.root, step))
+        return MotionEstimate(motion, estimate.biases, root), step
 
-    def update(self, belief: Belief, observations: Sequence[Observation]) -> tuple[Belief, float]:
-        """The motion given measurements made now.
+    def update(
+        self, estimate: MotionEstimate, observations: Sequence[Observation]
+    ) -> tuple[MotionEstimate, float]:
+        """Estimate given the measurements of one time.
 
         Args:
-            belief: Before them.
-            observations: All that was measured at this time.
+            estimate: Estimate before the measurements.
+            observations: All measurements of this time.
 
         Returns:
-            After them, and the normalized innovation squared.
+            Estimate after the measurements, and the normalized innovation squared.
 
         Raises:
             FilterDiverged: If the estimate or its covariance is not finite.
         """
-        now, change = belief, np.zeros(self.size)
-        for _ in range(_MOST_LOOKS):
-            residual, slope, variance = self._compared(now, observations)
+        now, change = estimate, np.zeros(self.size)
+        for _ in range(_MOST_ITERATIONS):
+            residual, slope, variance = self._residuals(now, observations)
             m = len(residual)
             # [R^1/2, H S; 0, S] made triangular: roots of the innovation's and the new covariance
-            rows = [np.hstack([np.diag(np.sqrt(variance)), slope @ belief.root])]
-            rows.append(np.hstack([np.zeros((self.size, m)), belief.root]))
-            corner = _triangle(np.vstack(rows))
+            rows = [np.hstack([np.diag(np.sqrt(variance)), slope @ estimate.root])]
+            rows.append(np.hstack([np.zeros((self.size, m)), estimate.root]))
+            corner = _lower_triangle(np.vstack(rows))
             innovation = residual + slope @ change
             before = change
             scaled = solve_triangular(corner[:m, :m], innovation, lower=True, check_finite=False)
@@ -151,58 +158,58 @@ class MotionFilter:
                     "cannot be weighed: the estimate is not finite; raise their deviation",
                     Outcome.NOT_FINITE,
                 )
-            now = self.corrected(belief, change)
+            now = self.corrected(estimate, change)
             if not self._is_far(change - before):
                 break
         return replace(now, root=corner[m:, m:]), float(scaled @ scaled)
 
     def _is_far(self, change: Array) -> bool:
-        """Whether a change is so large that slopes are others there."""
+        """Whether a change is so large that the measurements must be linearized again."""
         n = len(self.columns)
         moved = np.abs(change[: self.order * n].reshape(self.order, n)[:3]).max(axis=1)
         return bool((moved > _NEAR).any())
 
-    def _compared(
-        self, belief: Belief, observations: Sequence[Observation]
+    def _residuals(
+        self, estimate: MotionEstimate, observations: Sequence[Observation]
     ) -> tuple[Array, Array, Array]:
-        """Residuals of all observations, their slopes and variances."""
+        """Residuals of all observations, (k,), Jacobian, (k, s), and noise variances, (k,)."""
         residuals, slopes, noise = [], [], []
         for observation in observations:
-            channel = self._channels[observation.name]
-            bias = self.bias_of(belief, observation.name) if channel.biases else None
-            residual, slope, variance = channel.compare(belief.motion, observation, bias)
+            model = self._models[observation.name]
+            bias = self.bias_of(estimate, observation.name) if model.biases else None
+            residual, slope, variance = model.residual(estimate.motion, observation, bias)
             residuals.append(residual)
-            slopes.append(self._spread(slope, observation.name))
+            slopes.append(self._in_error_state(slope, observation.name))
             noise.append(variance)
         return np.concatenate(residuals), np.vstack(slopes), np.concatenate(noise)
 
-    def corrected(self, belief: Belief, change: Array) -> Belief:
-        """A motion moved by an error-state, (s,); its covariance as it was."""
+    def corrected(self, estimate: MotionEstimate, change: Array) -> MotionEstimate:
+        """Estimate with its mean moved by an error-state, (s,), and the same covariance."""
         n = len(self.columns)
-        levels = belief.motion.levels.copy()
+        levels = estimate.motion.levels.copy()
         levels[:, self.columns] += change[: self.order * n].reshape(self.order, n)
-        attitude = belief.motion.attitude
+        attitude = estimate.motion.attitude
         if self._turn is not None:
             turned = self.columns[self._turn]
-            attitude = attitude @ rotation_of(levels[0, turned])
+            attitude = attitude @ rotation_matrix(levels[0, turned])
             levels[0, turned] = 0.0
-        biases = belief.biases + change[self.order * n :]
-        return Belief(Motion(levels, attitude), biases, belief.root)
+        biases = estimate.biases + change[self.order * n :]
+        return MotionEstimate(Motion(levels, attitude), biases, estimate.root)
 
-    def apart(self, one: Belief, other: Belief) -> Array:
-        """The error-state that moves the other to the one, (s,)."""
+    def difference(self, one: MotionEstimate, other: MotionEstimate) -> Array:
+        """Error-state that moves the mean of `other` to that of `one`, (s,)."""
         levels = one.motion.levels[:, self.columns] - other.motion.levels[:, self.columns]
         if self._turn is not None:
-            levels[0, self._turn] = vector_of(other.motion.attitude.T @ one.motion.attitude)
+            levels[0, self._turn] = rotation_vector(other.motion.attitude.T @ one.motion.attitude)
         return np.concatenate([levels.ravel(), one.biases - other.biases])
 
     def advance(self, matrix: Array, step: Step) -> Array:
-        """F M: how an error-state, (s, k), is carried over a step."""
+        """Product F M of the transition matrix of a step with error-states M, (s, k)."""
         n = len(self.columns)
         moved = np.array(matrix)
         half = None
         if self._turn is not None:
-            half = rotation_of(-0.5 * step.turned)
+            half = rotation_matrix(-0.5 * step.turned)
             moved[self._turn] = half @ moved[self._turn]
         move, _ = self._blocks(step.span)
         main = moved[: self.order * n].reshape(self.order, -1)
@@ -211,31 +218,36 @@ class MotionFilter:
             moved[self._turn] = half @ moved[self._turn]
         return moved
 
-    def retrace(self, belief: Belief, step: Step, after: Belief) -> Belief:
-        """The motion given also what came after: one step of the smoother back.
+    def smooth_back(
+        self, estimate: MotionEstimate, step: Step, after: MotionEstimate
+    ) -> MotionEstimate:
+        """Estimate given also the later measurements: one step of the smoother.
 
         Args:
-            belief: Given what came before.
-            step: From there to the next.
-            after: The next, given everything.
+            estimate: Estimate of the filter.
+            step: Prediction from there to the next time.
+            after: Smoothed estimate of the next time.
+
+        Raises:
+            FilterDiverged: If the covariance is lost.
         """
-        ahead, _ = self.predict(belief, step.span)
-        forth = self._ahead(belief.root, step)
+        ahead, _ = self.predict(estimate, step.span)
+        forth = self._predicted_root(estimate.root, step)
         still = np.zeros((self.size, forth.shape[1] - self.size))
-        corner = _triangle(np.vstack([forth, np.hstack([belief.root, still])]))
+        corner = _lower_triangle(np.vstack([forth, np.hstack([estimate.root, still])]))
         first, across = corner[: self.size, : self.size], corner[self.size :, : self.size]
         gain = solve_triangular(first.T, across.T, check_finite=False).T
-        root = _triangle(np.hstack([corner[self.size :, self.size :], gain @ after.root]))
+        root = _lower_triangle(np.hstack([corner[self.size :, self.size :], gain @ after.root]))
         if not np.isfinite(root).all():
             raise FilterDiverged(
                 "motion smoother: the covariance was lost; raise the density or lower the order",
                 Outcome.COVARIANCE_LOST,
             )
-        moved = self.corrected(belief, gain @ self.apart(after, ahead))
+        moved = self.corrected(estimate, gain @ self.difference(after, ahead))
         return replace(moved, root=root)
 
-    def _ahead(self, root: Array, step: Step) -> Array:
-        """A wide root of the covariance a step later: [F S, root of what noise adds]."""
+    def _predicted_root(self, root: Array, step: Step) -> Array:
+        """Wide root of the predicted covariance, [F S, root of the process noise]."""
         main = self.order * len(self.columns)
         added = np.zeros((self.size, self.size))
         added[:main, :main] = self._blocks(step.span)[1]
@@ -243,7 +255,7 @@ class MotionFilter:
         added[rows, rows] = np.sqrt(self._walk * step.span)
         return np.hstack([self.advance(root, step), added])
 
-    def _moved(self, motion: Motion, span: float) -> tuple[Motion, Step]:
+    def _predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Step]:
         move, _ = self._blocks(span)
         levels = move @ motion.levels
         turned, attitude = np.zeros(3), motion.attitude
@@ -253,12 +265,12 @@ class MotionFilter:
             if self.order > 2:  # body axes turn while they turn
                 spin, bend = motion.levels[1, columns], motion.levels[2, columns]
                 turned += span**3 / 12 * np.cross(spin, bend)
-            attitude = attitude @ rotation_of(turned)
+            attitude = attitude @ rotation_matrix(turned)
             levels[0, columns] = 0.0
         return Motion(levels, attitude), Step(span, turned)
 
-    def _spread(self, slope: Array, name: str) -> Array:
-        """Derivative with respect to all levels, (k, m', n), as that to the error-state, (k, s)."""
+    def _in_error_state(self, slope: Array, name: str) -> Array:
+        """Jacobian with respect to the error-state, (k, s), from that to all levels, (k, m', n)."""
         n = len(self.columns)
         whole = np.zeros((len(slope), self.size))
         for level in range(min(slope.shape[1], self.order)):
@@ -281,6 +293,6 @@ class MotionFilter:
         return self._cached[key]
 
 
-def _triangle(wide: Array) -> Array:
-    """Lower triangular T, (k, k), with T T^T = A A^T, of a wide A, (k, l >= k)."""
+def _lower_triangle(wide: Array) -> Array:
+    """Lower triangular T, (k, k), with T T^T = A A^T for a wide A, (k, l >= k)."""
     return np.asarray(np.linalg.qr(wide.T, mode="r")).T
