@@ -120,14 +120,14 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
 
     def tick() -> None:
         tell_if_ended(view, "the learner goes on")
-        tally = status.tally
+        counters = status.counters
         feed.post(
-            samples=tally.samples,
-            failed=tally.samples - tally.learned + intake.dropped,
+            samples=counters.samples,
+            failed=counters.samples - counters.learned + intake.dropped,
             load=status.load,
-            nmse=tally.nmse_mean,
-            coverage=tally.coverage,
-            time_per_call=tally.duration(0.5),
+            nmse=counters.nmse_mean,
+            coverage=counters.coverage,
+            time_per_call=counters.duration(0.5),
         )
 
     return Shown((feed,), (Rhythm(PERIOD, tick),))

@@ -89,11 +89,11 @@ def stream(
     """
     from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
+    from patagium.live.counters import Counters
     from patagium.live.loop import Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
     from patagium.live.sources import PacketQueue, source_of
-    from patagium.live.tally import Tally
     from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
@@ -102,7 +102,7 @@ def stream(
     net = _network(machine, kind, layers, choice.activation, scale_by)
     student = resumed(choice.learner(net), state)
     pipeline = Pipeline(student, machine)
-    status, intake = Status(Tally(net.outputs, memory)), Intake()
+    status, intake = Status(Counters(net.outputs, memory)), Intake()
     columns = [column.name for column in packet_columns(machine)]
     queue = PacketQueue(room, len(columns), intake)
     rhythms = _saving(student, state, autosave)
@@ -224,7 +224,7 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
         if rewritten:
             sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline))
             sys.stderr.flush()
-        elif status.tally.samples and now - told > _NOW_AND_THEN:
+        elif status.counters.samples and now - told > _NOW_AND_THEN:
             told = now
             typer.echo(live_line(status, intake, pipeline), err=True)
 
@@ -243,17 +243,17 @@ def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
         intake: What came in, and what did not.
         pipeline: Where the learner says what it refused, left out or noticed.
     """
-    tally = status.tally
+    counters = status.counters
     words = ["waiting for packets"]
-    if tally.samples:
+    if counters.samples:
         words = [
-            f"{tally.samples} samples",
+            f"{counters.samples} samples",
             f"{status.rate:.0f}/s",
             f"load {status.load:.0%}",
-            f"NMSE {tally.nmse_mean:.2e}",
-            f"in the 95 % interval {tally.coverage:.1%}",
+            f"NMSE {counters.nmse_mean:.2e}",
+            f"in the 95 % interval {counters.coverage:.1%}",
         ]
-    counts = {**intake.counts, "gaps": status.gaps, "failed": tally.failed}
+    counts = {**intake.counts, "gaps": status.gaps, "failed": counters.failed}
     counts |= {"memory_resets": pipeline.memory_resets, **pipeline.learner.events}
     del counts["received"]
     words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]

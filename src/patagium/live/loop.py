@@ -1,8 +1,8 @@
-"""A learner beside a robot in flight: packets from a queue, learned as they come, told and kept.
+"""Loop of a learner beside a robot in flight: packets from a queue are learned as they come.
 
-The loop takes whatever waits, sends it through the pipeline in one call, and now and then says
-how it goes and keeps the state. It ends when the source ends or somebody stops it. Neglected:
-what else the machine does; what it could not take in time is counted by the queue.
+The loop takes whatever waits, sends it through the pipeline in one call, and now and then reports
+progress and keeps the state. It ends when the source ends or somebody stops it. What could not be
+taken in time is counted by the queue.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.live.counters import Counters
 from patagium.live.pipeline import Pipeline, Records
 from patagium.live.sources import PacketQueue
-from patagium.live.tally import Tally
 
 Array = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ BLOCK = 512
 """Packets that go through the pipeline in one call at most."""
 PATIENCE = 0.1
 """How long nothing may come before the loop looks around [s]."""
-_SPAN = 0.1  # s that a rate is counted over at least
-_USUAL = 5  # steps that show what is usual
+_SPAN = 0.1  # s: shortest time over which a rate is counted
+_USUAL = 5  # fewest steps of a call whose median is the usual step
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}
 
 
@@ -35,16 +35,16 @@ class Sink(Protocol):
     """Something that keeps packets and their records."""
 
     def append(self, packets: Array, records: Records) -> None:
-        """Keep more of them."""
+        """Keep more packets and their records."""
         ...
 
 
 @dataclass
 class Status:
-    """How a stream goes.
+    """Progress of a stream.
 
     Attributes:
-        tally: Running scores.
+        counters: Running scores.
         elapsed: Wall-clock time since the first packet [s].
         flown: Time that the packets' stamps span [s].
         busy: Time spent in calls [s].
@@ -52,7 +52,7 @@ class Status:
         gaps: Steps of the stamps that are longer than 1.5 usual ones (the median of a call).
     """
 
-    tally: Tally
+    counters: Counters
     elapsed: float = 0.0
     flown: float = 0.0
     busy: float = 0.0
@@ -61,17 +61,17 @@ class Status:
 
     @property
     def load(self) -> float:
-        """Time in calls over the time flown: above 1, the learner cannot follow; NaN at first."""
+        """Time in calls over the time flown; above 1 the learner cannot follow; NaN at first."""
         return self.busy / self.flown if self.flown > 0 else float("nan")
 
 
 @dataclass(frozen=True)
 class Rhythm:
-    """Something done again and again.
+    """Action repeated at a period.
 
     Attributes:
-        period: Between two times [s].
-        action: What.
+        period: Time between two calls [s].
+        action: Function that is called.
     """
 
     period: float
@@ -91,12 +91,12 @@ def follow(
     """Learn packets as they come, until there are no more.
 
     Args:
-        queue: Where they wait.
+        queue: Where the packets wait.
         pipeline: What they go through.
-        status: Kept up to date.
-        stop: Ends it, once what waits is learned or dropped.
+        status: Progress, kept up to date.
+        stop: Ends the loop, once what waits is learned or dropped.
         sink: Keeps packets and records.
-        rhythms: What else is done, each at its period, between two calls.
+        rhythms: Actions between two calls, each at its period.
         most: Packets to learn at most; None: all.
 
     Raises:
@@ -105,39 +105,39 @@ def follow(
     """
     due = [time.monotonic() + rhythm.period for rhythm in rhythms]
     clock = _Clock(status)
-    while most is None or status.tally.samples < most:
-        left = BLOCK if most is None else min(BLOCK, most - status.tally.samples)
+    while most is None or status.counters.samples < most:
+        left = BLOCK if most is None else min(BLOCK, most - status.counters.samples)
         packets = queue.take(left, PATIENCE)
         if packets is None or (stop.is_set() and not len(packets)):
             break
         if len(packets):
             clock.start()
             records = pipeline.run(packets)
-            clock.passed(packets, records)
+            clock.count(packets, records)
             if sink is not None:
                 sink.append(packets, records)
         now = time.monotonic()
         for number, rhythm in enumerate(rhythms):
             if now >= due[number]:
-                clock.look(now)
+                clock.update_rate(now)
                 rhythm.action()
                 due[number] = now + rhythm.period
 
 
 def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str, Any]:
-    """A stream in numbers, as JSON-able values.
+    """Summary of a stream, as JSON values.
 
     Args:
-        status: How it went.
-        queue: What it read from.
-        pipeline: What it went through.
+        status: Progress of the stream.
+        queue: Queue it read from.
+        pipeline: Pipeline it went through.
     """
-    tally = status.tally
+    counters = status.counters
     names = pipeline.learner.network.output_names
     return {
-        "samples": tally.samples,
-        "learned": tally.learned,
-        "failed": tally.failed,
+        "samples": counters.samples,
+        "learned": counters.learned,
+        "failed": counters.failed,
         **queue.intake.counts,
         "gaps": status.gaps,
         "memory_resets": pipeline.memory_resets,
@@ -146,16 +146,16 @@ def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str,
         "elapsed": status.elapsed,
         "flown": status.flown,
         "load": status.load,
-        "nmse": dict(zip(names, tally.nmse.tolist(), strict=True)),
-        "nmse_mean": tally.nmse_mean,
-        "coverage": tally.coverage,
-        "coverage_in_all": tally.coverage_in_all,
-        "time_per_call": {name: tally.duration(share) for name, share in _QUANTILES.items()},
+        "nmse": dict(zip(names, counters.nmse.tolist(), strict=True)),
+        "nmse_mean": counters.nmse_mean,
+        "coverage": counters.coverage,
+        "coverage_in_all": counters.coverage_in_all,
+        "time_per_call": {name: counters.duration(share) for name, share in _QUANTILES.items()},
     }
 
 
 class _Clock:
-    """Times of a stream."""
+    """Clock of a stream: wall-clock and flown time, rate and gaps of its stamps."""
 
     def __init__(self, status: Status) -> None:
         self._status = status
@@ -167,9 +167,9 @@ class _Clock:
         if self._began is None:
             self._began = self._seen = time.monotonic()
 
-    def passed(self, packets: Array, records: Records) -> None:
+    def count(self, packets: Array, records: Records) -> None:
         status = self._status
-        status.tally.add(records)
+        status.counters.add(records)
         status.busy += float(records.duration.sum())
         status.elapsed = time.monotonic() - (self._began or 0.0)
         steps = np.diff(packets[:, 0], prepend=self._last_stamp)
@@ -180,9 +180,9 @@ class _Clock:
         status.gaps += int((ahead > 1.5 * self._usual).sum())
         self._last_stamp = float(packets[-1, 0])
 
-    def look(self, now: float) -> None:
+    def update_rate(self, now: float) -> None:
         status = self._status
         if self._began is None or now <= self._seen + _SPAN:
             return
-        status.rate = (status.tally.samples - self._counted) / (now - self._seen)
-        self._seen, self._counted = now, status.tally.samples
+        status.rate = (status.counters.samples - self._counted) / (now - self._seen)
+        self._seen, self._counted = now, status.counters.samples

@@ -1,8 +1,8 @@
-"""One compiled call a sample: sensor packet, inverse dynamics, prediction, update.
+"""Pipeline from a sensor packet to an update: inverse dynamics, prediction, learning.
 
 Packets go in, a record of each comes out; between them there is no Python where there is a
-compiler and the learner's filter is compiled. Otherwise the same goes through `Learner.update`,
-with the same results but for rounding. Where the network remembers, what it remembers follows
+compiler and the learner's filter is compiled. Otherwise each sample goes through `learn`, with
+the same results but for rounding. Where the network remembers, what it remembers follows
 the packets (`LiveMemory`). Neglected: two threads on one learner.
 """
 
@@ -27,6 +27,7 @@ from patagium.learning.models.hidden import HiddenStripNetwork
 from patagium.learning.models.lag_memory import LiveLags
 from patagium.learning.models.live_memory import UNSEEN, LiveMemory
 from patagium.learning.models.network import Network
+from patagium.learning.prequential import learn
 from patagium.native import load_kernel
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import Column, SampleForm, packet_columns
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Records:
-    """What became of each packet.
+    """Records of packets: prediction, measurement and outcome of each.
 
     Attributes:
         rows: One for each packet, (N, 3 n_y + 4) [unit of y]: prediction, its std, measurement,
@@ -47,17 +48,17 @@ class Records:
 
     @property
     def prediction(self) -> Array:
-        """y predicted before it was learned, (N, n_y); NaN where none was made."""
+        """Prediction of y before it was learned, (N, n_y); NaN where none was made."""
         return self.rows[:, : self._outputs]
 
     @property
     def std(self) -> Array:
-        """Standard deviation of the measurement around it, noise included, (N, n_y)."""
+        """Standard deviation of measurement less prediction, noise included, (N, n_y)."""
         return self.rows[:, self._outputs : 2 * self._outputs]
 
     @property
     def measurement(self) -> Array:
-        """y by inverse dynamics, (N, n_y)."""
+        """Measurement y by inverse dynamics, (N, n_y)."""
         return self.rows[:, 2 * self._outputs : 3 * self._outputs]
 
     @property
@@ -67,7 +68,7 @@ class Records:
 
     @property
     def outcome(self) -> NDArray[np.int64]:
-        """`Outcome` of each update, (N,); what is not COMPLETED was not learned."""
+        """Outcome of each update, (N,); a sample that is not COMPLETED was not learned."""
         return self.rows[:, -3].astype(np.int64)
 
     @property
@@ -101,10 +102,10 @@ class _Pipeline(ctypes.Structure):
 
 
 class Pipeline:
-    """A learner fed with the packets of a robot's sensors.
+    """Learner fed with the packets of a robot's sensors.
 
-    Nothing that a packet holds raises: what could not be learned is said by its record, and
-    left the learner as it was.
+    Nothing that a packet holds raises: its record says what could not be learned, which left the
+    learner as it was.
 
     Args:
         learner: What learns; it goes on from where it stands, and is changed. Its network's
@@ -232,7 +233,7 @@ class Pipeline:
             record[3 * m + 3] = perf_counter_ns() - started
 
     def _sample(self, time: float, x: Array, y: Array, record: Array) -> Outcome:
-        """One sample recalled and learned; what became of it."""
+        """Outcome of one sample that is recalled and learned."""
         if self._memory is None:
             return _learned(self.learner, time, x, y, record)
         before = self.learner.weights
@@ -265,7 +266,7 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
 
 
 class _CompiledChain:
-    """The memory of one pipeline in C."""
+    """Pipeline in C: its struct, and all arrays that the struct points to."""
 
     def __init__(
         self,
@@ -306,7 +307,7 @@ class _CompiledChain:
 
 
 def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:
-    """The pipeline in C; None where a sample takes Python as well."""
+    """Pipeline in C; None where a sample takes Python as well."""
     if not isinstance(learner, FilterLearner):
         return None
     compiled, kernel = learner.compiled, load_kernel("pipeline")
@@ -322,7 +323,7 @@ def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:
 
 
 def _memory(learner: Learner) -> LiveMemory | None:
-    """What the learner keeps of what its network remembers; None without memory."""
+    """Memory of the learner's network; None without one."""
     network = learner.network
     if network.measured_inputs == network.inputs:
         return None
@@ -338,13 +339,13 @@ _OUTCOMES["refused"] = Outcome.NOT_FINITE
 
 
 def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -> Outcome:
-    """What became of a sample; its prediction and nis are written into its record."""
+    """Outcome of a sample; its prediction and nis are written into its record."""
     m, before = len(y), dict(learner.events)
     with contextlib.suppress(FilterDiverged):
         mean, covariance = learner.predict(x)
         record[:m], record[m : 2 * m] = mean, np.sqrt(np.diagonal(np.atleast_2d(covariance)))
     try:
-        innovation = learner.update(x, y, time)
+        update = learn(learner, x, y, time)
     except FilterDiverged as failure:
         return failure.outcome
     after = learner.events
@@ -352,6 +353,6 @@ def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -
         if after[event] > before[event]:
             record[: 2 * m] = np.nan if outcome in UNSEEN else record[: 2 * m]
             return outcome
-    record[3 * m] = getattr(learner, "nis", np.nan)
-    record[3 * m + 2] = float(np.isnan(innovation) @ 2.0 ** np.arange(m))
+    record[3 * m] = update.nis
+    record[3 * m + 2] = float(np.isnan(update.innovation) @ 2.0 ** np.arange(m))
     return Outcome.COMPLETED

@@ -18,8 +18,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
+from patagium.live.counters import Counters
 from patagium.live.pipeline import Pipeline, Records
-from patagium.live.tally import Tally
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.runge_kutta import times_of
@@ -89,7 +89,7 @@ class LiveFlight:
         self._felt = [robot.index(name) for name in subject.outputs]
         learner = None if pipeline is None else pipeline.learner
         self._feed = Feed(view.letters, subject, learner)
-        self._tally = Tally(len(subject.outputs), _MEMORY)
+        self._counters = Counters(len(subject.outputs), _MEMORY)
         self._every, self._share = every, every
         self._resets, self._paused = 0, False
         self._asked = (0.0, 0.0) if self._steering is None else (self._steering.frequency, 1.0)
@@ -220,7 +220,7 @@ class LiveFlight:
         records: Records = pipeline.run(chosen)
         spent = (time.thread_time() - began) / len(chosen)
         self._learned_for = _faded(self._learned_for, spent)
-        self._tally.add(records)
+        self._counters.add(records)
         self._feed.append(chosen, records)
         left = _SHARE * max(self._step - self._flown_for, 0.05 * self._step)
         self._share = max(self._every, math.ceil(self._learned_for / left))
@@ -231,11 +231,11 @@ class LiveFlight:
         facts["words"] = self._words()
         if self._gait is not None:
             facts["frequency"], facts["amplitude"] = self._gait.now(self._flying.time)
-        tally = self._tally
+        counters = self._counters
         if self._pipeline is not None:
-            facts |= {"samples": tally.samples, "failed": tally.samples - tally.learned}
-            facts |= {"nmse": tally.nmse_mean, "coverage": tally.coverage}
-            facts["time_per_call"] = tally.duration(0.5)
+            facts |= {"samples": counters.samples, "failed": counters.samples - counters.learned}
+            facts |= {"nmse": counters.nmse_mean, "coverage": counters.coverage}
+            facts["time_per_call"] = counters.duration(0.5)
         self._feed.post(**facts)
 
     def _words(self) -> str:

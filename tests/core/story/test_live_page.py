@@ -16,12 +16,12 @@ import patagium as pt
 from patagium.cli import live as live_words
 from patagium.cli.main import run
 from patagium.errors import ParameterError
+from patagium.live.counters import Counters
 from patagium.live.loop import Rhythm, Status, follow, summary
 from patagium.live.packets import Intake
 from patagium.live.pipeline import Pipeline
 from patagium.live.sender import flight_packets
 from patagium.live.sources import PacketQueue
-from patagium.live.tally import Tally
 from patagium.viewer import live_view
 from patagium.viewer.live_flight import LiveFlight, flight_subject
 from patagium.viewer.live_frames import Subject
@@ -53,7 +53,7 @@ def a_pipeline() -> Pipeline:
 
 def learned(packets: Any, pipeline: Pipeline, view: Any = None, at_half: Any = None) -> Any:
     """The stream as `patagium stream` learns it, beside a page or not."""
-    status, intake = Status(Tally(14, 500.0)), Intake()
+    status, intake = Status(Counters(14, 500.0)), Intake()
     queue = PacketQueue(len(packets), packets.shape[1], intake)
     queue.put(packets, waits=False)
     queue.close()

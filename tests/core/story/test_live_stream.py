@@ -20,6 +20,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.learning import load_learner
 from patagium.live import sources
+from patagium.live.counters import Counters
 from patagium.live.loop import Rhythm, Status, follow, summary
 from patagium.live.packets import Intake, datagrams
 from patagium.live.pipeline import Pipeline
@@ -31,7 +32,6 @@ from patagium.live.sources import (
     TextSource,
     start_reading,
 )
-from patagium.live.tally import Tally
 from patagium.sensing.force.air_force import packet_columns
 
 COUNT = 2000
@@ -73,7 +73,7 @@ def text_of(packets):
 
 def learned_from(source, pipeline, sink=None, rhythms=(), most=None, room=COUNT):
     queue, stop = PacketQueue(room, 57, Intake()), threading.Event()
-    status = Status(Tally(14, 500.0))
+    status = Status(Counters(14, 500.0))
     reader = start_reading(source, queue, stop)
     follow(queue, pipeline, status, stop, sink=sink, rhythms=rhythms, most=most)
     stop.set()
@@ -141,7 +141,7 @@ def test_what_found_no_room_is_counted(packets, pipeline):
     queue = PacketQueue(30, 57, Intake())
     reader = start_reading(source, queue, threading.Event())
     reader.join(10.0)  # nobody takes anything meanwhile
-    status = Status(Tally(14, 500.0))
+    status = Status(Counters(14, 500.0))
     follow(queue, pipeline, status, threading.Event())
     facts = summary(status, queue, pipeline)
     assert (facts["received"], facts["samples"], facts["dropped"]) == (100, 30, 70)
