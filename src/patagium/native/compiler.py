@@ -70,7 +70,7 @@ def _works(path: str) -> bool:
 
 
 @functools.cache
-def accepts(path: str, flag: str) -> bool:
+def compiler_accepts(path: str, flag: str) -> bool:
     """Whether a compiler knows a flag.
 
     Args:
@@ -155,7 +155,7 @@ def machine_identity(path: str) -> str:
 
 
 @contextmanager
-def alone(name: str) -> Iterator[None]:
+def build_lock(name: str) -> Iterator[None]:
     """Other processes that would make the same entry of the cache wait until it is there.
 
     Where files cannot be locked nobody waits, and the same may be made twice.
@@ -270,6 +270,6 @@ def load_kernel(
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
     sources = {f"{name}.c": (folder / f"{name}.c").read_text()}
-    with alone(short_hash(name, *macros, machine_identity(path))):
+    with build_lock(short_hash(name, *macros, machine_identity(path))):
         built = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
     return ctypes.CDLL(str(built / "library.so"))

@@ -213,7 +213,8 @@ def emit(function: ca.Function) -> str:
     def store(result: int, entry: int, value: str) -> str:
         return f"  r{result}[{entry}] = {value};"
 
-    lines += _body(graph, "double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
+    dialect = _Dialect("double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
+    lines += _Writer(graph, dialect).statements()
     return "\n".join([*lines, "}", ""])
 
 
@@ -258,7 +259,8 @@ def emit_batch(function: ca.Function) -> str:
     def store(result: int, entry: int, value: str) -> str:
         return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
 
-    lines += _body(graph, "lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
+    dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
+    lines += _Writer(graph, dialect).statements()
     return "\n".join([*lines, "  }", "}", ""])
 
 
@@ -305,68 +307,91 @@ def _literal(value: float) -> str:
     return repr(value) if value >= 0 else f"({value!r})"
 
 
-def _body(
-    graph: _Graph,
-    kind: str,
-    prefix: str,
-    load: Callable[[int, int], str],
-    store: Callable[[int, int, str], str],
-    angle_block: Callable[[list[int], int], list[str]],
-    angle_value: str,
-) -> list[str]:
-    """Statements in an order that lets each group of angles be taken at once."""
-    lines: list[str] = []
-    written = [node.op == ca.OP_CONST for node in graph.nodes]
-    where: dict[int, tuple[int, int]] = {}
-    stores: dict[int, list[tuple[int, int]]] = {}
-    for result, entry, k in graph.outputs:
-        stores.setdefault(k, []).append((result, entry))
+@dataclass(frozen=True)
+class _Dialect:
+    """Ways in which code for one state and code for many states differ.
 
-    def argument(k: int) -> str:
-        text = _operand(graph, k)
-        constant = graph.nodes[k].op == ca.OP_CONST
-        return f"lanes_broadcast({text})" if constant and kind == "lanes" else text
+    Attributes:
+        kind: C type of a number: "double" or "lanes".
+        prefix: Prefix of the names of C functions.
+        load: C text that reads an entry of an argument.
+        store: C statement that writes an entry of a result.
+        angle_block: C statements that take the sines and cosines of a group of angles.
+        angle_value: Format of a sine or cosine: stem, number of the group, place in it.
+    """
 
-    def value(k: int) -> str:
-        node = graph.nodes[k]
+    kind: str
+    prefix: str
+    load: Callable[[int, int], str]
+    store: Callable[[int, int, str], str]
+    angle_block: Callable[[list[int], int], list[str]]
+    angle_value: str
+
+
+class _Writer:
+    """Statements of a graph in an order that lets each group of angles be taken at once."""
+
+    def __init__(self, graph: _Graph, dialect: _Dialect) -> None:
+        self._graph, self._dialect = graph, dialect
+        self._lines: list[str] = []
+        self._written = [node.op == ca.OP_CONST for node in graph.nodes]
+        self._angles: dict[int, tuple[int, int]] = {}
+        self._stores: dict[int, list[tuple[int, int]]] = {}
+        for result, entry, k in graph.outputs:
+            self._stores.setdefault(k, []).append((result, entry))
+
+    def statements(self) -> list[str]:
+        """All statements of the graph."""
+        graph, store = self._graph, self._dialect.store
+        for number, group in enumerate(graph.angle_levels()):
+            for k in sorted(graph.needed_for(group)):
+                self._write(k)
+            self._lines += self._dialect.angle_block(group, number)
+            self._angles |= {angle: (number, position) for position, angle in enumerate(group)}
+        for k in range(len(graph.nodes)):
+            self._write(k)
+        for k, places in self._stores.items():
+            if graph.nodes[k].op == ca.OP_CONST:
+                value = self._argument(k)
+                self._lines.extend(store(result, entry, value) for result, entry in places)
+        return self._lines
+
+    def _write(self, k: int) -> None:
+        """Statements of a node that is not written yet."""
+        if self._written[k]:
+            return
+        self._written[k] = True
+        node, dialect = self._graph.nodes[k], self._dialect
+        if node.callee:
+            values = [self._argument(i) for i in node.inputs]
+            callee = self._graph.callees[node.callee]
+            self._lines.extend(_call_block(callee, f"call{k}", dialect.kind, values))
+            return
+        self._lines.append(f"  const {dialect.kind} t{k} = {self._value(node)};")
+        places = self._stores.get(k, ())
+        self._lines.extend(dialect.store(result, entry, f"t{k}") for result, entry in places)
+
+    def _argument(self, k: int) -> str:
+        text, constant = _operand(self._graph, k), self._graph.nodes[k].op == ca.OP_CONST
+        return f"lanes_broadcast({text})" if constant and self._dialect.kind == "lanes" else text
+
+    def _value(self, node: _Node) -> str:
+        """C expression of a node."""
         if node.op == ca.OP_INPUT:
-            return load(int(node.detail[0]), int(node.detail[1]))
+            return self._dialect.load(int(node.detail[0]), int(node.detail[1]))
         if node.op == ca.OP_CALL:
             return f"call{node.inputs[0]}_r{node.detail[0]}[{node.detail[1]}]"
         if node.op in (ca.OP_SIN, ca.OP_COS):
-            number, position = where[node.inputs[0]]
+            number, position = self._angles[node.inputs[0]]
             stem = "sine" if node.op == ca.OP_SIN else "cosine"
-            return angle_value.format(stem, number, position)
+            return self._dialect.angle_value.format(stem, number, position)
         template = _BINARY.get(node.op) or _UNARY.get(node.op)
         if template:
-            return template.format(*[_operand(graph, i) for i in node.inputs])
+            return template.format(*[_operand(self._graph, i) for i in node.inputs])
         if node.op not in _CALLS:
             raise ParameterError("expression", "operations that C can express", node.op)
-        return f"{prefix}{_CALLS[node.op]}({', '.join(argument(i) for i in node.inputs)})"
-
-    def write(k: int) -> None:
-        written[k] = True
-        node = graph.nodes[k]
-        if node.callee:
-            values = [argument(i) for i in node.inputs]
-            lines.extend(_call_block(graph.callees[node.callee], f"call{k}", kind, values))
-            return
-        lines.append(f"  const {kind} t{k} = {value(k)};")
-        lines.extend(store(result, entry, f"t{k}") for result, entry in stores.get(k, ()))
-
-    for number, group in enumerate(graph.angle_levels()):
-        for k in sorted(graph.needed_for(group)):
-            if not written[k]:
-                write(k)
-        lines += angle_block(group, number)
-        where |= {angle: (number, position) for position, angle in enumerate(group)}
-    for k in range(len(graph.nodes)):
-        if not written[k]:
-            write(k)
-    for k, places in stores.items():
-        if graph.nodes[k].op == ca.OP_CONST:
-            lines.extend(store(result, entry, argument(k)) for result, entry in places)
-    return lines
+        arguments = ", ".join(self._argument(i) for i in node.inputs)
+        return f"{self._dialect.prefix}{_CALLS[node.op]}({arguments})"
 
 
 def _call_block(callee: ca.Function, label: str, kind: str, values: list[str]) -> list[str]:

@@ -18,10 +18,10 @@ import casadi as ca
 
 from patagium.native.compiler import (
     STRAIGHT_LINE,
-    accepts,
-    alone,
     build,
+    build_lock,
     cache_folder,
+    compiler_accepts,
     compiler_path,
     machine_identity,
     short_hash,
@@ -74,17 +74,6 @@ def load_functions(
             for name, f in expressions.by_name().items()
         }
 
-    def texts() -> dict[str, str]:
-        functions = expressions.by_name()
-        signatures = [_signature(function).as_list() for function in functions.values()]
-        units = {
-            f"{name}_batch.c" if name in many_only else f"{name}.c": (
-                emit_batch(function) if name in many_only else emit(function)
-            )
-            for name, function in functions.items()
-        }
-        return units | {"signatures.json": json.dumps(signatures)}
-
     def batch_library(name: str) -> ctypes.CDLL:
         unit = f"{name}_batch.c"
         folder = _folder(
@@ -96,7 +85,7 @@ def load_functions(
         return ctypes.CDLL(str(folder / "library.so"))
 
     many = " ".join(["many only", *sorted(many_only)]) if many_only else ""
-    folder = _folder(path, key + many, texts, label)
+    folder = _folder(path, key + many, lambda: expressions.texts(many_only), label)
     library = ctypes.CDLL(str(folder / "library.so"))
     functions = {}
     for entry in json.loads((folder / "signatures.json").read_text()):
@@ -113,25 +102,25 @@ def load_functions(
 def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
     """Folder of the cache with the library of a key; its texts are made only when missing."""
     name = short_hash(key, source_digest(), machine_identity(path))
-    folder = _kept(name)
+    folder = _cached_folder(name)
     if folder is None:
-        with alone(name):
-            folder = _kept(name) or _made(path, name, texts, label)
+        with build_lock(name):
+            folder = _cached_folder(name) or _built_folder(path, name, texts, label)
     return folder
 
 
-def _kept(name: str) -> Path | None:
-    """Folder of the cache for an index, if it is there."""
+def _cached_folder(name: str) -> Path | None:
+    """Folder of the cache that an index names; None where there is none."""
     index = cache_folder() / f"index-{name}"
     folder = cache_folder() / index.read_text() if index.exists() else None
     return folder if folder is not None and (folder / "library.so").exists() else None
 
 
-def _made(path: str, name: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
-    """The same, made."""
+def _built_folder(path: str, name: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
+    """Folder of the cache with a library that is compiled now, and the index that names it."""
     units = texts()
     long = max(map(len, units.values())) > LONG
-    spared = [flag for flag in SPARED if long and accepts(path, flag)]
+    spared = [flag for flag in SPARED if long and compiler_accepts(path, flag)]
     folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
     scratch = cache_folder() / f"index-{name}.{os.getpid()}"
     scratch.write_text(folder.name)
@@ -172,6 +161,18 @@ class _Expressions:
         if self._functions is None:
             self._functions = {function.name(): function for function in self._build()}
         return self._functions
+
+    def texts(self, many_only: Collection[str]) -> dict[str, str]:
+        """C text of each function, and their signatures, by the name of the file."""
+        functions = self.by_name()
+        signatures = [_signature(function).as_list() for function in functions.values()]
+        units = {
+            f"{name}_batch.c" if name in many_only else f"{name}.c": (
+                emit_batch(function) if name in many_only else emit(function)
+            )
+            for name, function in functions.items()
+        }
+        return units | {"signatures.json": json.dumps(signatures)}
 
     def getter(self, name: str) -> Callable[[], ca.Function]:
         return lambda: self.by_name()[name]

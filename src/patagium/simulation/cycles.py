@@ -72,31 +72,34 @@ def cycle_statistics(
             f"found {time[-1] - time[0]:.6g} s"
         )
     robot = robot_of(flight)
-    signals = _signals(flight, robot, time)
     phase = np.arange(phases) / phases
     stamps = begin + beat * (np.arange(count)[:, None] + phase)
-    found = {name: np.interp(stamps, time, signal) for name, signal in signals.items()}
-    statistics = xr.Dataset(
+    signals = _signals(flight, robot, time).items()
+    found = {name: np.interp(stamps, time, signal) for name, signal in signals}
+    return xr.Dataset(
         {key: value for name, cycles in found.items() for key, value in _variables(name, cycles)},
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
+        attrs={"cycles": count, "period": beat, **_means(flight, robot, found)},
     )
-    speed = float(np.linalg.norm(_way(flight, robot)))
+
+
+def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
+    """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
+    speed = float(np.linalg.norm(_air_velocity(flight, robot)))
     weight = float(robot.gravity) * _mass(robot)
     driven = float(np.maximum(found["power"], 0.0).mean())
     moving = speed >= _HOVERING
-    statistics.attrs = {
-        "cycles": count,
-        "period": beat,
-        "mean_lift": float(found["lift"].mean()),
-        "mean_lift_gram_force": float(found["lift"].mean()) / GRAM_FORCE,
-        "mean_thrust": float(found["thrust"].mean()),
-        "mean_thrust_gram_force": float(found["thrust"].mean()) / GRAM_FORCE,
+    lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
+    return {
+        "mean_lift": lift,
+        "mean_lift_gram_force": lift / GRAM_FORCE,
+        "mean_thrust": thrust,
+        "mean_thrust_gram_force": thrust / GRAM_FORCE,
         "mean_power": float(found["power"].mean()),
         "mean_positive_power": driven,
         "airspeed": speed,
         "cost_of_transport": driven / (weight * speed) if moving and weight else float("nan"),
     }
-    return statistics
 
 
 def _variables(name: str, cycles: Array) -> list[tuple[str, tuple[str, Array, dict[str, str]]]]:
@@ -146,7 +149,7 @@ def _mass(robot: Robot) -> float:
     return sum(float(body.mass) for body in robot.bodies)
 
 
-def _way(flight: xr.Dataset, robot: Robot) -> Array:
+def _air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity through the air, (3,) [m/s]."""
     mass = _mass(robot)
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
@@ -156,7 +159,7 @@ def _way(flight: xr.Dataset, robot: Robot) -> Array:
 
 def _forward(flight: xr.Dataset, robot: Robot) -> Array:
     """Level direction of the way through the air, of the nose in hover, (3,)."""
-    level = _way(flight, robot) * np.array([1.0, 1.0, 0.0])
+    level = _air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
     yaw = _heading(flight["q"].values[0], robot)

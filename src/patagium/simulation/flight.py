@@ -24,8 +24,9 @@ from patagium.aerodynamics import (
 )
 from patagium.errors import FlightError, Outcome, PatagiumError
 from patagium.robot import Robot, load_robot_text
-from patagium.simulation.flight_equations import ADDED_WORK, LOAD_CELLS, STRIP_WIND, WORKS
+from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
 from patagium.simulation.internal_load_cells import InternalLoadCell
+from patagium.simulation.state_layout import ADDED_WORK, WORKS
 from patagium.version import __version__
 
 Array: TypeAlias = NDArray[np.float64]

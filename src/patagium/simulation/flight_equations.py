@@ -1,25 +1,15 @@
-"""Equations of flight with prescribed joints, as compiled functions of a flat state.
+"""Equations of flight with prescribed joints, as CasADi functions of a flat state.
 
-Passive coordinates are integrated; actuated ones (and a fixed body's) follow a
-table row exactly (partitioned dynamics). Works and the impulse of external forces
-ride along as states, so that audits are of the integrator's order. This module
-owns the layout of the state:
-
-    state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
-    row = [q, v, a of the prescribed coordinates, wind (3), what strips meet of a gust that
-           travels (9 a strip)]
-
-The last part of a row is not prescribed: the march looks it up where the strips are.
-
-A quaternion that is integrated is four of q and three of v. Its rate keeps its length but
-for the integrator's error, and nothing else depends on that length; so scaling it to one
-where a step begins is a projection onto what the flow keeps, and costs no order.
+Passive coordinates are integrated; actuated ones (and those of a body that a mount holds) follow a
+table row exactly (partitioned dynamics). The works of all forces and the impulse of the external
+ones are states too, so that audits are of the integrator's order. `state_layout` says where
+everything is in state and row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -28,6 +18,7 @@ from patagium.aerodynamics.gust_encounter import GUST, gust_rates, strip_delays,
 from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
+    BodyAddedMass,
     damping_force,
     fluid_energy,
     fluid_momentum,
@@ -40,22 +31,10 @@ from patagium.dynamics.equations import (
 )
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import Robot
-from patagium.simulation.internal_load_cells import (
-    CELL_COORDINATES,
-    InternalLoadCell,
-    with_load_cells,
-)
-from patagium.simulation.mounts import (
-    Mount,
-    floating_coordinates,
-    floating_dofs,
-    on_massless_mount,
-)
+from patagium.simulation.internal_load_cells import CELL_COORDINATES, InternalLoadCell
+from patagium.simulation.mounts import Mount, floating_dofs
+from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layout
 
-WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
-ADDED_WORK = "added_mass_work"
-"""The work that rides along after the others with added mass."""
-IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 RECORDED = (
     *("q", "v", "a", "u1", "aero_force", "damping_force", "mount_force", "mount_wrench"),
     *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed"),
@@ -63,116 +42,13 @@ RECORDED = (
     *("kinetic_energy", "potential_energy", "aero_power", "momentum", "works", "impulse"),
     "aero_state",
 )
-"""What the record function gives, in order."""
+"""Quantities that the record function gives, in order."""
 RECORDED_WITH_ADDED_MASS = (*RECORDED, "added_mass_force", "fluid_energy", "fluid_momentum")
-"""What it gives with added mass."""
+"""Recorded quantities of a flight with added mass."""
 LOAD_CELLS = "load_cell_wrench"
-"""What it gives after the others with load cells."""
+"""Recorded quantity of a flight with load cells."""
 STRIP_WIND = "strip_wind"
-"""What it gives last in a gust that travels."""
-
-
-@dataclass(frozen=True)
-class StateLayout:
-    """Where everything is in state and row.
-
-    Attributes:
-        machine: The robot, on a massless mount if it has no floating body; its
-            coordinates and velocities are the last of the machine's.
-        hidden: Coordinates held at zero, the first: 6 of each load cell, 6 of a massless mount.
-        passive: Degrees of freedom of the machine that are integrated, as places in v.
-        prescribed: Those that follow the row, in its order, as places in v.
-        passive_coordinates: Places in q of those integrated.
-        prescribed_coordinates: Places in q of those prescribed, in the row's order.
-        lags: Number of the aerodynamic model's own states.
-        works: Names of the works that ride along.
-        cells: Load cells.
-        met: Strips that meet a gust that travels, all or none.
-    """
-
-    machine: Robot
-    hidden: int
-    passive: tuple[int, ...]
-    prescribed: tuple[int, ...]
-    passive_coordinates: tuple[int, ...]
-    prescribed_coordinates: tuple[int, ...]
-    lags: int
-    works: tuple[str, ...] = WORKS
-    cells: int = 0
-    met: int = 0
-
-    @property
-    def size(self) -> int:
-        """Length of the state."""
-        return self.moving + self.lags + len(self.works) + len(IMPULSE)
-
-    @property
-    def moving(self) -> int:
-        """Length of q and v at the beginning of the state."""
-        return len(self.passive_coordinates) + len(self.passive)
-
-    @property
-    def row_size(self) -> int:
-        """Length of what is prescribed of a row."""
-        return len(self.prescribed_coordinates) + 2 * len(self.prescribed) + 3
-
-    @property
-    def quaternions(self) -> tuple[tuple[int, ...], ...]:
-        """Places in the state of each quaternion that is integrated."""
-        places = {k: place for place, k in enumerate(self.passive_coordinates)}
-        turning = [body for body in self.machine.bodies if body.by_quaternion]
-        found = [self.machine.floating_coordinates(body)[3:] for body in turning]
-        return tuple(tuple(places[k] for k in q) for q in found if q[0] in places)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """What each entry of the state is, for messages."""
-        names = [self.machine.coordinate_names[i] for i in self.passive_coordinates]
-        rates = [f"velocity of {self.machine.dof_names[i]}" for i in self.passive]
-        lags = [f"lag state {k}" for k in range(self.lags)]
-        return (*names, *rates, *lags, *self.works, *IMPULSE)
-
-
-def state_layout(
-    robot: Robot,
-    aero: Aerodynamics,
-    mount: Mount,
-    added_mass: AddedMass | None = None,
-    cells: Sequence[InternalLoadCell] = (),
-) -> StateLayout:
-    """Layout of a robot's flight.
-
-    Args:
-        robot: The machine; numbers or symbols.
-        aero: What the air does to it.
-        mount: How it is held.
-        added_mass: Inertia of the air, or None.
-        cells: Load cells.
-    """
-    on_ground = robot if robot.floating else on_massless_mount(robot)
-    machine = with_load_cells(on_ground, cells)
-    hidden = machine.dof - robot.dof
-    held = floating_dofs(machine) if robot.floating and mount.kind != "free" else ()
-    prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
-    follows = {*range(hidden), *prescribed}
-    passive = tuple(i for i in range(machine.dof) if i not in follows)
-    works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
-    places = machine.coordinate_indices
-    driven = tuple(places[i] for i in machine.actuated)
-    kept = floating_coordinates(machine) if held else ()
-    follows = {*range(hidden), *driven, *kept}
-    return StateLayout(
-        machine=machine,
-        hidden=hidden,
-        passive=passive,
-        prescribed=prescribed,
-        passive_coordinates=tuple(k for k in range(machine.coordinate_count) if k not in follows),
-        prescribed_coordinates=(*driven, *(k for k in kept if k not in driven)),
-        lags=aero.state_size,
-        works=works,
-        cells=len(cells),
-        met=len(robot.strips) if aero.air.traveling else 0,
-    )
+"""Recorded quantity of a flight in a gust that travels, the last."""
 
 
 def flight_functions(
@@ -208,37 +84,14 @@ def flight_functions(
         ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
     ]
     if layout.met:
-        delays = strip_delays(layout.machine, *_moving(layout, state, row), aero_parameters[-GUST:])
+        delays = strip_delays(
+            layout.machine, *layout.coordinates_and_velocities(state, row), aero_parameters[-GUST:]
+        )
         functions.append(ca.Function("meet", inputs, [delays], names, ["delays"]))
     if layout.quaternions:
-        prepared = _normalized(layout, state)
+        prepared = layout.normalized(state)
         functions.append(ca.Function("prepare", inputs, [prepared], names, ["prepared"]))
     return functions
-
-
-def _normalized(layout: StateLayout, state: ca.SX) -> ca.SX:
-    """The state with its quaternions scaled to length one."""
-    scaled = ca.SX(state)
-    for places in layout.quaternions:
-        quaternion = state[list(places)]
-        scaled[list(places)] = quaternion / ca.sqrt(ca.sumsqr(quaternion))
-    return scaled
-
-
-def _moving(layout: StateLayout, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Coordinates and velocities of the machine from state and row."""
-    machine = layout.machine
-    n_u, n_p = len(layout.passive_coordinates), len(layout.prescribed_coordinates)
-    q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
-    for k, i in enumerate(layout.passive_coordinates):
-        q[i] = state[k]
-    for k, i in enumerate(layout.prescribed_coordinates):
-        q[i] = row[k]
-    for k, i in enumerate(layout.passive):
-        v[i] = state[n_u + k]
-    for k, i in enumerate(layout.prescribed):
-        v[i] = row[n_p + k]
-    return q, v
 
 
 def _equations(
@@ -247,83 +100,122 @@ def _equations(
     added_mass: AddedMass | None,
     state: ca.SX,
     row: ca.SX,
-    aero_parameters: ca.SX,
+    parameters: ca.SX,
 ) -> tuple[ca.SX, dict[str, ca.SX]]:
-    machine, passive, prescribed = layout.machine, layout.passive, layout.prescribed
-    n_p = len(layout.prescribed_coordinates)
-    q, v = _moving(layout, state, row)
-    a_given = row[n_p + len(prescribed) : n_p + 2 * len(prescribed)]
-    lag = state[layout.moving : layout.moving + layout.lags]
-    wind = mean = row[layout.row_size - 3 : layout.row_size]
-    if layout.met:
-        met = ca.reshape(row[layout.row_size :], GUST_COMPONENTS, layout.met)
-        wind, mean = strip_winds(machine, q, v, wind, met)
-    own, others = aero_parameters[: len(aero.parameters)], aero_parameters[len(aero.parameters) :]
-    air = aero.expressions(machine, q, v, lag, wind, own)
-    aero_force, added, circulation = air.generalized_force, None, ca.SX.zeros(machine.dof, 1)
-    if added_mass is not None:
-        added = added_mass.inertia(machine, mean, others)
-        # not the strips' own force, but its power is the air's: carried air keeps its energy
-        circulation = added_mass.circulation_force(machine, q, v, wind, others)
-        if layout.met:
-            rates = gust_rates(met)
-            circulation = circulation + added_mass.gust_force(machine, q, rates, others)
-        aero_force = aero_force + circulation
+    """Rate of the state, (size, 1), and the recorded quantities by name [SI]."""
+    machine = layout.machine
+    q, v = layout.coordinates_and_velocities(state, row)
+    air = _air_forces(layout, aero, added_mass, (q, v), state, row, parameters)
     damping = damping_force(machine, v)
-    still = ca.SX.zeros(layout.hidden, 1)
+    applied = air.on_strips.generalized_force + air.circulation
     a, constraint = forward_prescribed(
         machine,
         q,
         v,
-        ca.vertcat(still, a_given),
-        aero_force + damping,
-        (*range(layout.hidden), *prescribed),
-        added,
+        layout.prescribed_acceleration(row),
+        applied + damping,
+        (*range(layout.hidden), *layout.prescribed),
+        air.added,
     )
-    joint, mount = _split(constraint, machine.actuated)
-    forces = [joint, aero_force, damping, mount]
-    external = aero_force + damping + mount
-    if added is not None:
-        forces.append(kirchhoff_force(machine, q, v, a, added))
+    joint = ca.SX.zeros(machine.dof, 1)
+    joint[list(machine.actuated)] = constraint[list(machine.actuated)]
+    mount = constraint - joint
+    forces, external = [joint, applied, damping, mount], applied + damping + mount
+    if air.added is not None:
+        forces.append(kirchhoff_force(machine, q, v, a, air.added))
         external = external + forces[-1]
-    powers = ca.vertcat(*[ca.dot(force, v) for force in forces])
     rate = ca.vertcat(
         coordinate_rates(machine, q, v)[list(layout.passive_coordinates)],
-        a[list(passive)],
-        air.state_derivative,
-        powers,
+        a[list(layout.passive)],
+        air.on_strips.state_derivative,
+        ca.vertcat(*[ca.dot(force, v) for force in forces]),
         external_force(machine, external),
     )
     of_robot = slice(layout.hidden, machine.dof)
-    totals = layout.moving + layout.lags
+    lag, works, impulse = layout.after_velocities(state)
     recorded = {
-        "q": q[layout.hidden :],
-        "v": v[of_robot],
-        "a": a[of_robot],
-        "u1": joint[of_robot],
-        "aero_force": air.generalized_force[of_robot],
-        "damping_force": damping[of_robot],
-        "mount_force": mount[of_robot],
+        **{"q": q[layout.hidden :], "v": v[of_robot], "a": a[of_robot], "u1": joint[of_robot]},
+        "aero_force": air.on_strips.generalized_force[of_robot],
+        **{"damping_force": damping[of_robot], "mount_force": mount[of_robot]},
         "mount_wrench": mount_wrench(machine, q, mount),
-        **observed(machine, q, v, air),
-        "works": state[totals : totals + len(layout.works)],
-        "impulse": state[totals + len(layout.works) :],
-        "aero_state": lag,
+        **observed(machine, q, v, air.on_strips),
+        **{"works": works, "impulse": impulse, "aero_state": lag},
     }
-    recorded = {name: recorded[name] for name in RECORDED}
-    if added is not None:
-        recorded["added_mass_force"] = (forces[-1] + circulation)[of_robot]
-        recorded["fluid_energy"] = fluid_energy(machine, q, v, added)
-        recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
+    if air.added is not None:
+        recorded["added_mass_force"] = (forces[-1] + air.circulation)[of_robot]
+        recorded["fluid_energy"] = fluid_energy(machine, q, v, air.added)
+        recorded["fluid_momentum"] = fluid_momentum(machine, q, v, air.added)
     if layout.cells:
         recorded[LOAD_CELLS] = constraint[: CELL_COORDINATES * layout.cells]
     if layout.met:
-        recorded[STRIP_WIND] = wind
-    return rate, recorded
+        recorded[STRIP_WIND] = air.wind
+    return rate, {name: recorded[name] for name in recorded_names(layout)}
+
+
+class _AirForces(NamedTuple):
+    """Forces of the air in a flight.
+
+    Attributes:
+        on_strips: Expressions of the aerodynamic model.
+        circulation: Part of the added mass's force that circulation takes back, (n, 1) [N, N m]:
+            not the strips' own force, but its power is the air's, for carried air keeps its energy.
+        added: Added mass of the bodies, or None.
+        wind: Wind that strips answer to, world axes, (3, 1) or (3, n_strips) [m/s].
+    """
+
+    on_strips: AeroExpressions
+    circulation: ca.SX
+    added: BodyAddedMass | None
+    wind: ca.SX
+
+
+def _air_forces(
+    layout: StateLayout,
+    aero: Aerodynamics,
+    added_mass: AddedMass | None,
+    motion: tuple[ca.SX, ca.SX],
+    state: ca.SX,
+    row: ca.SX,
+    parameters: ca.SX,
+) -> _AirForces:
+    """Forces of the air on a machine whose coordinates and velocities are given."""
+    machine, (q, v) = layout.machine, motion
+    wind = mean = row[layout.row_size - 3 : layout.row_size]
+    gust = ca.reshape(row[layout.row_size :], GUST_COMPONENTS, layout.met) if layout.met else None
+    if gust is not None:
+        wind, mean = strip_winds(machine, q, v, wind, gust)
+    count = len(aero.parameters)
+    lag, _, _ = layout.after_velocities(state)
+    on_strips = aero.expressions(machine, q, v, lag, wind, parameters[:count])
+    if added_mass is None:
+        return _AirForces(on_strips, ca.SX.zeros(machine.dof, 1), None, wind)
+    others = parameters[count:]
+    circulation = added_mass.circulation_force(machine, q, v, wind, others)
+    if gust is not None:
+        push = added_mass.gust_force(machine, q, gust_rates(gust), others)
+        circulation = circulation + push
+    return _AirForces(on_strips, circulation, added_mass.inertia(machine, mean, others), wind)
+
+
+def recorded_names(layout: StateLayout) -> tuple[str, ...]:
+    """Names of the quantities that the record function gives, in order.
+
+    Args:
+        layout: Layout of the flight.
+    """
+    names: tuple[str, ...] = RECORDED_WITH_ADDED_MASS if ADDED_WORK in layout.works else RECORDED
+    return names + ((LOAD_CELLS,) if layout.cells else ()) + ((STRIP_WIND,) if layout.met else ())
 
 
 def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[str, ca.SX]:
-    """What is recorded of any flight, however it is integrated: strips, energies, momentum."""
+    """Quantities recorded of any flight, however it is integrated: strips, energies, momentum.
+
+    Args:
+        machine: The machine.
+        q: Generalized coordinates, (n_q, 1) [m, rad, 1].
+        v: Generalized velocities, (n, 1) [m/s, rad/s].
+        air: Expressions of the aerodynamic model.
+    """
     return {
         "strip_force": air.strip_force,
         "strip_point": air.strip_point,
@@ -336,14 +228,6 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
         "aero_power": air.power,
         "momentum": momentum(machine, q, v),
     }
-
-
-def _split(force: ca.SX, selected: Sequence[int]) -> tuple[ca.SX, ca.SX]:
-    """A force as its part in the selected coordinates, and the rest."""
-    part = ca.SX.zeros(force.shape[0], 1)
-    for i in selected:
-        part[i] = force[i]
-    return part, force - part
 
 
 def external_force(machine: Robot, force: ca.SX) -> ca.SX:

@@ -1,4 +1,4 @@
-"""A flight on its way: what `simulate` is made of, for those who look at it or steer it.
+"""Simulator of a flight in pieces, for those who look at the flight or steer it on its way.
 
 The state goes from piece to piece, and the record of all of them is the flight. Neglected:
 what `simulate` neglects.
@@ -6,9 +6,9 @@ what `simulate` neglects.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -20,15 +20,7 @@ from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
 from patagium.simulation.flight import FlightOrigin, flight_record
-from patagium.simulation.flight_equations import (
-    LOAD_CELLS,
-    RECORDED,
-    RECORDED_WITH_ADDED_MASS,
-    STRIP_WIND,
-    StateLayout,
-    flight_functions,
-    state_layout,
-)
+from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
 from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
 from patagium.simulation.gust_field import GustField
 from patagium.simulation.initial_conditions import (
@@ -49,6 +41,7 @@ from patagium.simulation.runge_kutta import (
     Progress,
     times_of,
 )
+from patagium.simulation.state_layout import StateLayout, state_layout
 from patagium.simulation.state_limits import (
     SPEED_LIMIT,
     check_start,
@@ -59,22 +52,35 @@ from patagium.simulation.state_limits import (
 from patagium.simulation.stiffness import StepTooLong, diagnose_step
 
 
+class FlightOptions(TypedDict, total=False):
+    """Keywords that a flight may have and mostly has not.
+
+    Attributes:
+        q: Initial coordinates, (n_q,) [m, rad, 1]; those of zero angles where not given.
+        v: Initial velocities, (n,) [m/s, rad/s]; zero where not given.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+    """
+
+    q: ArrayLike | None
+    v: ArrayLike | None
+    added_mass: AddedMass | None
+    load_cells: Sequence[InternalLoadCell]
+
+
 class Simulator:
     """A flight that goes on as far as it is asked to, and whose gait may change on the way.
 
-    The same as `simulate` in pieces: pieces of any size give the same flight.
+    Pieces of any size give the same flight as `simulate`.
 
     Args:
-        robot: See `simulate`, all of them.
-        aero: What the air does to it.
-        gait: What its actuated joints do.
-        duration: Longest it can fly, a whole number of time steps [s].
+        robot: The machine.
+        aero: Model of the air around it.
+        gait: Motion of the actuated joints.
+        duration: Longest time it can fly, a whole number of time steps [s].
         time_step: Step [s].
-        added_mass: Inertia of the air that moves with the wings.
-        mount: What holds it.
-        load_cells: Whose wrenches to record.
-        q: Initial coordinates, (n_q,) [m, rad, 1].
-        v: Initial velocities, (n,) [m/s, rad/s].
+        mount: Mount that holds the robot; free by default if it floats, else fixed.
+        **options: Keywords of `FlightOptions`.
 
     Raises:
         ParameterError: If an argument is not what it may be.
@@ -89,24 +95,22 @@ class Simulator:
         *,
         duration: float,
         time_step: float,
-        added_mass: AddedMass | None = None,
         mount: Mount | None = None,
-        load_cells: Sequence[InternalLoadCell] = (),
-        q: ArrayLike | None = None,
-        v: ArrayLike | None = None,
+        **options: Unpack[FlightOptions],
     ) -> None:
+        check_keywords(options, FlightOptions)
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
+        added_mass, cells = options.get("added_mass"), tuple(options.get("load_cells", ()))
         check_robots(robot, aero)
         check_added_mass(robot, aero, added_mass)
         check_gait(robot, gait)
         held = mount_of(robot, mount)
-        cells = tuple(load_cells)
         check_cells(robot, cells, held.kind != "free")
         layout = state_layout(robot, aero, held, added_mass, cells)
-        start_q, start_v = initial_coordinates(robot, q), initial_velocities(robot, v)
-        base = _base_motion(robot, layout, held, start_q, start_v)
-        self._robot, self._aero, self._gait = robot, aero, gait
-        self._layout = layout
+        q = initial_coordinates(robot, options.get("q"))
+        v = initial_velocities(robot, options.get("v"))
+        base = _base_motion(robot, layout, held, q, v)
+        self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
 
         def rows(time: Array) -> Array:
             joints, body = self._gait.motion(time), base.motion(time)
@@ -117,15 +121,12 @@ class Simulator:
             ]
             return np.column_stack([*parts, aero.air.uniform_wind_at(time)])
 
-        places = [k - layout.hidden for k in layout.passive_coordinates]
-        passive = [i - layout.hidden for i in layout.passive]
-        state = np.zeros(layout.size)
-        state[: layout.moving] = np.concatenate([start_q[places], start_v[passive]])
+        state = layout.initial_state(q, v)
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
-        self._rows, self._places, self._passive = rows, places, passive
-        self._march = Integration(self._equations, state, rows, self.steps, time_step)
+        self._rows = rows
+        self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
         self._origin = FlightOrigin(
             robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4", added_mass,
@@ -135,12 +136,12 @@ class Simulator:
     @property
     def time(self) -> float:
         """Flown so far [s]."""
-        return self._march.done * self._time_step
+        return self._integration.done * self._time_step
 
     @property
     def run(self) -> IntegrationResult:
         """What was recorded so far."""
-        return self._march.run
+        return self._integration.run
 
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
         """Fly further, or up to where the run breaks.
@@ -153,14 +154,14 @@ class Simulator:
             COMPLETED while all is well.
         """
         flown = self.outcome is Outcome.COMPLETED
-        if self._march.advance(steps, progress) is not Outcome.COMPLETED and flown:
+        if self._integration.advance(steps, progress) is not Outcome.COMPLETED and flown:
             self._cause = self._why()
         return self.outcome
 
     @property
     def outcome(self) -> Outcome:
         """How it goes: COMPLETED while all is well."""
-        return self._march.outcome if self._cause is None else Outcome.STEP_TOO_LONG
+        return self._integration.outcome if self._cause is None else Outcome.STEP_TOO_LONG
 
     def steer(self, gait: Gait) -> None:
         """Follow another gait from now on.
@@ -201,14 +202,9 @@ class Simulator:
     def _why(self) -> StepTooLong | None:
         """Why it broke, if the step was too long."""
         run = self.run
-
-        def state_of(samples: dict[str, Array], k: int) -> Array:
-            parts = [samples["q"][k, self._places], samples["v"][k, self._passive]]
-            return np.concatenate([*parts, *(samples[name][k] for name in _CARRIED)])
-
         return diagnose_step(
-            self._equations, state_of, run.samples, self._rows, run.steps, self.steps,
-            self._time_step,
+            self._equations, self._layout.state_of_sample, run.samples, self._rows, run.steps,
+            self.steps, self._time_step,
         )  # fmt: skip
 
 
@@ -220,11 +216,8 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
     return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
 
 
-_CARRIED = ("aero_state", "works", "impulse")
-"""What follows coordinates and velocities in the state, as recorded."""
-
 _JUMP = 1e-6
-"""Of a joint that is steered [rad, rad/s, m, m/s]: rounding of phases."""
+"""Jump of a steered joint that is rounding of its phase [rad, rad/s, m, m/s]."""
 
 
 def _equations(
@@ -236,14 +229,13 @@ def _equations(
     layout: StateLayout,
     state: Array,
 ) -> Equations:
+    """Compiled equations of a flight that starts at a state, (size,)."""
     symbolic, _ = robot.symbolic()
     kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
     kind += "" if added_mass is None else " with added mass"
     kind += f" on {cells!r}" if cells else ""
     gust = aero.air.traveling if robot.strips else None
     kind += "" if gust is None else " in a gust that travels"
-    recorded: tuple[str, ...] = RECORDED if added_mass is None else RECORDED_WITH_ADDED_MASS
-    recorded += ((LOAD_CELLS,) if cells else ()) + ((STRIP_WIND,) if gust is not None else ())
     models = [aero.parameters, *([] if added_mass is None else [added_mass.parameters])]
     models += [] if gust is None else [gust.parameters]
     parameters = robot.parameters, np.concatenate(models)
@@ -262,13 +254,29 @@ def _equations(
         rate=functions["rate"],
         record=functions["record"],
         prepare=functions.get("prepare"),
-        recorded=recorded,
+        recorded=recorded_names(layout),
         robot_parameters=parameters[0],
         aero_parameters=parameters[1],
         lower=lower,
         upper=upper,
         field=field,
     )
+
+
+def check_keywords(given: Mapping[str, Any], known: type) -> None:
+    """Refuse keywords that a typed dictionary does not have.
+
+    Args:
+        given: Keywords that were given.
+        known: The typed dictionary.
+
+    Raises:
+        TypeError: If there is another keyword.
+    """
+    unknown = sorted(set(given) - set(known.__annotations__))
+    if unknown:
+        expected = ", ".join(sorted(known.__annotations__))
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, expected one of {expected}")
 
 
 class _BaseMotion(Protocol):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.simulation.flight_equations import state_layout
 from patagium.simulation.mounts import fixed
+from patagium.simulation.state_layout import state_layout
 
 TIME_CONSTANT = 0.02  # of the lag [s]
 

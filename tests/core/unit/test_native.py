@@ -15,7 +15,7 @@ import pytest
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, load_functions, load_kernel
-from patagium.native.compiler import accepts, compiler_path
+from patagium.native.compiler import compiler_accepts, compiler_path
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
@@ -179,8 +179,8 @@ def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeyp
 
 @needs_compiler
 def test_a_compiler_is_asked_before_it_is_given_a_flag():
-    assert accepts(compiler_path(), "-O1")
-    assert not accepts(compiler_path(), "-fno-such-thing")
+    assert compiler_accepts(compiler_path(), "-O1")
+    assert not compiler_accepts(compiler_path(), "-fno-such-thing")
 
 
 @needs_compiler
@@ -272,14 +272,14 @@ def test_kernels_folder_is_part_of_the_package():
 def test_processes_that_need_the_same_entry_wait_for_each_other(tmp_path, monkeypatch):
     from concurrent.futures import ThreadPoolExecutor
 
-    from patagium.native.compiler import alone
+    from patagium.native.compiler import build_lock
 
     monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
     within, most = 0, 0
 
     def make(name: str) -> None:
         nonlocal within, most
-        with alone(name):
+        with build_lock(name):
             within += 1
             most = max(most, within)
             time.sleep(0.01)

@@ -210,3 +210,8 @@ def test_interrupting_is_possible_between_chunks(robot, aero, gait, monkeypatch)
 
     with pytest.raises(KeyboardInterrupt):
         pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-4, progress=interrupt)
+
+
+def test_a_keyword_that_no_flight_has_is_refused_by_name(robot, aero, gait):
+    with pytest.raises(TypeError, match="'addedmass', expected one of added_mass"):
+        pt.simulate(robot, aero, gait, duration=1e-3, time_step=1e-3, addedmass=None)

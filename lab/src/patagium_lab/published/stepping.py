@@ -23,10 +23,11 @@ from patagium.errors import Outcome, ParameterError, SimulationFailed
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.simulation.flight import FlightOrigin, flight_record
-from patagium.simulation.flight_equations import IMPULSE, RECORDED, WORKS, external_force, observed
+from patagium.simulation.flight_equations import RECORDED, external_force, observed
 from patagium.simulation.gaits import sinusoidal
 from patagium.simulation.initial_conditions import check_robots, whole_steps
 from patagium.simulation.runge_kutta import Array, Equations, Progress, integrate, times_of
+from patagium.simulation.state_layout import IMPULSE, WORKS
 from patagium.simulation.state_limits import check_start, limits, message_of
 
 INITIAL_YAW = 2 * np.pi

@@ -1,0 +1,225 @@
+"""Layout of the flat state that a flight integrates, and of the table rows beside it.
+
+    state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
+    row = [q, v, a of the prescribed coordinates, wind (3), gust at the strips (9 a strip)]
+
+Passive coordinates are integrated; actuated ones (and those of a body that a mount holds) follow
+the row. The last part of a row is there in a gust that travels only: it is not prescribed, the
+integrator looks it up where the strips are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.robot import Robot
+from patagium.simulation.internal_load_cells import InternalLoadCell, with_load_cells
+from patagium.simulation.mounts import (
+    Mount,
+    floating_coordinates,
+    floating_dofs,
+    on_massless_mount,
+)
+
+Array = NDArray[np.float64]
+
+WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
+ADDED_WORK = "added_mass_work"
+"""Work that follows the others in the state where there is added mass."""
+IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
+_AFTER_VELOCITIES = ("aero_state", "works", "impulse")
+"""Recorded quantities that follow coordinates and velocities in the state."""
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """Places of all quantities in state and row.
+
+    Attributes:
+        machine: The robot, on a massless mount if it has no floating body; its
+            coordinates and velocities are the last of the machine's.
+        hidden: Coordinates held at zero, the first: 6 of each load cell, 6 of a massless mount.
+        passive: Degrees of freedom of the machine that are integrated, as places in v.
+        prescribed: Those that follow the row, in its order, as places in v.
+        passive_coordinates: Places in q of those integrated.
+        prescribed_coordinates: Places in q of those prescribed, in the row's order.
+        lags: Number of the aerodynamic model's own states.
+        works: Names of the works that ride along.
+        cells: Load cells.
+        met: Strips that meet a gust that travels, all or none.
+    """
+
+    machine: Robot
+    hidden: int
+    passive: tuple[int, ...]
+    prescribed: tuple[int, ...]
+    passive_coordinates: tuple[int, ...]
+    prescribed_coordinates: tuple[int, ...]
+    lags: int
+    works: tuple[str, ...] = WORKS
+    cells: int = 0
+    met: int = 0
+
+    @property
+    def size(self) -> int:
+        """Length of the state."""
+        return self.moving + self.lags + len(self.works) + len(IMPULSE)
+
+    @property
+    def moving(self) -> int:
+        """Length of q and v at the beginning of the state."""
+        return len(self.passive_coordinates) + len(self.passive)
+
+    @property
+    def row_size(self) -> int:
+        """Length of what is prescribed of a row."""
+        return len(self.prescribed_coordinates) + 2 * len(self.prescribed) + 3
+
+    def initial_state(self, q: Array, v: Array) -> Array:
+        """State at the start, (size,): lag states, works and impulse are zero.
+
+        Args:
+            q: Initial coordinates of the robot, (n_q,) [m, rad, 1].
+            v: Initial velocities of the robot, (n,) [m/s, rad/s].
+        """
+        moving = np.concatenate([q[self._own_coordinates], v[self._own_dofs]])
+        return np.concatenate([moving, np.zeros(self.size - self.moving)])
+
+    def state_of_sample(self, samples: Mapping[str, Array], k: int) -> Array:
+        """State at a recorded sample, (size,).
+
+        Args:
+            samples: Recorded quantities by name, (N, ...) each [SI].
+            k: Number of the sample.
+        """
+        q, v = samples["q"][k, self._own_coordinates], samples["v"][k, self._own_dofs]
+        return np.concatenate([q, v, *(samples[name][k] for name in _AFTER_VELOCITIES)])
+
+    @property
+    def _own_coordinates(self) -> list[int]:
+        """Places of the integrated coordinates in the robot's own q."""
+        return [k - self.hidden for k in self.passive_coordinates]
+
+    @property
+    def _own_dofs(self) -> list[int]:
+        """Places of the integrated velocities in the robot's own v."""
+        return [i - self.hidden for i in self.passive]
+
+    @property
+    def quaternions(self) -> tuple[tuple[int, ...], ...]:
+        """Places in the state of each quaternion that is integrated."""
+        places = {k: place for place, k in enumerate(self.passive_coordinates)}
+        turning = [body for body in self.machine.bodies if body.by_quaternion]
+        found = [self.machine.floating_coordinates(body)[3:] for body in turning]
+        return tuple(tuple(places[k] for k in q) for q in found if q[0] in places)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """What each entry of the state is, for messages."""
+        names = [self.machine.coordinate_names[i] for i in self.passive_coordinates]
+        rates = [f"velocity of {self.machine.dof_names[i]}" for i in self.passive]
+        lags = [f"lag state {k}" for k in range(self.lags)]
+        return (*names, *rates, *lags, *self.works, *IMPULSE)
+
+    def coordinates_and_velocities(self, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Coordinates (n_q, 1) [m, rad, 1] and velocities (n, 1) [m/s, rad/s] of the machine.
+
+        Args:
+            state: State, (size,).
+            row: Row of the table, (row_size,).
+        """
+        machine = self.machine
+        n_u, n_p = len(self.passive_coordinates), len(self.prescribed_coordinates)
+        q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
+        for k, i in enumerate(self.passive_coordinates):
+            q[i] = state[k]
+        for k, i in enumerate(self.prescribed_coordinates):
+            q[i] = row[k]
+        for k, i in enumerate(self.passive):
+            v[i] = state[n_u + k]
+        for k, i in enumerate(self.prescribed):
+            v[i] = row[n_p + k]
+        return q, v
+
+    def prescribed_acceleration(self, row: ca.SX) -> ca.SX:
+        """Accelerations of hidden and prescribed coordinates, (hidden + n_p, 1) [m/s^2, rad/s^2].
+
+        Args:
+            row: Row of the table, (row_size,).
+        """
+        first, count = len(self.prescribed_coordinates), len(self.prescribed)
+        given = row[first + count : first + 2 * count]
+        return ca.vertcat(ca.SX.zeros(self.hidden, 1), given)
+
+    def after_velocities(self, state: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Lag states, (n_z, 1), works [J] and impulse, (3, 1) [N s], from the state.
+
+        Args:
+            state: State, (size,).
+        """
+        first = self.moving + self.lags
+        last = first + len(self.works)
+        return state[self.moving : first], state[first:last], state[last:]
+
+    def normalized(self, state: ca.SX) -> ca.SX:
+        """State with its quaternions scaled to length one, (size, 1).
+
+        A quaternion's rate keeps its length but for the integrator's error, and nothing else
+        depends on that length: the scaling is a projection that costs no order.
+
+        Args:
+            state: State, (size,).
+        """
+        scaled = ca.SX(state)
+        for places in self.quaternions:
+            quaternion = state[list(places)]
+            scaled[list(places)] = quaternion / ca.sqrt(ca.sumsqr(quaternion))
+        return scaled
+
+
+def state_layout(
+    robot: Robot,
+    aero: Aerodynamics,
+    mount: Mount,
+    added_mass: AddedMass | None = None,
+    cells: Sequence[InternalLoadCell] = (),
+) -> StateLayout:
+    """Layout of a robot's flight.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        aero: What the air does to it.
+        mount: How it is held.
+        added_mass: Inertia of the air, or None.
+        cells: Load cells.
+    """
+    on_ground = robot if robot.floating else on_massless_mount(robot)
+    machine = with_load_cells(on_ground, cells)
+    hidden = machine.dof - robot.dof
+    held = floating_dofs(machine) if robot.floating and mount.kind != "free" else ()
+    prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
+    follows = {*range(hidden), *prescribed}
+    passive = tuple(i for i in range(machine.dof) if i not in follows)
+    works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
+    places = machine.coordinate_indices
+    driven = tuple(places[i] for i in machine.actuated)
+    kept = floating_coordinates(machine) if held else ()
+    follows = {*range(hidden), *driven, *kept}
+    return StateLayout(
+        machine=machine,
+        hidden=hidden,
+        passive=passive,
+        prescribed=prescribed,
+        passive_coordinates=tuple(k for k in range(machine.coordinate_count) if k not in follows),
+        prescribed_coordinates=(*driven, *(k for k in kept if k not in driven)),
+        lags=aero.state_size,
+        works=works,
+        cells=len(cells),
+        met=len(robot.strips) if aero.air.traveling else 0,
+    )
