@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from patagium.learning.models.dense import DenseNetwork as DenseNetwork
     from patagium.learning.models.flow import FlowNetwork as FlowNetwork
     from patagium.learning.models.grey_box import GreyBox as GreyBox
-    from patagium.learning.models.hidden import HiddenStripNetwork as HiddenStripNetwork
     from patagium.learning.models.hidden_flow import HiddenFlowNetwork as HiddenFlowNetwork
-    from patagium.learning.models.network import (
+    from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.learning.models.registry import (
         network_from_description as network_from_description,
     )
     from patagium.learning.models.strip import StripNetwork as StripNetwork
@@ -63,7 +63,7 @@ _HOMES = {
     "GradientLearner": "learners.gradient",
     "GreyBox": "models.grey_box",
     "HiddenFlowNetwork": "models.hidden_flow",
-    "HiddenStripNetwork": "models.hidden",
+    "HiddenStripNetwork": "models.hidden_strip",
     "Identification": "result",
     "LinearLearner": "learners.linear",
     "LowRank": "settings",
@@ -84,7 +84,7 @@ _HOMES = {
     "load_settings": "tuning.settings",
     "model_of": "model_file",
     "network_for": "tables",
-    "network_from_description": "models.network",
+    "network_from_description": "models.registry",
     "refine": "refinement",
     "save_learner": "learners.registry",
     "save_model": "model_file",

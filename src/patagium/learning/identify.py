@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
-from patagium.learning.models.network import Network
-from patagium.learning.models.recollection import Recollection
+from patagium.learning.models.memory import network_inputs
+from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import estimates_of, parameter_scores
 from patagium.learning.prequential import Progress
 from patagium.learning.record import Arrays, check, no_updates, record_of
@@ -163,7 +163,7 @@ def compare(
         gaps: First sample after each gap in time.
     """
     names = model.network.output_names
-    x = Recollection(model.network, time, x, gaps).upto(len(time), model.weights)
+    x = network_inputs(model.network, model.weights, time, x, gaps)
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
@@ -214,22 +214,22 @@ def samples(
         ShapeError: If the network's outputs are no coordinates of the robot.
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
+    terms = flight_terms(network)
     if isinstance(flight, ForceSamples):
         machine = flight.robot if robot is None else robot
         time, state, force = flight.time, flight.state, flight.force
-        if network.explains_added_mass or network.needs_acceleration:
+        if terms.added_mass or terms.acceleration:
             raise ParameterError(
                 "network", "one that needs no accelerations", type(network).__name__
             )
     else:
         machine = robot_of(flight) if robot is None else robot
-        all_air = network.explains_added_mass
-        time, state, force = training_data(flight, machine, with_added_mass=all_air)
+        time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
-    if network.needs_acceleration and not isinstance(flight, ForceSamples):
+    if terms.acceleration and not isinstance(flight, ForceSamples):
         x = np.hstack([x, flight["a"].transpose("time", "dof").values])
     measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
-    balance = strip_force_matrix(network)
+    balance = terms.strip_forces
     if balance is not None:
         if isinstance(flight, ForceSamples):
             raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
@@ -256,18 +256,6 @@ def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     if not isinstance(flight, ForceSamples):
         return None
     return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
-
-
-def strip_force_matrix(network: Network) -> Array | None:
-    """Matrix from strip forces to a network's outputs, (n_y, 3 n_strips); None without one.
-
-    Args:
-        network: The network; a `StripNetwork` may have a matrix as `measured`.
-    """
-    measured = network.describe().get("measured")
-    if not measured or isinstance(measured[0], str):
-        return None
-    return np.array(measured, float)
 
 
 def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:

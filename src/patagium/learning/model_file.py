@@ -24,13 +24,15 @@ from patagium.learning.filters.weight_covariance import (
     covariance_from,
 )
 from patagium.learning.learners.learner import Learner, as_input
-from patagium.learning.models.network import Network, network_from_description
+from patagium.learning.models.network import Network
+from patagium.learning.models.registry import network_from_description
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
 FORMAT = "patagium model 2"
+_FORMER_NOISE = ("measurement_deviation",)  # keys of earlier releases
 _FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
 
 
@@ -181,7 +183,8 @@ def _words(model: Model) -> dict[str, Any]:
 
 
 def _model(words: Mapping[str, Any]) -> Model:
-    inputs, noise, covariance = (words[key] for key in ("inputs", "measurement_std", "covariance"))
+    inputs, covariance = words["inputs"], words["covariance"]
+    noise = words[next((key for key in _FORMER_NOISE if key in words), "measurement_std")]
     network = network_from_description(words["network"])
     return Model(
         network,

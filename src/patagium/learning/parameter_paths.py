@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from patagium.learning.model_file import Model
 from patagium.learning.models.network import Network
-from patagium.learning.models.physical import Estimate
+from patagium.learning.models.physical import Estimate, physical_estimates
 from patagium.report import Table
 
 Array = NDArray[np.float64]
@@ -32,13 +32,12 @@ def estimates_of(trained: _Trained) -> tuple[Estimate, ...]:
     Args:
         trained: The learner or model.
     """
-    network = trained.network
-    if not network.estimates(trained.weights):
+    if not physical_estimates(trained.network, trained.weights):
         return ()
     variances = getattr(trained, "variances", None)
     if isinstance(trained, Model) and trained.kept_covariance is not None:
         variances = trained.kept_covariance.variances()
-    return network.estimates(trained.weights, variances)
+    return physical_estimates(trained.network, trained.weights, variances)
 
 
 def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
+from patagium.learning.models.memory import ModelMemory, replay
 from patagium.learning.models.physical import Estimate
-from patagium.learning.models.recollection import Recollection
 from patagium.learning.parameter_paths import estimates_of, parameter_paths, parameter_scores
 from patagium.learning.record import Arrays, Check, Updates, check, record_of
 from patagium.learning.schedule import (
@@ -82,7 +82,7 @@ class Update(NamedTuple):
 class Watch(Protocol):
     """Something that looks at the loop before each update."""
 
-    def before(self, hold: Hold, memory: Recollection) -> None:
+    def before(self, hold: Hold, memory: ModelMemory) -> None:
         """A hold interval begins; the memory stands at its first sample."""
         ...
 
@@ -135,7 +135,7 @@ def prequential(
     Raises:
         FilterDiverged: If the learner or its weights are lost.
     """
-    memory = Recollection(learner.network, samples.time, samples.x, samples.gaps)
+    memory = replay(learner.network, samples.time, samples.x, samples.gaps)
     for hold in holds(used, len(samples.time)):
         before = learner.weights
         if watch is not None:
@@ -148,7 +148,7 @@ def prequential(
             return
         k = hold.end - 1
         update = learn(learner, rows[-1], samples.y[k], samples.time[k], samples.std_at(k))
-        memory.heed(learner.weights - before)
+        memory.corrected(learner.weights - before)
         yield hold, update
 
 
@@ -212,7 +212,7 @@ class BlockRun:
         except FilterDiverged as problem:
             self._stop(problem)
 
-    def before(self, hold: Hold, memory: Recollection) -> None:
+    def before(self, hold: Hold, memory: ModelMemory) -> None:
         """Predict the horizons that begin with an interval, with frozen weights.
 
         Args:

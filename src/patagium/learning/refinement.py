@@ -19,6 +19,7 @@ from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.structure import Indices
 from patagium.learning.schedule import used_samples
@@ -113,7 +114,7 @@ def _moved(
 
 
 def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Array) -> float:
-    rows, _ = network.recall(weights, log.time, log.x, None, log.gaps)
+    rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     error = (log.y[log.used] - network.evaluate(rows[log.used], weights)) / log.std
     cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
     return cost if np.isfinite(rows).all() else float("inf")
@@ -121,7 +122,7 @@ def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Arra
 
 def _slopes(network: Network, log: _Log, weights: Array) -> tuple[Array, Array]:
     """Sum of H'e and of H'H over the used samples, in deviations of the measurement."""
-    rows, _ = network.recall(weights, log.time, log.x, None, log.gaps)
+    rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
     for k in log.used.tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 
+Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MOST_AHEAD = 40_000
@@ -142,3 +143,31 @@ def thin(indices: Indices, most: int) -> Indices:
     if len(indices) <= most:
         return indices
     return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(int)])
+
+
+class LogSamples(NamedTuple):
+    """Measured inputs of a log, and which of its samples are used.
+
+    Attributes:
+        time: Increasing, (N,) [s].
+        x: Measured inputs of the network, (N, n_measured).
+        gaps: First sample after each gap.
+        used: Samples used, increasing, (U,).
+    """
+
+    time: Array
+    x: Array
+    gaps: Indices
+    used: Indices
+
+    def part(self, begin: int, end: int) -> LogSamples:
+        """Used samples of a span, and those between them.
+
+        Args:
+            begin: First used sample, by its number among them.
+            end: One past the last.
+        """
+        used = self.used[begin:end]
+        first, last = int(used[0]), int(used[-1]) + 1
+        gaps = self.gaps[(self.gaps > first) & (self.gaps < last)]
+        return LogSamples(self.time[first:last], self.x[first:last], gaps - first, used - first)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, ShapeError
 from patagium.learning.learners.learner import Learner
+from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.prequential import BlockRun, Progress, Samples
 from patagium.learning.result import Identification
@@ -140,9 +141,9 @@ def checked_samples(
             f"time: expected to advance, found {stamps[row]:.9g} s after "
             f"{stamps[row - 1]:.9g} s at sample {row}"
         )
-    known = {(len(stamps), n) for n in (network.measured_inputs, network.inputs)}
+    known = {(len(stamps), n) for n in (measured_inputs(network), network.inputs)}
     if inputs.shape not in known:
-        raise ShapeError("x", (len(stamps), network.measured_inputs), inputs.shape)
+        raise ShapeError("x", (len(stamps), measured_inputs(network)), inputs.shape)
     noise = None if std is None else np.asarray(std, float)
     if noise is not None and noise.shape != outputs.shape:
         raise ShapeError("std", outputs.shape, noise.shape)

@@ -2,8 +2,8 @@
 
 Packets go in, a record of each comes out; between them there is no Python where there is a
 compiler and the learner's filter is compiled. Otherwise each sample goes through `learn`, with
-the same results but for rounding. Where the network remembers, what it remembers follows
-the packets (`LiveMemory`). Neglected: two threads on one learner.
+the same results but for rounding. Lag states of the network follow the packets
+(`ModelMemory`). Neglected: two threads on one learner.
 """
 
 from __future__ import annotations
@@ -23,10 +23,14 @@ from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.screening import REFUSALS
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.models.hidden import HiddenStripNetwork
-from patagium.learning.models.lag_memory import LiveLags
-from patagium.learning.models.live_memory import UNSEEN, LiveMemory
-from patagium.learning.models.network import Network
+from patagium.learning.models.memory import (
+    UNSEEN,
+    CompiledMemory,
+    ModelMemory,
+    measured_inputs,
+    memory_of,
+)
+from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.prequential import learn
 from patagium.native import load_kernel
 from patagium.robot import Robot
@@ -134,7 +138,7 @@ class Pipeline:
         carried: Sequence[str] = (),
         added_mass: AddedMass | None = None,
     ) -> None:
-        network = learner.network
+        network, terms = learner.network, flight_terms(learner.network)
         check_network(network, robot, inputs)
         self.learner, self.robot = learner, robot
         self.form = SampleForm(
@@ -143,8 +147,8 @@ class Pipeline:
             tuple(network.output_names),
             tuple(carried),
             added_mass,
-            network.needs_acceleration,
-            network.explains_added_mass,
+            terms.acceleration,
+            terms.added_mass,
         )
         self._parameters = self.form.parameters
         self._columns = len(self.columns)
@@ -237,7 +241,7 @@ class Pipeline:
         if self._memory is None:
             return _learned(self.learner, time, x, y, record)
         before = self.learner.weights
-        x = self._memory.recalled(time, x, before)
+        x = self._memory.next_input(time, x, before)
         outcome = _learned(self.learner, time, x, y, record)
         self._memory.settle(outcome, self.learner.weights - before)
         return outcome
@@ -260,9 +264,9 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
             known = ", ".join(robot.dof_names)
             raise ParameterError("outputs of the network", f"coordinates among {known}", name)
     count = robot.state_size if inputs is None else len(inputs)
-    count += robot.dof if network.needs_acceleration else 0
-    if network.measured_inputs != count:
-        raise ShapeError("inputs of the network", (count,), (network.measured_inputs,))
+    count += robot.dof if flight_terms(network).acceleration else 0
+    if measured_inputs(network) != count:
+        raise ShapeError("inputs of the network", (count,), (measured_inputs(network),))
 
 
 class _CompiledChain:
@@ -274,7 +278,7 @@ class _CompiledChain:
         compiled: Compiled,
         kernel: ctypes.CDLL,
         form: SampleForm,
-        lags: LiveLags | None,
+        lags: CompiledMemory | None,
     ) -> None:
         self.learner, self.lags = learner, lags
         self._function = kernel.pipeline_run
@@ -313,22 +317,20 @@ def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:
     compiled, kernel = learner.compiled, load_kernel("pipeline")
     if compiled is None or kernel is None or form.function.address is None:
         return None
-    network, lags = learner.network, None
-    if network.measured_inputs != network.inputs:
-        if isinstance(network, HiddenStripNetwork):
-            lags = network.live_lags(compiled.x, compiled.weights)
+    lags = None
+    if learner.memory is not None:
+        lags = learner.memory.compiled(compiled.x, compiled.weights)
         if lags is None:
             return None
     return _CompiledChain(learner, compiled, kernel, form, lags)
 
 
-def _memory(learner: Learner) -> LiveMemory | None:
-    """Memory of the learner's network; None without one."""
-    network = learner.network
-    if network.measured_inputs == network.inputs:
+def _memory(learner: Learner) -> ModelMemory | None:
+    """Memory that the learner keeps for its network; None for a network without."""
+    if memory_of(learner.network) is None:
         return None
-    memory = getattr(learner, "live_memory", None)
-    if not isinstance(memory, LiveMemory):
+    memory = getattr(learner, "memory", None)
+    if not isinstance(memory, ModelMemory):
         expected = "a filter or gradient learner, for a network with memory"
         raise ParameterError("learner", expected, type(learner).__name__)
     return memory

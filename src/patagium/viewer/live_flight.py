@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
+from patagium.learning.models.network import flight_terms
 from patagium.live.counters import Counters
 from patagium.live.pipeline import Pipeline, Records
 from patagium.robot import Robot
@@ -206,7 +207,7 @@ class LiveFlight:
         self._strips = samples["strip_force"][-1]
         known = samples["u1"] + samples["mount_force"]
         network = None if self._pipeline is None else self._pipeline.learner.network
-        if "added_mass_force" in samples and not (network and network.explains_added_mass):
+        if "added_mass_force" in samples and not (network and flight_terms(network).added_mass):
             known = known + samples["added_mass_force"]
         return np.column_stack([times, samples["q"], samples["v"], samples["a"], known])
 

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from patagium.errors import LogError, ShapeError
 from patagium.learning.identify import Trained, samples
 from patagium.learning.model_file import Model
-from patagium.learning.models.hidden import HiddenStripNetwork
-from patagium.learning.models.hidden_strips import strip_forces
+from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.models.recollection import Recollection
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.result import Identification
 from patagium.robot import Robot
@@ -118,7 +117,7 @@ def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> 
     if isinstance(network, StripNetwork):
         network = _measuring(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)
-    seen = Recollection(network, time, x, ()).upto(len(time), model.weights)[frames]
+    seen = network_inputs(network, model.weights, time, x)[frames]
     return Prediction(
         tuple(network.output_names),
         network.evaluate(seen, model.weights),

@@ -11,6 +11,7 @@ import pytest
 import patagium as pt
 from patagium.aerodynamics.table_interpolation import table_function
 from patagium.aerodynamics.trailing_vortices import horseshoe_function
+from patagium.learning.models.memory import network_inputs
 from patagium.native import load_functions
 from patagium.robot import Robot
 
@@ -67,9 +68,9 @@ def test_slopes_are_those_of_a_memory_that_was_always_at_other_weights(grey: pt.
     weights = 0.3 * np.random.default_rng(0).normal(size=grey.size)
 
     def ends(w: np.ndarray) -> np.ndarray:
-        return grey.evaluate(grey.recall(w, time, x)[0][CHOSEN], w)
+        return grey.evaluate(network_inputs(grey, w, time, x)[CHOSEN], w)
 
-    row = grey.recall(weights, time, x)[0][CHOSEN]
+    row = network_inputs(grey, weights, time, x)[CHOSEN]
     exact = np.array([grey.linearized(grey.encode_one(k), weights)[1] for k in row])
     shifts = 1e-5 * np.eye(grey.size)
     found = np.array([(ends(weights + h) - ends(weights - h)) / 2e-5 for h in shifts])

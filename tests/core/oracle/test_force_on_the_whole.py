@@ -10,9 +10,8 @@ import xarray as xr
 
 import patagium as pt
 from patagium.dynamics.poses import poses_at
-from patagium.learning.models.hidden import HiddenStripNetwork
-from patagium.learning.models.hidden_strips import strip_forces
-from patagium.learning.models.recollection import Recollection
+from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
+from patagium.learning.models.memory import network_inputs
 from patagium.simulation import robot_of
 from patagium.viewer.total_force import total_force
 
@@ -68,7 +67,7 @@ def test_strips_with_memory_add_up_to_their_force() -> None:
     flight = _flown().isel(time=slice(0, 60))
     x = np.hstack([flight["q"].values, flight["v"].values])
     weights = network.initial(3)
-    seen = Recollection(network, flight["time"].values, x).upto(60, weights)
+    seen = network_inputs(network, weights, flight["time"].values, x)
     strips = strip_forces(network, seen, weights)
     assert strips is not None and strips.shape == (60, len(robot.strips), 3)
     force = network.evaluate(seen, weights)[:, :3]

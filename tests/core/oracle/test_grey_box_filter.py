@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.models.network import Memory
+from patagium.learning.models.memory import MemoryState, memory_of, network_inputs
 
 NOISE = 0.02
 
@@ -14,9 +14,11 @@ class JointFilter:
 
     def __init__(self, grey, first):
         self.grey, self.n = grey, grey.size
-        row, _ = grey.recall(np.zeros(self.n), [0.0], first[None])
+        row = network_inputs(grey, np.zeros(self.n), [0.0], first[None])
         self.state = np.concatenate([np.zeros(self.n), self._lags(row[0])])
-        slopes = self._differences(lambda w: self._lags(grey.recall(w, [0.0], first[None])[0][0]))
+        slopes = self._differences(
+            lambda w: self._lags(network_inputs(grey, w, [0.0], first[None])[0])
+        )
         eye = np.eye(self.n)
         self.covariance = np.block([[eye, slopes.T], [slopes, slopes @ slopes.T]])
 
@@ -35,11 +37,10 @@ class JointFilter:
 
     def advance(self, before, after, step):
         def moved(joint):
-            slopes = np.zeros((len(joint) - self.n, self.n))
-            memory = Memory(0.0, before, joint[self.n :], slopes, joint[: self.n])
-            _, kept = self.grey.recall(joint[: self.n], [0.0], before[None])
-            kept = kept._replace(memory=memory)
-            row, _ = self.grey.recall(joint[: self.n], [step], after[None], kept)
+            slopes, memory = np.zeros((len(joint) - self.n, self.n)), memory_of(self.grey)
+            weights, lags = joint[: self.n], joint[self.n :]
+            memory.states = (MemoryState(lags, slopes, weights, before, 0.0),)
+            row = memory.recall(weights, [step], after[None])
             return np.concatenate([joint[: self.n], self._lags(row[0])])
 
         transition = self._differences(moved, self.state)
@@ -68,22 +69,22 @@ def test_it_is_the_extended_filter_of_weights_and_lags(grey):
     time = np.arange(30) * 0.01
     x = np.column_stack([0.5 * np.sin(25 * time), 12.5 * np.cos(25 * time)])
     truth = np.array([-0.8, 0.6, 0.5])
-    y = grey.evaluate(grey.recall(truth, time, x)[0], truth)
+    y = grey.evaluate(network_inputs(grey, truth, time, x), truth)
     y = y + NOISE * np.random.default_rng(0).normal(size=y.shape)
     learner = pt.ExtendedLearner(grey, measurement_std=NOISE)
-    joint, carried = JointFilter(grey, x[0]), None
+    joint, memory = JointFilter(grey, x[0]), memory_of(grey)
     for k in range(len(time)):
         before = learner.weights
-        rows, carried = grey.recall(before, time[k : k + 1], x[k : k + 1], carried)
+        rows = memory.recall(before, time[k : k + 1], x[k : k + 1])
         if k:
             joint.advance(x[k - 1], x[k], 0.01)
         learner.update(rows[0], y[k])
-        carried = grey.corrected(carried, learner.weights - before)
+        memory.corrected(learner.weights - before)
         joint.update(x[k], y[k])
-    n, slopes = grey.size, carried.memory.slopes
+    n, slopes = grey.size, memory.states[0].sensitivity
     # differences of the oracle
     assert np.allclose(learner.weights, joint.state[:n], atol=1e-6)
-    assert np.allclose(carried.memory.state, joint.state[n:], atol=1e-6)
+    assert np.allclose(memory.states[0].state, joint.state[n:], atol=1e-6)
     assert np.allclose(learner.covariance, joint.covariance[:n, :n], atol=1e-7)
     among = slopes @ learner.covariance @ slopes.T
     assert np.allclose(among, joint.covariance[n:, n:], atol=1e-7)

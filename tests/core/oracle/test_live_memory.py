@@ -6,7 +6,7 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning import load_learner
-from patagium.learning.models.live_memory import LONGEST_STEP
+from patagium.learning.models.memory import LONGEST_STEP
 from patagium.learning.stream import stream
 from patagium.live import pipeline as module
 from patagium.live.pipeline import Pipeline
@@ -82,7 +82,7 @@ def test_in_c_it_is_what_it_is_in_python(robot, packets, monkeypatch, tmp_path):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
     assert ours.memory_resets == theirs.memory_resets == 1
     assert ours.learner.events == theirs.learner.events
-    one, other = (pipeline.learner.live_memory.state() for pipeline in (ours, theirs))
+    one, other = (pipeline.learner.memory.state() for pipeline in (ours, theirs))
     for name, part in other.items():
         np.testing.assert_allclose(one[name], part, rtol=1e-9, atol=1e-10)
     ours.learner.save(tmp_path / "state")
@@ -159,11 +159,11 @@ def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets)
     pipeline = pipeline_of(network, robot)
     pipeline.run(slow)
     assert pipeline.memory_resets == 0
-    memory = pipeline_of(network, robot).learner.live_memory
+    memory = pipeline_of(network, robot).learner.memory
     x, weights = packets[0, 1 : 1 + 2 * robot.dof], network.initial(0)
     resets = []
     for time in np.cumsum([*[1e-3] * 50, *[5e-2] * 300]).tolist():
-        memory.recalled(time, x, weights)
+        memory.next_input(time, x, weights)
         memory.settle(Outcome.COMPLETED, np.zeros(network.size))
         resets.append(memory.resets)
     assert 0 < resets[100] < resets[-100] == resets[-1] < 200
@@ -200,6 +200,6 @@ def test_learners_and_packets_that_do_not_fit_are_told(robot, packets, tmp_path)
         Pipeline(learner_of(network), robot, inputs=["v.roll"])
     pipeline = pipeline_of(network, robot)
     pipeline.run(packets[:3])
-    state = pipeline.learner.state() | {"memory_1": np.zeros(2)}
+    state = pipeline.learner.state() | {"memory_0_state": np.zeros(2)}
     with pytest.raises(ShapeError, match="memory"):
         pipeline.learner.resume(state)

@@ -7,6 +7,7 @@ import pytest
 import patagium as pt
 from patagium.aerodynamics.indicial import TWO_STATE
 from patagium.learning import stream
+from patagium.learning.models.memory import network_inputs
 from patagium.robot import load_robot_text
 
 
@@ -78,7 +79,7 @@ def test_a_lifting_line_is_learned_by_a_network_with_lags_and_not_without(robot)
     assert worst["hidden_strip"] < 1e-3
     assert worst["hidden_strip"] < worst["strip"] / 5
     other = flapping(robot, time[:400], beat=2 * np.pi * 4.0, feather=0.15)
-    unseen = pupil.evaluate(pupil.recall(weights, time[:400], other)[0], weights)
+    unseen = pupil.evaluate(network_inputs(pupil, weights, time[:400], other), weights)
     assert nmse(flown(truth, time[:400], other)[50:], unseen[50:]) < 1e-2
     before, after = pupil.constants(pupil.initial(0)), pupil.constants(weights)
     assert abs(after["section.lift_slope"] - 2 * np.pi) < abs(
@@ -99,7 +100,7 @@ def test_attached_air_with_the_true_numbers_is_that_of_the_lifting_line(robot):
     for steps in (200, 400):
         time = np.linspace(0.0, 0.4, steps + 1)
         state = flapping(robot, time)
-        x = network.recall(weights, time, state)[0]
+        x = network_inputs(network, weights, time, state)
         lags = x[0, 2 * robot.dof :][: truth.state_size]
         y = flown(truth, time, state, lags)
         error.append(np.abs(network.evaluate(x, weights) - y).max() / np.abs(y).max())

@@ -9,6 +9,7 @@ import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning import load_model, model_of, network_from_description, save_model
 from patagium.learning.identify import compare, samples
+from patagium.learning.models.memory import MemoryState, memory_of, network_inputs
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.models.physical import unit_of, written_unit
 from patagium.learning.stream import stream
@@ -51,7 +52,7 @@ def log(robot):
 def test_values_are_those_of_the_model_with_its_numbers(grey, log):
     time, x = log
     weights = np.array([0.5, -0.3, 1.2])
-    rows, _ = grey.recall(weights, time, x)
+    rows = network_inputs(grey, weights, time, x)
     model, added = grey.air_at(weights)
     assert added is None and model.lags.rate[0] == pytest.approx(
         0.0455 * np.exp(0.5 * 0.02 / 0.0455)
@@ -64,26 +65,27 @@ def test_values_are_those_of_the_model_with_its_numbers(grey, log):
 def test_memory_starts_where_the_flow_was_always_there_or_still(grey, log, robot):
     time, x = log
     weights = np.zeros(3)
-    begun = grey.recall(weights, time[:1], x[:1])[0][0, 6:10]
+    begun = network_inputs(grey, weights, time[:1], x[:1])[0, 6:10]
     model = pt.LiftingLine(robot, AIR)
     assert np.abs(model.state_derivative(x[0, :3], x[0, 3:], begun)).max() < 1e-8  # a fixed point
     still = pt.GreyBox(model, LAGS, start="still")
-    assert not still.recall(weights, time[:1], x[:1])[0][0, 6:-3].any()
+    assert not network_inputs(still, weights, time[:1], x[:1])[0, 6:-3].any()
 
 
 def test_a_log_in_blocks_is_the_log_at_once(grey, log):
     time, x = log
     weights = np.array([0.2, 0.1, -0.4])
-    whole, _ = grey.recall(weights, time, x, gaps=[70])
-    first, carried = grey.recall(weights, time[:50], x[:50])
-    second, _ = grey.recall(weights, time[50:], x[50:], carried, [20])
+    whole = network_inputs(grey, weights, time, x, gaps=[70])
+    memory = memory_of(grey)
+    first = memory.recall(weights, time[:50], x[:50])
+    second = memory.recall(weights, time[50:], x[50:], [20])
     assert np.array_equal(np.vstack([first, second]), whole)
 
 
 def test_points_and_slopes_are_one_function_of_the_weights(grey, log):
     """Also at weights that memory was not recalled with."""
     time, x = log
-    row = grey.recall(np.zeros(3), time, x)[0][60]
+    row = network_inputs(grey, np.zeros(3), time, x)[60]
     encoding, weights = grey.encode_one(row), np.array([0.3, -0.2, 0.5])
     points = weights + np.random.default_rng(0).normal(size=(7, 3))
     by_one = [grey(row, point) for point in points]
@@ -98,7 +100,7 @@ def test_points_and_slopes_are_one_function_of_the_weights(grey, log):
 def test_numbers_are_found_and_kept_in_files(learner, grey, robot, tmp_path):
     time, x = motion(robot, 300, 0.6)
     truth = np.array([0.8, -0.5, 0.6])
-    y = grey.evaluate(grey.recall(truth, time, x[:, :6])[0], truth)
+    y = grey.evaluate(network_inputs(grey, truth, time, x[:, :6]), truth)
     noise = 0.01 * y.std(axis=0)
     y = y + noise * np.random.default_rng(1).normal(size=y.shape)
     student = learner(grey, measurement_std=noise)
@@ -115,7 +117,7 @@ def test_numbers_are_found_and_kept_in_files(learner, grey, robot, tmp_path):
     again = compare(model, time, x[:, :6], y)
     assert again.scores["parameter_value"] == result.scores["parameter_value"]
     twin = pt.load_learner(student.save(tmp_path / "state"), like=student)
-    row = grey.recall(student.weights, time, x[:, :6])[0][-1]
+    row = network_inputs(grey, student.weights, time, x[:, :6])[-1]
     assert np.array_equal(twin.update(row, y[-1]), student.update(row, y[-1]))
     assert np.array_equal(twin.weights, student.weights)
 
@@ -129,7 +131,7 @@ def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     flight = pt.simulate(true, aero, gait, duration=0.5, time_step=1e-3, added_mass=carried)
     estimate = {"wing.mass": 0.001, "wing[1].chord": 0.01, "added_mass.factor": 0.3}
     grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), estimate, pt.AddedMass(robot, AIR, factor=0.8))
-    assert grey.needs_acceleration and grey.explains_added_mass
+    assert grey.flight_terms.acceleration and grey.flight_terms.added_mass
     assert samples(flight, grey, robot=robot)[1].shape == (501, 9)
     learner = pt.ExtendedLearner(grey, measurement_std=1e-4)
     result = pt.identify(flight, learner, every=5, robot=robot)
@@ -148,16 +150,16 @@ def test_added_mass_is_part_of_y_or_not(robot):
     flight = pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, added_mass=carried)
     for added in (None, carried):
         grey = pt.GreyBox(aero, {"polar.lift_amplitude": 0.1}, added)
-        assert grey.needs_acceleration == grey.explains_added_mass == (added is not None)
+        assert grey.flight_terms[:2] == (added is not None,) * 2
         _, x, y, _ = samples(flight, grey)
         assert np.allclose(grey.evaluate(x, np.zeros(1)), y, atol=1e-12)  # rounding
 
 
-def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
+def test_a_residual_network_starts_at_nothing_and_learns_the_rest(robot, log):
     time, x = log
-    beside = pt.StripNetwork(robot, (4,), AIR)
-    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"polar.lift_amplitude": 0.2}, beside=beside)
-    assert grey.size == 1 + beside.size and grey.hidden == (4,)
+    residual = pt.StripNetwork(robot, (4,), AIR)
+    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"polar.lift_amplitude": 0.2}, residual=residual)
+    assert grey.size == 1 + residual.size and grey.hidden == (4,)
     blocks = [block for layer in grey.neurons for block in layer]
     assert sorted(np.concatenate(blocks)) == list(range(grey.size))
     weights = grey.initial(3)
@@ -165,13 +167,13 @@ def test_a_network_beside_starts_at_nothing_and_learns_the_rest(robot, log):
     assert np.allclose(grey.evaluate(x, weights), physics, rtol=1e-12, atol=1e-15)
     learner = pt.ExtendedLearner(grey, prior_std=0.5, measurement_std=1e-3)
     assert learner.variances[0] == 1.0
-    assert learner.variances[1:] == pytest.approx(0.25 / beside.fan_in)
+    assert learner.variances[1:] == pytest.approx(0.25 / residual.fan_in)
     stream(learner, time, x, 1.3 * physics + 0.01, every=2)
     assert not np.allclose(learner.weights[1:], weights[1:])
     moved = learner.weights
     assert np.allclose(
         grey.evaluate(x, moved) - grey.evaluate(x, np.append(moved[0], weights[1:])),
-        beside.evaluate(x, moved[1:]) - beside.evaluate(x, weights[1:]),
+        residual.evaluate(x, moved[1:]) - residual.evaluate(x, weights[1:]),
         atol=1e-12,
     )
     row, points = x[5], moved + 0.1 * np.random.default_rng(0).normal(size=(5, grey.size))
@@ -200,29 +202,38 @@ class Faded(Network):
     def decode(self, encoding, weights):
         return np.tile(weights[0] * encoding.features[:, 0, 6:], 3)
 
-    def recall(self, weights, time, x, carried=None, gaps=()):
-        state, rows = 0.0 if carried is None else carried, []
-        for sample in x:
-            state = 0.9 * state + 0.1 * sample[0]
-            rows.append([*sample, state])
-        return np.array(rows), state
+    lag_equations = property(lambda self: ((0, self),))
+    measured, states, parameters, carried, compiled = 6, 1, 0, (1, 0), None
+
+    def drivers(self, weights, x):
+        return x
+
+    def begin(self, driver, weights):
+        return self.step(driver, weights, 0.0, MemoryState(np.zeros(1), None, None))
+
+    def step(self, driver, weights, time_step, before):
+        return 0.9 * before.state + 0.1 * driver[:1], np.zeros((1, 0)), np.zeros(0)
 
 
-def test_a_network_beside_may_remember(grey, robot, log):
+def test_a_residual_network_may_have_memory(grey, robot, log):
     time, x = log
-    both = pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS, beside=Faded())
+    both = pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS, residual=Faded())
     assert not both.initial(0).any()
     weights = np.array([0.1, 0.2, -0.3, 2.0])
-    rows, _ = both.recall(weights, time, x)
-    first, carried = both.recall(weights, time[:40], x[:40])
-    second, _ = both.recall(weights, time[40:], x[40:], carried)
+    rows = network_inputs(both, weights, time, x)
+    memory = memory_of(both)
+    first = memory.recall(weights, time[:40], x[:40])
+    second = memory.recall(weights, time[40:], x[40:])
     assert np.array_equal(np.vstack([first, second]), rows)
-    physics = grey.evaluate(grey.recall(weights[:3], time, x)[0], weights[:3])
-    beside = Faded().evaluate(Faded().recall(weights[3:], time, x)[0], weights[3:])
-    assert np.abs(beside).max() > 1e-3
-    assert np.allclose(both.evaluate(rows, weights), physics + beside, atol=1e-12)  # rounding
-    moved = both.corrected(carried, np.full(4, 0.1))
-    assert np.allclose(moved.memory.weights, weights[:3] + 0.1) and moved.beside == carried.beside
+    physics = grey.evaluate(network_inputs(grey, weights[:3], time, x), weights[:3])
+    residual = Faded().evaluate(network_inputs(Faded(), weights[3:], time, x), weights[3:])
+    assert np.abs(residual).max() > 1e-3
+    assert np.allclose(both.evaluate(rows, weights), physics + residual, atol=1e-12)  # rounding
+    before = memory.states
+    memory.corrected(np.full(4, 0.1))
+    air, faded = memory.states
+    assert np.allclose(air.weights, weights[:3] + 0.1)
+    assert np.array_equal(faded.state, before[1].state)
 
 
 @pytest.mark.parametrize("make", ["strips", "stall"])
@@ -238,10 +249,10 @@ def test_other_models_have_memory_too(make, robot, log):
     }
     model, estimate = models[make]
     grey = pt.GreyBox(model, estimate)
-    rows, _ = grey.recall(np.zeros(1), np.linspace(0, 5, 120), np.tile(x[3], (120, 1)))
+    rows = network_inputs(grey, np.zeros(1), np.linspace(0, 5, 120), np.tile(x[3], (120, 1)))
     state = rows[-1, 6 : 6 + model.state_size]
     assert np.abs(model.state_derivative(x[3, :3], x[3, 3:], state)).max() < 1e-6  # relaxed
-    row = grey.recall(np.zeros(1), time, x)[0][50]
+    row = network_inputs(grey, np.zeros(1), time, x)[50]
     expected = model.generalized_force(row[:3], row[3:6], row[6 : 6 + model.state_size])
     assert np.allclose(grey(row, np.zeros(1)), expected, rtol=1e-12)
 
@@ -249,8 +260,8 @@ def test_other_models_have_memory_too(make, robot, log):
 def test_it_is_made_again(grey, log):
     for twin in (network_from_description(grey.describe()), pickle.loads(pickle.dumps(grey))):
         assert twin.describe() == grey.describe()
-        rows, _ = twin.recall(np.zeros(3), *log)
-        assert np.array_equal(rows, grey.recall(np.zeros(3), *log)[0])
+        rows = network_inputs(twin, np.zeros(3), *log)
+        assert np.array_equal(rows, network_inputs(grey, np.zeros(3), *log))
 
 
 def test_wandering_is_said_in_own_units(grey):
@@ -273,7 +284,7 @@ def test_wandering_is_said_in_own_units(grey):
         ({"added_mass.factor": 0.1}, {}, "added mass to go with it"),
         ({"density": 0.1}, {"start": "late"}, "start"),
         ({"density": 0.1}, {"measured": ["pitch"]}, "pitch"),
-        ({"density": 0.1}, {"beside": pt.DenseNetwork(6, (2,), 3)}, "beside"),
+        ({"density": 0.1}, {"residual": pt.DenseNetwork(6, (2,), 3)}, "residual"),
     ],
 )
 def test_what_cannot_be_is_refused(robot, estimate, options, message):
@@ -289,8 +300,8 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
     with pytest.raises(ParameterError, match="added_mass.air"):
         pt.GreyBox(plain, {"density": 0.1}, other)
     wide = pt.DenseNetwork(9, (2,), robot.dof_names)
-    with pytest.raises(ShapeError, match="beside"):
-        pt.GreyBox(plain, {"density": 0.1}, beside=wide)
+    with pytest.raises(ShapeError, match="residual"):
+        pt.GreyBox(plain, {"density": 0.1}, residual=wide)
 
 
 @pytest.mark.parametrize(

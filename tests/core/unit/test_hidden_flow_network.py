@@ -8,6 +8,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.learning import network_from_description, stream
+from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.robot import load_robot_text
 
 
@@ -42,9 +43,9 @@ def test_slopes_go_through_all_that_was_remembered(network, weights, log):
     time, state = log
 
     def last(w):
-        return network(network.recall(w, time, state)[0][-1], w)
+        return network(network_inputs(network, w, time, state)[-1], w)
 
-    row = network.recall(weights, time, state)[0][-1]
+    row = network_inputs(network, weights, time, state)[-1]
     y, slopes = network.linearized(network.encode_one(row), weights)
     np.testing.assert_allclose(y, last(weights), atol=1e-12)  # rounding
     differences = np.empty_like(slopes)
@@ -58,7 +59,7 @@ def test_slopes_go_through_all_that_was_remembered(network, weights, log):
 
 
 def test_values_at_points_are_those_of_the_network(network, weights, log):
-    row = network.recall(weights, *log)[0][-1]
+    row = network_inputs(network, weights, *log)[-1]
     points = weights + 0.1 * np.random.default_rng(5).standard_normal((4, network.size))
     found = network.values(network.encode_one(row), points)
     expected = [network(row, point) for point in points]
@@ -67,17 +68,17 @@ def test_values_at_points_are_those_of_the_network(network, weights, log):
 
 def test_blocks_make_up_the_whole_gaps_part_it_and_the_future_is_unknown(network, weights, log):
     time, state = log
-    whole, carried, rows = network.recall(weights, time, state)[0], None, []
+    memory, rows = memory_of(network), []
+    whole = network_inputs(network, weights, time, state)
     for part in (slice(0, 1), slice(1, 30), slice(30, 60)):
-        block, carried = network.recall(weights, time[part], state[part], carried)
-        rows.append(block)
+        rows.append(memory.recall(weights, time[part], state[part]))
     np.testing.assert_allclose(np.vstack(rows), whole, rtol=1e-12)  # rounding
     changed = state.copy()
     changed[40:] += 1.0
-    assert np.array_equal(network.recall(weights, time, changed)[0][:40], whole[:40])
-    parted = network.recall(weights, time, state, gaps=[30])[0]
-    alone = network.recall(weights, time[30:], state[30:])[0]
-    np.testing.assert_allclose(parted[30:], alone, rtol=1e-12)  # rounding
+    assert np.array_equal(network_inputs(network, weights, time, changed)[:40], whole[:40])
+    broken = network_inputs(network, weights, time, state, gaps=[30])
+    alone = network_inputs(network, weights, time[30:], state[30:])
+    np.testing.assert_allclose(broken[30:], alone, rtol=1e-12)  # rounding
 
 
 def test_hidden_states_stay_within_what_drove_them_at_any_weights(network, log):
@@ -85,9 +86,9 @@ def test_hidden_states_stay_within_what_drove_them_at_any_weights(network, log):
     for seed in range(5):
         wild = 20.0 * np.random.default_rng(seed).standard_normal(network.size)
         assert (network.rates(wild) > 0).all()
-        rows = network.recall(wild, 100.0 * time, state)[0]
+        rows = network_inputs(network, wild, 100.0 * time, state)
         hidden = rows[:, network.measured_inputs : network.measured_inputs + 3]
-        drives = [network.recall(wild, time[:1], x[None])[0][0] for x in state]
+        drives = [network_inputs(network, wild, time[:1], x[None])[0] for x in state]
         driven = np.array(drives)[:, network.measured_inputs : network.measured_inputs + 3]
         room = 1e-9 * np.abs(driven).max()
         assert (hidden >= driven.min(axis=0) - room).all()
@@ -98,11 +99,13 @@ def test_memory_moves_with_the_weights(network, weights, log):
     """What is carried after an update is what would have been recalled, to first order."""
     time, state = log
     change = 1e-5 * np.random.default_rng(6).standard_normal(network.size)
-    _, carried = network.recall(weights, time[:40], state[:40])
-    _, expected = network.recall(weights + change, time[:40], state[:40])
-    moved = network.corrected(carried, change)
-    np.testing.assert_allclose(moved.state, expected.state, atol=1e-8)  # change squared
-    np.testing.assert_allclose(moved.rates, expected.rates, rtol=1e-8)
+    memory, other = memory_of(network), memory_of(network)
+    memory.recall(weights, time[:40], state[:40])
+    other.recall(weights + change, time[:40], state[:40])
+    memory.corrected(change)
+    (moved,), (expected,) = memory.states, other.states
+    # change squared, also of drives and logarithms of rates behind the states
+    np.testing.assert_allclose(moved.state, expected.state, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", [pt.ExtendedLearner, pt.CubatureLearner])
@@ -111,13 +114,15 @@ def test_learners_take_it(kind, network, log):
     options = {} if kind is pt.ExtendedLearner else {"spread": 1.7}
     learner = kind(network, prior_std=1.0, measurement_std=0.01, **options)
     truth = network.initial(9)
-    y = network.evaluate(network.recall(truth, time, state)[0], truth)
+    y = network.evaluate(network_inputs(network, truth, time, state), truth)
     found = stream(learner, time, state, y, every=2)
     assert found.scores["outcome"] == "COMPLETED"
     late = slice(40, None)
     wrong = found.prediction["prediction"].values[late] - y[late]
     untaught = network.initial(0)
-    before = network.evaluate(network.recall(untaught, time, state)[0], untaught)[late] - y[late]
+    before = (
+        network.evaluate(network_inputs(network, untaught, time, state), untaught)[late] - y[late]
+    )
     assert (wrong**2).mean() < 0.2 * (before**2).mean()
 
 
@@ -126,7 +131,7 @@ def test_description_and_pickle_make_it_again(network, weights, log):
         network_from_description(network.describe()),
         pickle.loads(pickle.dumps(network)),
     ):
-        rows = [net.recall(weights, *log)[0] for net in (network, again)]
+        rows = [network_inputs(net, weights, *log) for net in (network, again)]
         assert np.array_equal(*rows)
 
 

@@ -10,6 +10,7 @@ from patagium.aerodynamics.indicial import NO_STATE, TWO_STATE
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning import network_from_description, stream
 from patagium.learning.identify import compare
+from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.robot import load_robot_text
 
 
@@ -41,7 +42,7 @@ def weights(network):
 
 
 def recalled(network, weights, time, state, **options):
-    return network.recall(weights, time, state, **options)[0]
+    return network_inputs(network, weights, time, state, **options)
 
 
 def test_memory_does_not_know_the_future(network, weights, log):
@@ -55,10 +56,9 @@ def test_memory_does_not_know_the_future(network, weights, log):
 
 def test_blocks_make_up_the_whole_and_gaps_part_it(network, weights, log):
     time, state = log
-    whole, carried, rows = recalled(network, weights, time, state), None, []
+    whole, memory, rows = recalled(network, weights, time, state), memory_of(network), []
     for part in (slice(0, 1), slice(1, 30), slice(30, 60)):
-        block, carried = network.recall(weights, time[part], state[part], carried)
-        rows.append(block)
+        rows.append(memory.recall(weights, time[part], state[part]))
     assert np.array_equal(np.vstack(rows), whole)
     broken = recalled(network, weights, time, state, gaps=[30])
     assert np.array_equal(broken[:30], whole[:30])
@@ -134,11 +134,13 @@ def test_slopes_are_those_of_differences_through_all_that_was_recalled(network, 
 def test_an_update_moves_lags_as_if_the_new_weights_had_always_held(network, weights, log):
     time, state = log
     change = 1e-5 * np.random.default_rng(1).standard_normal(network.size)
-    _, carried = network.recall(weights, time[:30], state[:30])
-    corrected = network.corrected(carried, change)
-    moved, _ = network.recall(weights + change, time[30:], state[30:], corrected)
+    memory, stale = memory_of(network), memory_of(network)
+    for one in (memory, stale):
+        one.recall(weights, time[:30], state[:30])
+    memory.corrected(change)
+    moved = memory.recall(weights + change, time[30:], state[30:])
     always = recalled(network, weights + change, time, state)[30:]
-    never = network.recall(weights + change, time[30:], state[30:], carried)[0]
+    never = stale.recall(weights + change, time[30:], state[30:])
     lags = slice(2 * network.robot.dof, 2 * network.robot.dof + 8)
     assert np.abs(moved - always)[:, lags].max() < 1e-7  # change squared
     assert np.abs(never - always)[:, lags].max() > 1e-6

@@ -12,6 +12,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
+from patagium.learning.models.memory import network_inputs
 from patagium.live.record import StreamFile
 from patagium.live.sender import flight_packets
 from patagium.report.views import flight_overview
@@ -270,7 +271,8 @@ def test_networks_that_know_the_wings_see_the_same(flight, pair):
         weights = networks[0].initial(3)
         states = [other, x]
         if kind is pt.learning.HiddenStripNetwork:
-            states = [n.recall(weights, time, s)[0] for n, s in zip(networks, states, strict=True)]
+            each = zip(networks, states, strict=True)
+            states = [network_inputs(n, weights, time, s) for n, s in each]
         said = [n(s[200], weights) for n, s in zip(networks, states, strict=True)]
         same = [0, 1, 2, 6, 7]  # forces, and moments at hinges
         scale = np.abs(said[0]).max()

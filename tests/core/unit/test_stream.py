@@ -28,8 +28,6 @@ class Lines:
     def estimates(self, weights: Array, variances: Array | None = None) -> tuple[()]:
         return ()
 
-    measured_inputs = property(lambda self: self.inputs)
-
 
 class Kalman:
     """Kalman filter over the weights of `Lines`, one covariance for all outputs."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from patagium.learning import CubatureLearner, ExtendedLearner, identify_table, network_for
-from patagium.learning.models.recollection import Recollection
+from patagium.learning.models.memory import memory_of, network_inputs, replay
 from patagium.sensing import LogTable, read_table
 from patagium_lab.measured.crazyflie import (
     crazyflie_mapping,
@@ -79,7 +79,7 @@ def test_slopes_of_physics_and_network_are_those_of_the_whole_run(table: LogTabl
     weights = network.initial(0) + 0.2 * draw.standard_normal(network.size)
 
     def last(at: np.ndarray) -> np.ndarray:
-        return Recollection(network, part.time, part.x).upto(100, at)[-1]
+        return network_inputs(network, at, part.time, part.x)[-1]
 
     seen = network.encode_one(last(weights))
     value, slope = network.linearized(seen, weights)
@@ -100,16 +100,20 @@ def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: Lo
     part = table.where(slice(15_000, 15_040))
     network = thrust_network_for(part, (3,))
     weights = network.initial(0)
-    whole, _ = network.recall(weights, part.time, part.x)
-    first, carried = network.recall(weights, part.time[:20], part.x[:20])
-    rest, _ = network.recall(weights, part.time[20:], part.x[20:], carried)
+    whole = network_inputs(network, weights, part.time, part.x)
+    memory, other = memory_of(network), memory_of(network)
+    first = memory.recall(weights, part.time[:20], part.x[:20])
+    before = memory.states[0]
+    rest = memory.recall(weights, part.time[20:], part.x[20:])
     np.testing.assert_array_equal(np.vstack([first, rest]), whole)
     change = np.zeros(network.size)
     change[0] = 1e-4
-    moved = network.corrected(carried, change)
-    anew = network.recall(weights + change, part.time[:20], part.x[:20])[1]
+    memory.states = (before,)
+    memory.corrected(change)
+    other.recall(weights + change, part.time[:20], part.x[:20])
+    (moved,), (anew,) = memory.states, other.states
     np.testing.assert_allclose(moved.state, anew.state, rtol=1e-8)  # second order in the change
-    assert (moved.state != carried.state).any()
+    assert (moved.state != before.state).any()
 
 
 def test_a_rotors_lag_is_found(table: LogTable) -> None:
@@ -117,16 +121,16 @@ def test_a_rotors_lag_is_found(table: LogTable) -> None:
     network = thrust_network_for(flight, (2,))
     truth = network.initial(0)
     truth[0] = np.log(0.02 / FIRST_LAG)  # rotors of 20 ms
-    recalled = Recollection(network, flight.time, flight.x, flight.gaps).upto(4000, truth)
+    recalled = network_inputs(network, truth, flight.time, flight.x, flight.gaps)
     y = network.evaluate(recalled, truth) + 0.1 * np.random.default_rng(0).standard_normal(
         (4000, 1)
     )
     learner = ExtendedLearner(network, prior_std=0.5, measurement_std=0.1)
-    memory = Recollection(network, flight.time, flight.x, flight.gaps)
+    memory = replay(network, flight.time, flight.x, flight.gaps)
     for k in range(4000):
         before = learner.weights
         learner.update(memory.upto(k + 1, before)[-1], y[k])
-        memory.heed(learner.weights - before)
-    # the network beside may take up part: within three deviations as the filter states them
+        memory.corrected(learner.weights - before)
+    # the residual network may take up part: within three deviations as the filter states them
     std = np.sqrt(learner.variances[0])
     assert abs(learner.weights[0] - truth[0]) < 3 * std < 0.6

@@ -25,7 +25,7 @@ from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.models.wing import WingNetwork

@@ -17,7 +17,7 @@ import numpy as np
 from patagium.aerodynamics import Air
 from patagium.dynamics import equations
 from patagium.learning.models.flow import FlowNetwork
-from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.network import Network
 from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 from patagium.native.emit import emit

@@ -1,14 +1,14 @@
-"""Vertical specific force of four rotors: their lag and thrust, and a dense network beside.
+"""Vertical specific force of four rotors: their lag and thrust, and a dense residual network.
 
 A rotor follows its command late and pulls with the square of its speed; what else there is,
-the network beside may say. Neglected: the battery, drag of the rotors, unequal rotors, and the
-ground, which holds the weight of a standing robot: all these are left to the network beside.
+the residual network may say. Neglected: the battery, drag of the rotors, unequal rotors, and the
+ground, which holds the weight of a standing robot: all these are left to the residual network.
 Learned weights are for this study; model files do not know the network.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DESCRIBED, DenseNetwork, described
-from patagium.learning.models.network import Encoding
-from patagium.learning.models.recalling import RecallingNetwork
-from patagium.learning.models.structure import Indices
+from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
+from patagium.learning.models.network import Encoding, GroupedNetwork
+from patagium.learning.models.structure import stacked
 from patagium.learning.tables import network_for
 from patagium.sensing.logs.table import LogTable
 
@@ -30,33 +30,82 @@ FIRST_LAG = 0.05
 """Time constant of a rotor to start from [s]."""
 
 
-class _Remembered(NamedTuple):
-    """What is carried: time and commands of the last sample; z, dz/dw, and w it was found at."""
+class RotorLags(NamedTuple):
+    """Equations of the lagged commands z of four rotors; their driver is the command.
 
-    time: float
-    command: Array
-    state: Array
-    slopes: Array
-    weight: float
+    Attributes:
+        dense: Network whose first four inputs are the commands.
+    """
+
+    dense: DenseNetwork
+    states: int = ROTORS
+    parameters: int = 1
+
+    @property
+    def measured(self) -> int:
+        """Length of [u, rates]."""
+        return self.dense.inputs
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Number of lagged commands, and of commands."""
+        return ROTORS, ROTORS
+
+    @property
+    def compiled(self) -> None:
+        """None: the equations are NumPy's."""
+
+    def drivers(self, weights: Array, x: Array) -> Array:
+        """Commands of each sample as shares of their range, (N, 4)."""
+        scaled = (x - self.dense.input_center) / self.dense.input_scale
+        return np.asarray((scaled[:, :ROTORS] + 1) / 2)
+
+    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Rotors that have followed their commands."""
+        return driver, np.zeros((ROTORS, 1)), driver
+
+    def step(
+        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+    ) -> tuple[Array, Array, Array]:
+        """A step later: e = exp(-h / tau), and the mean of the commands at its ends."""
+        spent = time_step / rotor_lag(weights)
+        keep = np.exp(-spent)
+        behind = before.state - (before.driver + driver) / 2
+        slopes = keep * (before.sensitivity + (spent * behind)[:, None])
+        return before.state + (keep - 1) * behind, slopes, driver
+
+    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
+        """Memory from a learner file of the first format."""
+        time, command, state, slopes, weight = (next(numbers) for _ in range(5))
+        return MemoryState(state, slopes[:, None], np.atleast_1d(weight), command, float(time))
 
 
-class ThrustNetwork(RecallingNetwork):
-    """Specific force of four lagging rotors, and a dense network beside.
+def rotor_lag(weights: ArrayLike) -> float:
+    """Time constant tau of a rotor [s].
+
+    Args:
+        weights: (n,).
+    """
+    return float(FIRST_LAG * np.exp(np.asarray(weights, float)[0]))
+
+
+class ThrustNetwork(GroupedNetwork):
+    """Specific force of four lagging rotors, and a dense residual network.
 
         dz_i/dt = (u_i - z_i) / tau,    tau = tau_0 exp(w),
         y = range * mean_i(k2 z_i^2 + k1 z_i) + range / 2 * mlp([2 z - 1, rates]; W),
 
     u_i is a command as a share of its range, `range` that of y, rates are scaled as by
     `DenseNetwork`. Weights are w, k2, k1 and W. To start from, k2 is 1, k1 is 0, and the
-    network beside says 0: a full command pulls with the end of the range. x is
-    [u, rates, z, dz/dw, w], of which [u, rates] is measured and `recall` finds the rest.
+    residual network says 0: a full command pulls with the end of the range. x is
+    [u, rates, z, dz/dw, w], of which [u, rates] is measured and its memory finds the rest.
 
     Args:
         dense: Inputs, of which the first four are the commands, one output, their ranges, and
-            the neurons of the network beside.
+            the neurons of the residual network.
 
     Raises:
-        ParameterError: If there are no rates beside four commands, or not one output.
+        ParameterError: If there are no rates after four commands, or not one output.
     """
 
     kind = "thrust"
@@ -64,14 +113,15 @@ class ThrustNetwork(RecallingNetwork):
     def __init__(self, dense: DenseNetwork) -> None:
         if dense.inputs <= ROTORS or dense.outputs != 1:
             found = f"{dense.inputs} inputs, {dense.outputs} outputs"
-            raise ParameterError("network beside", "4 commands, then rates, and one output", found)
+            raise ParameterError("network", "4 commands, then rates, and one output", found)
         self._dense, self._scale = dense, float(dense.output_scale[0])
         self._perceptron = dense.perceptron
+        self._groups, self._lags = stacked(PHYSICAL, dense.perceptron), RotorLags(dense)
 
     @property
     def inputs(self) -> int:
         """Length of [u, rates, z, dz/dw, w]."""
-        return self.measured_inputs + 2 * ROTORS + 1
+        return self.measured_inputs + row_size(self._lags)
 
     @property
     def measured_inputs(self) -> int:
@@ -84,23 +134,17 @@ class ThrustNetwork(RecallingNetwork):
         return self._dense.output_names
 
     @property
-    def size(self) -> int:
-        """How many weights, n."""
-        return PHYSICAL + self._dense.size
+    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+        """Equations of the lagged commands, whose weight is the first."""
+        return ((0, self._lags),)
 
     @property
-    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
-        """Weights of the physics together, then those of each neuron, layer by layer."""
-        beside = (tuple(n + PHYSICAL for n in layer) for layer in self._perceptron.neurons)
-        return ((np.arange(PHYSICAL),), *beside)
-
-    @property
-    def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums; 1 for the physics, (n,)."""
-        return np.concatenate([np.ones(PHYSICAL), self._perceptron.fan_in])
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer of the residual network."""
+        return self._dense.hidden
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from, (n,): the physics alone, the last layer beside being zero.
+        """Weights to start from, (n,): the physics alone, the last layer being zero.
 
         Args:
             seed: Seed of the draw.
@@ -109,60 +153,6 @@ class ThrustNetwork(RecallingNetwork):
         weights[:PHYSICAL] = 0.0, 1.0, 0.0
         weights[-(self._perceptron.widths[-2] + 1) :] = 0.0
         return np.asarray(weights)
-
-    def recall(
-        self,
-        weights: Array,
-        time: ArrayLike,
-        x: Array,
-        carried: _Remembered | None = None,
-        gaps: ArrayLike = (),
-    ) -> tuple[Array, _Remembered | None]:
-        """Samples of a block with the lagged commands at each and their slopes.
-
-        At the beginning of a memory rotors have followed their commands. A step takes
-        e = exp(-h / tau) and the mean of the commands at its ends.
-
-        Args:
-            weights: That hold over the block, (n,).
-            time: Increasing, (N,) [s].
-            x: [u, rates], (N, n_measured).
-            carried: What the block before left.
-            gaps: First sample after each gap, where memory begins anew.
-
-        Returns:
-            [u, rates, z, dz/dw, w], (N, n_x), and what the next block goes on from.
-        """
-        weight, tau = float(weights[0]), self.lag(weights)
-        scaled = (x - self._dense.input_center) / self._dense.input_scale
-        commands = (scaled[:, :ROTORS] + 1) / 2
-        anew, rows = set(np.asarray(gaps, int).tolist()), np.empty((len(x), self.inputs))
-        n = self.measured_inputs
-        rows[:, :n], rows[:, -1] = x, weight
-        for k, stamp in enumerate(np.asarray(time, float).tolist()):
-            command = commands[k]
-            if carried is None or k in anew:
-                state, slopes = command, np.zeros(ROTORS)
-            else:
-                spent = (stamp - carried.time) / tau
-                keep = np.exp(-spent)
-                behind = carried.state - (carried.command + command) / 2
-                state = carried.state + (keep - 1) * behind
-                slopes = keep * (carried.slopes + spent * behind)
-            carried = _Remembered(stamp, command, state, slopes, weight)
-            rows[k, n : n + ROTORS], rows[k, n + ROTORS : -1] = state, slopes
-        return rows, carried
-
-    def corrected(self, carried: _Remembered, change: Array) -> _Remembered:
-        """What is carried, moved along its slopes after an update of the weights.
-
-        Args:
-            carried: As `recall` left it.
-            change: By which the weights moved, (n,).
-        """
-        step = float(change[0])
-        state = carried.state + carried.slopes * step
-        return carried._replace(state=state, weight=carried.weight + step)
 
     def encode(self, x: Array) -> Encoding:
         """[rates scaled, z, dz/dw, w], (N, 1, n), and the scale of y as a readout."""
@@ -180,9 +170,9 @@ class ThrustNetwork(RecallingNetwork):
             weights: (n,).
         """
         seen, state, _ = self._seen(encoding.features[:, 0], weights[0])
-        beside = self._perceptron.forward(seen, weights[PHYSICAL:])[:, 0]
+        residual = self._perceptron.forward(seen, weights[PHYSICAL:])[:, 0]
         pull = 2 * (weights[1] * state**2 + weights[2] * state).mean(axis=1)
-        return np.asarray(self._scale * (pull + beside)[:, None])
+        return np.asarray(self._scale * (pull + residual)[:, None])
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at many weights, (p, 1).
@@ -194,9 +184,9 @@ class ThrustNetwork(RecallingNetwork):
         physical = points[:, :PHYSICAL].astype(float)
         seen, state, _ = self._seen(encoding.features, physical[:, :1])
         rest = np.ascontiguousarray(points[:, PHYSICAL:])
-        beside = self._perceptron.forward(seen.astype(points.dtype)[:, None], rest)[:, 0, 0]
+        residual = self._perceptron.forward(seen.astype(points.dtype)[:, None], rest)[:, 0, 0]
         pull = 2 * (physical[:, 1:2] * state**2 + physical[:, 2:] * state).mean(axis=1)
-        return np.asarray(self._scale * (pull + beside.astype(float))[:, None])
+        return np.asarray(self._scale * (pull + residual.astype(float))[:, None])
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (1,), and its derivative for the weights, (1, n).
@@ -215,14 +205,6 @@ class ThrustNetwork(RecallingNetwork):
         y = weights[1] * square + weights[2] * plain + out[0]
         return self._scale * y, self._scale * slope[None]
 
-    def lag(self, weights: ArrayLike) -> float:
-        """The time constant tau of a rotor [s].
-
-        Args:
-            weights: (n,).
-        """
-        return float(FIRST_LAG * np.exp(np.asarray(weights, float)[0]))
-
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
         return {**self._dense.describe(), "kind": self.kind}
@@ -237,9 +219,9 @@ class ThrustNetwork(RecallingNetwork):
         return cls(DenseNetwork(**described(cls.kind, description, DESCRIBED)))
 
     def _seen(self, rows: Array, weight: ArrayLike) -> tuple[Array, Array, Array]:
-        """Inputs of the network beside at w, (N, n_in); z there and dz/dw, (N, 4)."""
-        state, slopes = rows[:, -2 * ROTORS - 1 : -ROTORS - 1], rows[:, -ROTORS - 1 : -1]
-        state = state + slopes * (np.asarray(weight) - rows[:, -1:])
+        """Inputs of the residual network at w, (N, n_in); z there and dz/dw, (N, 4)."""
+        memory = memory_in(rows[:, -2 * ROTORS - 1 :], ROTORS, 1)
+        state, slopes = memory.at(np.atleast_1d(weight)), memory.sensitivity[:, :, 0]
         rates = np.broadcast_to(rows[:, : -2 * ROTORS - 1], (len(state), self.measured_inputs - 4))
         return np.hstack([2 * state - 1, rates]), state, slopes
 
@@ -249,7 +231,7 @@ def thrust_network_for(table: LogTable, hidden: Sequence[int]) -> ThrustNetwork:
 
     Args:
         table: The log, four motor commands first among its inputs.
-        hidden: Neurons of each hidden layer of the network beside.
+        hidden: Neurons of each hidden layer of the residual network.
 
     Raises:
         LogError: If the mapping states no range for a column.

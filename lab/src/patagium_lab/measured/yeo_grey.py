@@ -19,6 +19,7 @@ from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, Lifti
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.model_file import model_of
 from patagium.learning.models.grey_box import GreyBox
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.parameter_paths import parameter_table
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
@@ -175,7 +176,7 @@ def _judged(
 ) -> tuple[float, float]:
     """Mean absolute error [N] and coverage over the chosen samples, all by default."""
     model, keep = model_of(learner), np.ones(len(log.time), bool) if chosen is None else chosen
-    rows, _ = model.network.recall(model.weights, log.time, log.x)
+    rows = network_inputs(model.network, model.weights, log.time, log.x)
     told = [model.predict(row) for row in rows[keep]]
     error = log.lift[keep, 0] - [float(mean[0]) for mean, _ in told]
     std = np.sqrt([float(covariance[0, 0]) for _, covariance in told])
@@ -183,7 +184,7 @@ def _judged(
 
 
 def _error(grey: GreyBox, weights: Array, log: _Log) -> Array:
-    rows, _ = grey.recall(weights, log.time, log.x)
+    rows = network_inputs(grey, weights, log.time, log.x)
     return np.abs(grey.evaluate(rows, weights) - log.lift)[:, 0]
 
 

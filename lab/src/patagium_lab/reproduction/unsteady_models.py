@@ -18,7 +18,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.flow import FlowNetwork
 from patagium.learning.models.grey_box import GreyBox
-from patagium.learning.models.hidden import HiddenStripNetwork
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.strip import StripNetwork
 from patagium.robot import Robot
 from patagium_lab.reproduction.cases import SPREAD, WEIGHT_STD, lever_arms

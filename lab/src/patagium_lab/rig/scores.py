@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from patagium.learning import load_learner
 from patagium.learning.calibration import coverage
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.scores import normalized_error, silent_outputs
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
@@ -174,7 +175,7 @@ def unseen_scores(
         time = flight["time"].values
         thin = slice(None, None, max(1, round(1.0 / (plan.rate * (time[1] - time[0])))))
         state = np.hstack([flight["q"].values, flight["v"].values])[thin]
-        x, _ = learner.network.recall(learner.weights, time[thin], state)
+        x = network_inputs(learner.network, learner.weights, time[thin], state)
         guess = learner.network.evaluate(x, learner.weights)
         truth = flight["aero_force"].values[thin]
         later = time[thin] >= plan.beat

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.models.network import network_from_description
+from patagium.learning.models.registry import network_from_description
 from patagium_lab.rivals.jax_network import jax_network
 from patagium_lab.rivals.weight_rival import WeightRival
 

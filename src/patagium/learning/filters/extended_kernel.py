@@ -20,8 +20,7 @@ from patagium.learning.filters.kernel_memory import aligned, install_encoder, ro
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import triangular
 from patagium.learning.filters.state import vector
-from patagium.learning.models.hidden import HiddenStripNetwork
-from patagium.learning.models.lag_memory import CompiledLags
+from patagium.learning.models.hidden_strip import CompiledEncoder, HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork, evaluated
 from patagium.native import load_kernel
 
@@ -89,7 +88,7 @@ class ExtendedKernel(KernelFilter):
         if isinstance(network, PerceptronNetwork):
             x, keep = install_encoder(network, self._struct, self._arrays)
             return x, (keep, arrays, whole)
-        lags = network.compiled_lags() if isinstance(network, HiddenStripNetwork) else None
+        lags = network.compiled_encoder() if isinstance(network, HiddenStripNetwork) else None
         if lags is None:
             raise TypeError(
                 f"expected a network with compiled lags, found {type(network).__name__}"
@@ -99,7 +98,7 @@ class ExtendedKernel(KernelFilter):
 
 
 def _install_lags(
-    network: Any, lags: CompiledLags, whole: _Extended
+    network: Any, lags: CompiledEncoder, whole: _Extended
 ) -> tuple[Array, tuple[Any, ...]]:
     """Let the kernel see a sample of a network whose encoder has weights."""
     own, states, real = len(lags.prior), lags.states, np.dtype(float)
@@ -117,7 +116,7 @@ def _install_lags(
         "of_features": aligned((seen, directions), real),
         "of_y": aligned((network.outputs, directions), real),
     }
-    counts = network.measured_inputs, states, lags.remembered, own, directions
+    counts = network.measured_inputs, states, lags.parameters, own, directions
     found = _Lags(
         **dict(zip(_COUNTS, counts, strict=True)),
         encode=lags.encode,
@@ -138,7 +137,7 @@ def restore_extended(setting: FilterNumbers, mean: Array, root: Array) -> Weight
         root: The lower triangular square root of their covariance, (n, n).
     """
     library, network = load_kernel("extended"), setting.network
-    lags = network.compiled_lags() if isinstance(network, HiddenStripNetwork) else None
+    lags = network.compiled_encoder() if isinstance(network, HiddenStripNetwork) else None
     known = isinstance(network, PerceptronNetwork) or lags is not None
     if library is not None and known and setting.structure != "node":
         return ExtendedKernel(setting, mean, root, library)

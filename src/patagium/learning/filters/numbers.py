@@ -16,6 +16,7 @@ from patagium.errors import ParameterError
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.spread import SpreadRule, spread_rule
 from patagium.learning.models.network import Network
+from patagium.learning.models.physical import own_prior
 from patagium.learning.models.scaling import center_of, scale_of
 from patagium.learning.settings import FilterSettings, Numbers, Structure
 
@@ -116,7 +117,7 @@ def compact_settings(numbers: FilterNumbers) -> FilterSettings:
 
 def _prior_variance(network: Network, std: Numbers | None) -> Array:
     """Diagonal of P0, (n,): of the network where it knows it itself."""
-    own = network.own_prior
+    own = own_prior(network)
     if std is None and np.isnan(own).any():
         raise ParameterError("prior_std", "positive numbers", None)
     if std is None:

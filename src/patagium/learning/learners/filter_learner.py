@@ -30,7 +30,7 @@ from patagium.learning.learners.learner import (
     diverged,
     shaped_sample,
 )
-from patagium.learning.models.live_memory import LiveMemory
+from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Network
 from patagium.learning.settings import (
     FilterSettings,
@@ -57,7 +57,7 @@ class FilterLearner(Saved):
     Attributes:
         kind: Kind of the learner, as `FilterSettings` names it.
         settings: Settings of this learner.
-        live_memory: Memory of the network between samples that come one by one.
+        memory: Memory of the network between samples that come one by one; None without.
 
     Raises:
         ParameterError: If a setting is unknown or out of its range.
@@ -81,7 +81,7 @@ class FilterLearner(Saved):
     ) -> None:
         chosen = chosen_settings(self.kind, settings, given)
         numbers = filter_numbers(network, chosen, self.kind)
-        self.settings, self.live_memory = compact_settings(numbers), LiveMemory(network)
+        self.settings, self.memory = compact_settings(numbers), memory_of(network)
         self._network, self._seed, self._numbers = network, seed, numbers
         self._filter = weight_filter(numbers, network.initial(seed))
         self._stopwatch = Stopwatch()
@@ -324,7 +324,7 @@ class FilterLearner(Saved):
         kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
         kept["innovation_covariance"] = self._innovation_covariance.copy()
         kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
-        kept |= self.live_memory.state()
+        kept |= {} if self.memory is None else self.memory.state()
         return kept | {f"screen_{name}": a.copy() for name, a in self._filter.screen.arrays.items()}
 
     def resume(self, state: Mapping[str, Any]) -> None:
@@ -341,7 +341,8 @@ class FilterLearner(Saved):
         covariance = vector(state, "innovation_covariance", outputs, outputs)
         seen = arrays_like(self._filter.screen.arrays, part(state, "screen_"))
         changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
-        self.live_memory.resume(state)
+        if self.memory is not None:
+            self.memory.resume(state)
         self._filter.resume(part(state, "filter_"))
         self._filter.screen.restore(seen)
         self._innovation_covariance, self._changes = covariance, changes

@@ -24,7 +24,7 @@ from patagium.learning.learners.learner import (
     diverged,
     shaped_sample,
 )
-from patagium.learning.models.live_memory import LiveMemory
+from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Encoding, Network
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ class GradientLearner(Saved):
         self._draw = np.random.default_rng(seed)
         self._stopwatch = Stopwatch()
         self._screen = Screen(np.ones(network.outputs))
-        self.live_memory = LiveMemory(network)
+        self.memory = memory_of(network)
 
     @property
     def network(self) -> Network:
@@ -193,7 +193,7 @@ class GradientLearner(Saved):
             "scatter": self._scatter,
             "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
             "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
-            **self.live_memory.state(),
+            **({} if self.memory is None else self.memory.state()),
             **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
@@ -215,7 +215,8 @@ class GradientLearner(Saved):
         measured = vector(state, "replay_y", count, outputs)
         events = arrays_like(self._screen.arrays, part(state, "screen_"))
         stopwatch = Stopwatch(int(state["count"]))
-        self.live_memory.resume(state)
+        if self.memory is not None:
+            self.memory.resume(state)
         self._draw.bit_generator.state = state["draw"]
         self._screen.restore(events)
         self._weights, self._mean, self._square = weights, mean, square

@@ -22,7 +22,8 @@ from patagium.learning.learners.learner import Learner, Resumable
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.network import network_from_description
+from patagium.learning.models.physical import own_prior
+from patagium.learning.models.registry import network_from_description
 from patagium.learning.settings import FilterSettings, renamed, settings_from, settings_of
 
 FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
@@ -55,7 +56,7 @@ def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
     if kind not in LEARNERS:
         raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
     record = settings_from(kind, settings) if isinstance(settings, Mapping) else settings
-    known = {"prior_std"} if not np.isnan(network.own_prior).any() else set()
+    known = {"prior_std"} if not np.isnan(own_prior(network)).any() else set()
     values: dict[str, Any] = {}
     for one in settings_of(kind):
         value = getattr(record, one.name)

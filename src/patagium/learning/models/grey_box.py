@@ -1,57 +1,64 @@
-"""A model of the air whose numbers are the weights: grey box, learned as networks are.
+"""Grey box: a model of the air whose numbers are the weights, learned as networks are.
 
-Physics of `QuasiSteady`, `LiftingLine` or `DeLaurier`, numbers of it or of the robot unknown;
-beside it a network may learn what is left. The memory of the air is recalled at the numbers
-known by then, with its slopes for them (recursive prediction error). Neglected: gusts, noise of
-the memory itself, errors of measured states and accelerations.
+Physics of `QuasiSteady`, `LiftingLine` or `DeLaurier`, numbers of it or of the robot unknown; a
+residual network may learn what the physics leaves. The lag states of the air are found at the
+numbers known by then, with their sensitivity to them (recursive prediction error):
+
+    y = Q(x, z; p) + circulation and force of the air carried along - changes of the robot's own
+    inertia and damping, at numbers p of which some are learned.
+
+Slopes are forward derivatives along one direction, by algorithmic differentiation. Neglected:
+gusts (the wind is steady), noise of the lag states, flow between samples other than straight,
+errors of measured states and accelerations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
+from patagium.aerodynamics.lag_states import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.dense import described
-from patagium.learning.models.grey_equations import GreyEquations
-from patagium.learning.models.grey_memory import GreyMemory
-from patagium.learning.models.network import (
-    Carried,
-    Encoding,
-    Memory,
-    Network,
-    network_from_description,
+from patagium.learning.models.memory import (
+    LagEquations,
+    MemoryState,
+    measured_inputs,
+    memory_in,
+    row_size,
 )
+from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork, Network
 from patagium.learning.models.physical import (
     FACTOR,
     Estimate,
+    PhysicalParameter,
     changed_air,
+    inertial,
     numbers_of,
     physical_parameters,
     process_stds,
 )
-from patagium.learning.models.structure import Indices
+from patagium.learning.models.structure import stacked
+from patagium.native import NativeFunction, load_functions
 
 Array = NDArray[np.float64]
 Start = Literal["steady", "still"]
+_MOST_ROUNDS, _CLOSE = 20, 1e-11  # of Newton's method where a memory begins
 
 
-class _Kept(NamedTuple):
-    """What is carried: the memory of the air, and whatever the network beside it carries."""
-
-    memory: Memory | None
-    beside: Carried
-
-
-class GreyBox(Network):
-    """Force of the air with unknown numbers, y = Q(x, z; p(W)) + network beside it.
+class GreyBox(GroupedNetwork):
+    """Force of the air with unknown numbers, y = Q(x, z; p(W)) + residual network.
 
     x is [q, v], or [q, v, a] where y depends on accelerations: with added mass, or with an
     inertia of the robot among the unknowns. y is what `training_data` gives: with added mass
@@ -59,27 +66,28 @@ class GreyBox(Network):
 
     A weight counts prior deviations of its parameter, or of its logarithm if it cannot be zero
     or less (`PhysicalParameter`): all start at zero, with a deviation of one whatever a learner
-    is told, and a process deviation of .01 is a hundredth of the prior's. A learner's
-    `prior_std` is that of the network beside, whose last layer starts at zero.
+    is given, and a process deviation of .01 is a hundredth of the prior's. A learner's
+    `prior_std` is that of the residual network, whose last layer starts at zero.
 
-    Lags z follow the flow by `wash.lag_step` from sample to sample; x as the learner sees it
-    goes on with [z, vec dz/dW, W], which `recall` finds.
+    Lags z follow the flow by `lag_step` from sample to sample; x as the learner sees it goes on
+    with [z, vec dz/dW, W], which its memory finds, and with the memory of the residual network.
 
     Args:
         model: The air around a robot, its numbers where they start.
         estimate: Prior standard deviation of each number to learn, by name, in its own unit:
             of the model (`parameter_names`), of its robot, `wind.x`, `added_mass.factor`.
         added_mass: The air carried along, in the same air, if y holds its force.
-        beside: A network of the same force, learned with the numbers; its x is that of the
-            grey box without what that remembers, or the first part of it.
+        residual: A network of the same force, learned with the numbers; its measured inputs
+            are the first of those of the grey box.
         measured: Coordinates whose force y is; None: all.
         start: Flow before the first sample and in gaps: as it was always there, or "still" as
             a simulated flight begins.
+        beside: Former name of `residual`, with a warning.
 
     Raises:
-        ParameterError: If a name is unknown, a deviation not positive, or what is beside does
-            not go with the model.
-        ShapeError: If the network beside sees more than there is.
+        ParameterError: If a name is unknown, a deviation not positive, or the residual network
+            or the added mass does not go with the model.
+        ShapeError: If the residual network reads more inputs than there are.
 
     References:
         Ljung (1999), System Identification, chapter 11 (recursive prediction errors).
@@ -92,11 +100,15 @@ class GreyBox(Network):
         model: Aerodynamics,
         estimate: Mapping[str, float],
         added_mass: AddedMass | None = None,
-        beside: Network | None = None,
+        residual: Network | None = None,
         *,
         measured: Sequence[str] | None = None,
         start: Start = "steady",
+        beside: Network | None = None,
     ) -> None:
+        if beside is not None:
+            warnings.warn("beside is now called residual", DeprecationWarning, stacklevel=2)
+            residual = beside
         if added_mass is not None and added_mass.air != model.air:
             raise ParameterError("added_mass.air", f"the air of model, {model.air}", added_mass.air)
         if start not in get_args(Start):
@@ -104,25 +116,31 @@ class GreyBox(Network):
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
         robot, numbers = model.robot, numbers_of(model, added_mass)
-        self.model, self.added_mass, self.beside, self._start = model, added_mass, beside, start
+        self.model, self.added_mass, self._start = model, added_mass, start
+        self.residual = residual
         self.parameters = physical_parameters(estimate, numbers, robot)
         self._names = robot.dof_names if measured is None else tuple(measured)
         outputs = tuple(robot.index(name) for name in self._names)
         self.equations = GreyEquations(model, added_mass, self.parameters, outputs)
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
-        self._check_beside()
+        self._check_residual()
+        self._count = len(self.parameters)
+        self._groups = stacked(self._count, *self._residuals)
         self._functions = self.equations.compiled()
+        sizes = self.measured_inputs, model.state_size, self._count
+        self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
+        self._memory_size = row_size(self._lags)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        options = {"measured": self._names, "start": self._start}
-        arguments = (self.model, self._estimate, self.added_mass, self.beside)
-        return _again, (type(self), arguments, options)
+        arguments = (self.model, self._estimate, self.added_mass, self.residual)
+        return _grey_box, (arguments, {"measured": self._names, "start": self._start})
 
     @property
     def inputs(self) -> int:
-        """Length of x, what is remembered included."""
-        return self.measured_inputs + self._memory.size + self._remembered_beside
+        """Length of x, lag states included."""
+        lags = sum(row_size(lags) for _, lags in self.lag_equations)
+        return self.measured_inputs + lags
 
     @property
     def measured_inputs(self) -> int:
@@ -130,14 +148,16 @@ class GreyBox(Network):
         return self.equations.measured_inputs
 
     @property
-    def needs_acceleration(self) -> bool:
-        """Whether what is measured of x ends with the accelerations."""
-        return self.equations.needs_acceleration
+    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+        """Equations of the air's lags, then those of the residual network."""
+        own: tuple[tuple[int, LagEquations], ...] = ((0, self._lags),) if self._lags.states else ()
+        others = getattr(self.residual, "lag_equations", ())
+        return own + tuple((place + self._count, lags) for place, lags in others)
 
     @property
-    def explains_added_mass(self) -> bool:
-        """Whether y holds the force of the air carried along."""
-        return self.equations.explains_added_mass
+    def flight_terms(self) -> FlightTerms:
+        """Whether x ends with the accelerations; whether y holds the force of added mass."""
+        return FlightTerms(self.equations.needs_acceleration, self.added_mass is not None)
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -145,43 +165,25 @@ class GreyBox(Network):
         return self._names
 
     @property
-    def size(self) -> int:
-        """How many weights, n; those of physical parameters come first."""
-        return self._count + (0 if self.beside is None else self.beside.size)
-
-    @property
-    def neurons(self) -> list[list[Indices]]:
-        """The parameters as one neuron of a layer of their own, then those beside."""
-        beside = [] if self.beside is None else self.beside.neurons
-        others = [[block + self._count for block in layer] for layer in beside]
-        return [[np.arange(self._count)], *others]
-
-    @property
     def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of the network beside."""
-        return () if self.beside is None else self.beside.hidden
-
-    @property
-    def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums, 1 for a parameter, (n,)."""
-        beside = np.zeros(0) if self.beside is None else self.beside.fan_in
-        return np.concatenate([np.ones(self._count), beside])
+        """Neurons of each hidden layer of the residual network."""
+        return () if self.residual is None else self.residual.hidden
 
     @property
     def own_prior(self) -> Array:
-        """Deviations before any sample: 1 of each parameter, nan beside, (n,)."""
+        """Standard deviations before any sample: 1 of each parameter, else nan, (n,)."""
         return np.where(np.arange(self.size) < self._count, 1.0, np.nan)
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from: the parameters at their priors, beside nothing yet, (n,).
+        """Weights to start from: the parameters at their priors, the residual zero, (n,).
 
         Args:
             seed: Seed of the draw.
         """
         weights = np.zeros(self.size)
-        if self.beside is not None:
-            drawn = self.beside.initial(seed)
-            for neuron in self.beside.neurons[-1]:
+        if self.residual is not None:
+            drawn = self.residual.initial(seed)
+            for neuron in self.residual.neurons[-1]:
                 drawn[neuron] = 0.0
             weights[self._count :] = drawn
         return weights
@@ -189,15 +191,15 @@ class GreyBox(Network):
     def encode(self, x: Array) -> Encoding:
         """The samples as they are, (N, 1, n_x); see `encode_one`."""
         readout = np.ones((len(x), self.outputs, 1))
-        if self.beside is not None:
-            readout = self.beside.encode(self._seen_beside(x)).readout
+        if self.residual is not None:
+            readout = self.residual.encode(self._residual_inputs(x)).readout
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
     def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample: noise that is estimated grows with the readout beside."""
+        """One sample, (1, n_x), with the residual's readout: estimated noise grows with it."""
         readout = np.ones((self.outputs, 1))
-        if self.beside is not None:
-            readout = self.beside.encode_one(self._seen_beside(x)).readout
+        if self.residual is not None:
+            readout = self.residual.encode_one(self._residual_inputs(x)).readout
         return Encoding(x[None], readout, np.zeros(self.outputs))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
@@ -209,9 +211,9 @@ class GreyBox(Network):
         """
         x = encoding.features[:, 0]
         y = self._force(x, np.broadcast_to(weights[: self._count], (len(x), self._count)))
-        if self.beside is not None:
-            seen = self.beside.encode(self._seen_beside(x))
-            y = y + self.beside.decode(seen, weights[self._count :])
+        if self.residual is not None:
+            seen = self.residual.encode(self._residual_inputs(x))
+            y = y + self.residual.decode(seen, weights[self._count :])
         return y
 
     def values(self, encoding: Encoding, points: Array) -> Array:
@@ -225,9 +227,9 @@ class GreyBox(Network):
         own = points[:, : self._count].astype(float)
         different, place = np.unique(own, axis=0, return_inverse=True)
         y = self._force(np.broadcast_to(x, (len(different), len(x))), different)[place.ravel()]
-        if self.beside is not None:
-            seen = self.beside.encode_one(self._seen_beside(x))
-            y = y + self.beside.values(seen, points[:, self._count :])
+        if self.residual is not None:
+            seen = self.residual.encode_one(self._residual_inputs(x))
+            y = y + self.residual.values(seen, points[:, self._count :])
         return y
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
@@ -238,7 +240,8 @@ class GreyBox(Network):
             weights: (n,).
         """
         x, own = encoding.features[0], weights[: self._count]
-        state, slopes = self._memory.read(x[None], own[None])
+        memory = self._memory_in(x[None])
+        state, slopes = memory.at(own[None]), memory.sensitivity
         function, seen = self._functions["force_forward"], x[: self.measured_inputs]
         y, columns = np.zeros(0), []
         for k, along in enumerate(np.eye(self._count)):
@@ -246,43 +249,14 @@ class GreyBox(Network):
             y, column = (np.atleast_1d(part) for part in found)
             columns.append(column)
         slope = np.column_stack(columns)
-        if self.beside is not None:
-            beside = self.beside.encode_one(self._seen_beside(x))
-            more, rest = self.beside.linearized(beside, weights[self._count :])
+        if self.residual is not None:
+            beside = self.residual.encode_one(self._residual_inputs(x))
+            more, rest = self.residual.linearized(beside, weights[self._count :])
             y, slope = y + more, np.hstack([slope, rest])
         return y, slope
 
-    def recall(
-        self,
-        weights: Array,
-        time: ArrayLike,
-        x: Array,
-        carried: Carried = None,
-        gaps: ArrayLike = (),
-    ) -> tuple[Array, Carried]:
-        """Inputs of a block of samples with what air and network remember; see `Network`."""
-        kept: _Kept = _Kept(None, None) if carried is None else carried
-        own, others = weights[: self._count], weights[self._count :]
-        rows, memory = self._memory.recall(own, np.asarray(time, float), x, kept.memory, gaps)
-        parts, beside = [x, rows], None
-        if self.beside is not None:
-            seen = x[:, : self.beside.measured_inputs]
-            whole, beside = self.beside.recall(others, time, seen, kept.beside, gaps)
-            parts.append(whole[:, self.beside.measured_inputs :])
-        return np.hstack(parts), _Kept(memory, beside)
-
-    def corrected(self, carried: Carried, change: Array) -> Carried:
-        """What is carried, after an update moved the weights by a change, (n,)."""
-        if carried is None:
-            return None
-        memory, beside = carried
-        moved = None if memory is None else memory.moved(change[: self._count])
-        if self.beside is not None:
-            beside = self.beside.corrected(beside, change[self._count :])
-        return _Kept(moved, beside)
-
     def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
-        """The parameters, with deviations in their own units.
+        """The parameters, with standard deviations in their own units.
 
         Args:
             weights: (n,).
@@ -292,22 +266,22 @@ class GreyBox(Network):
         each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
-    def stds(self, wandering: Mapping[str, float], beside: float = 0.0) -> Array:
+    def stds(self, wandering: Mapping[str, float], residual: float = 0.0) -> Array:
         """A learner's process deviation from those of parameters in their own units, (n,).
 
         Args:
             wandering: By which each parameter wanders between two updates, by name; others
                 stay.
-            beside: The same for each weight beside.
+            residual: By which each weight of the residual network wanders.
 
         Raises:
             ParameterError: If a name is not learned.
         """
         own = process_stds(self.parameters, wandering)
-        return np.append(own, np.full(self.size - self._count, beside))
+        return np.append(own, np.full(self.size - self._count, residual))
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
-        """Model of the air and added mass with what was learned, to fly with; not what is beside.
+        """Model of the air and added mass with what was learned, to fly with, without the residual.
 
         Args:
             weights: (n,).
@@ -325,14 +299,20 @@ class GreyBox(Network):
             "model": self.model.describe(),
             "estimate": self._estimate,
             "added_mass": None if self.added_mass is None else self.added_mass.describe(),
-            "beside": None if self.beside is None else self.beside.describe(),
+            "beside": None if self.residual is None else self.residual.describe(),
             "measured": list(self._names),
             "start": self._start,
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> GreyBox:
+    def from_description(
+        cls, description: Mapping[str, Any], network_of: Callable[[Mapping[str, Any]], Network]
+    ) -> GreyBox:
         """Inverse of `describe`.
+
+        Args:
+            description: What `describe` gave.
+            network_of: Makes the residual network from its description.
 
         Raises:
             ParameterError: If a key is missing or unknown.
@@ -348,7 +328,7 @@ class GreyBox(Network):
             aero_from_description(robot, values.pop("model")),
             values.pop("estimate"),
             None if added is None else added_mass_from_description(robot, added),
-            None if beside is None else network_from_description(beside),
+            None if beside is None else network_of(beside),
             **values,
         )
 
@@ -357,43 +337,264 @@ class GreyBox(Network):
         return {parameter.name: parameter.std for parameter in self.parameters}
 
     @property
-    def _count(self) -> int:
-        return len(self.parameters)
+    def _residuals(self) -> tuple[Network, ...]:
+        return () if self.residual is None else (self.residual,)
 
-    @cached_property
-    def _memory(self) -> GreyMemory:
-        sizes = self.measured_inputs, self.model.state_size, self._count
-        return GreyMemory(self._functions, self._numbers, sizes, self._start == "steady")
-
-    @cached_property
-    def _remembered_beside(self) -> int:
-        return 0 if self.beside is None else self.beside.inputs - self.beside.measured_inputs
+    def _memory_in(self, x: Array) -> MemoryState:
+        """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
+        rows = x[:, self.measured_inputs : self.measured_inputs + self._memory_size]
+        return memory_in(rows, self._lags.states, self._count)
 
     def _force(self, x: Array, own: Array) -> Array:
-        """y without what is beside, (N, n_y), of x (N, n_x) at weights (N, count)."""
-        state, _ = self._memory.read(x, own)
+        """y without the residual, (N, n_y), of x (N, n_x) at weights (N, count)."""
+        state = self._memory_in(x).at(own)
         seen = x[:, : self.measured_inputs]
         y = self._functions["force"].batch(seen, state, own, self._numbers)
         return np.asarray(y).reshape(len(x), self.outputs)
 
-    def _seen_beside(self, x: Array) -> Array:
-        """What the network beside sees of x, (..., n)."""
-        if self.beside is None:
-            return x[..., :0]
-        seen = x[..., : self.beside.measured_inputs]
-        return np.concatenate([seen, x[..., x.shape[-1] - self._remembered_beside :]], axis=-1)
+    def _residual_inputs(self, x: Array) -> Array:
+        """Inputs of the residual network among those of the grey box, (..., n)."""
+        first = 0 if self.residual is None else measured_inputs(self.residual)
+        rows = x[..., self.measured_inputs + self._memory_size :]
+        return np.concatenate([x[..., :first], rows], axis=-1)
 
-    def _check_beside(self) -> None:
-        if self.beside is None:
+    def _check_residual(self) -> None:
+        if self.residual is None:
             return
-        if self.beside.output_names != self._names:
+        if self.residual.output_names != self._names:
             expected = f"a network of {', '.join(self._names)}"
-            raise ParameterError("beside", expected, ", ".join(self.beside.output_names))
-        if self.beside.measured_inputs > self.measured_inputs:
-            expected, found = f"at most {self.measured_inputs} inputs", self.beside.measured_inputs
-            raise ShapeError("beside", expected, found)
+            raise ParameterError("residual", expected, ", ".join(self.residual.output_names))
+        found = measured_inputs(self.residual)
+        if found > self.measured_inputs:
+            expected = f"at most {self.measured_inputs} inputs"
+            raise ShapeError("residual", expected, found)
 
 
-def _again(kind: type[GreyBox], arguments: Any, options: Any) -> GreyBox:
+def _grey_box(arguments: Any, options: Any) -> GreyBox:
     """A grey box unpickled."""
-    return kind(*arguments, **options)
+    return GreyBox(*arguments, **options)
+
+
+class GreyLags(NamedTuple):
+    """Equations of the lags of the air, by the exponential trapezoid of `lag_step`.
+
+    Attributes:
+        functions: Those of `GreyEquations`.
+        numbers: All numbers, then the scales of the weights.
+        steady: Whether memory begins with a flow that was always there; else at zero.
+        measured: Length of [q, v] or [q, v, a].
+        states: Number of lags z, n_z.
+        parameters: Number of weights that the lags depend on, n_w.
+    """
+
+    functions: Mapping[str, NativeFunction]
+    numbers: Array
+    steady: bool
+    measured: int
+    states: int
+    parameters: int
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Number of lags, and of measured inputs."""
+        return self.states, self.measured
+
+    @property
+    def compiled(self) -> None:
+        """None: slopes are found direction by direction."""
+
+    def drivers(self, weights: Array, x: Array) -> Array:
+        """Measured inputs of each sample, (N, measured)."""
+        return x
+
+    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Lags where a memory begins."""
+        state, own = np.zeros(self.states), weights[: self.parameters]
+        if not self.steady:
+            return state, np.zeros((self.states, self.parameters)), driver
+        eye = np.eye(self.states)
+        for _ in range(_MOST_ROUNDS):  # Newton's method; of attached flow one round is enough
+            target, by_state = self._followed(driver, state, own, of_state=True)
+            apart = target - state
+            if np.abs(apart).max() <= _CLOSE * (1.0 + np.abs(state).max()):
+                break
+            state = state + np.linalg.solve(eye - by_state, apart)
+        _, by_weights = self._followed(driver, state, own, of_state=False)
+        return state, np.asarray(np.linalg.solve(eye - by_state, by_weights)), driver
+
+    def step(
+        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+    ) -> tuple[Array, Array, Array]:
+        """Lags a step later."""
+        function, state = self.functions["step_forward"], before.state
+        known = before.driver, driver, before.state, weights[: self.parameters]
+        slopes = np.empty((self.states, self.parameters))
+        for k, along in enumerate(np.eye(self.parameters)):
+            moved = before.sensitivity[:, k], along, time_step, self.numbers
+            state, slopes[:, k] = function(*known, *moved)
+        return np.atleast_1d(state), slopes, driver
+
+    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
+        """Memory from a learner file of the first format."""
+        time, x, state, slopes, weights = (next(numbers) for _ in range(5))
+        return MemoryState(state, slopes, weights, x, float(time))
+
+    def _followed(
+        self, sample: Array, state: Array, weights: Array, of_state: bool
+    ) -> tuple[Array, Array]:
+        """Lags that the state follows, and their slopes for the state, or for the weights."""
+        function, columns, target = self.functions["follow_forward"], [], state
+        size = self.states + self.parameters
+        chosen = slice(0, self.states) if of_state else slice(self.states, size)
+        for along in np.eye(size)[chosen]:
+            moved = along[: self.states], along[self.states :]
+            target, column = function(sample, state, weights, *moved, self.numbers)
+            columns.append(np.atleast_1d(column))
+        return np.atleast_1d(target), np.column_stack(columns)
+
+
+@dataclass(frozen=True)
+class GreyEquations:
+    """What a grey box computes, as expressions and as compiled functions.
+
+    Attributes:
+        model: The air.
+        added_mass: What it carries along, or None.
+        parameters: What is learned.
+        outputs: Coordinates whose force y is.
+    """
+
+    model: Aerodynamics
+    added_mass: AddedMass | None
+    parameters: tuple[PhysicalParameter, ...]
+    outputs: tuple[int, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of what is learned."""
+        return [parameter.name for parameter in self.parameters]
+
+    @property
+    def explains_added_mass(self) -> bool:
+        """Whether y holds the force of the air carried along."""
+        return self.added_mass is not None
+
+    @cached_property
+    def needs_acceleration(self) -> bool:
+        """Whether x ends with the accelerations."""
+        return self.explains_added_mass or inertial(self.names, self.model.robot)
+
+    @cached_property
+    def measured_inputs(self) -> int:
+        """Length of [q, v] or [q, v, a]."""
+        robot = self.model.robot
+        rates = 2 if self.needs_acceleration else 1
+        return robot.coordinate_count + rates * robot.dof
+
+    def compiled(self) -> dict[str, NativeFunction]:
+        """Functions by name.
+
+        force (x, z, theta) -> y; force_forward (x, z, theta, dz, dtheta) -> y, dy; of models
+        with memory step_forward (before, after, z, theta, dz, dtheta, step) -> z', dz' and
+        follow_forward (x, z, theta, dz, dtheta) -> target, dtarget. Their last input are all
+        numbers, then the scales of theta.
+        """
+        model = self.model
+        symbolic, _ = model.robot.symbolic()
+        options = f"{self.names} {self.outputs} {self.added_mass is not None}"
+        kinds = [parameter.positive for parameter in self.parameters]
+        key = f"grey box {options} {kinds} {model.structure} {symbolic!r}"
+        return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
+
+    def functions(self) -> list[ca.Function]:
+        """The same as CasADi functions."""
+        n_z, count = self.model.state_size, len(self.parameters)
+        x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", n_z)
+        theta, numbers = ca.SX.sym("theta", count), ca.SX.sym("numbers", self._count + count)
+        physics = self._physics()
+        actual = self._actual(theta, numbers)
+
+        def air(x: ca.SX, z: ca.SX) -> tuple[ca.SX, Relaxation]:
+            y, rate, target = physics.call([x, z, actual, numbers[: self._count]], True, False)
+            return y, Relaxation(rate, target)
+
+        dz, dtheta = ca.SX.sym("dz", n_z), ca.SX.sym("dtheta", count)
+
+        def along(value: ca.SX) -> ca.SX:
+            slope = ca.jtimes(value, ca.vertcat(z, theta), ca.vertcat(dz, dtheta))
+            return ca.densify(slope)
+
+        y, memory = air(x, z)
+        known, moved = {"x": x, "z": z, "theta": theta}, {"dz": dz, "dtheta": dtheta}
+        found = [
+            _function("force", known, numbers, {"y": y}),
+            _function("force_forward", known | moved, numbers, {"y": y, "dy": along(y)}),
+        ]
+        if not n_z:
+            return found
+        target = memory.target
+        follow = {"target": target, "dtarget": along(target)}
+        after, step = ca.SX.sym("after", self.measured_inputs), ca.SX.sym("step")
+        _, later = air(after, lag_step(z, step, memory, memory))
+        reached = lag_step(z, step, memory, later)
+        inputs = {"before": x, "after": after, **known, **moved, "step": step}
+        del inputs["x"]
+        advanced = {"reached": reached, "dreached": along(reached)}
+        return [
+            *found,
+            _function("follow_forward", known | moved, numbers, follow),
+            _function("step_forward", inputs, numbers, advanced),
+        ]
+
+    @property
+    def _count(self) -> int:
+        return len(numbers_of(self.model, self.added_mass))
+
+    def _actual(self, theta: ca.SX, numbers: ca.SX) -> ca.SX:
+        """All numbers, those that are learned as theta says."""
+        places = list(numbers_of(self.model, self.added_mass))
+        actual = ca.SX(numbers[: self._count])
+        for k, parameter in enumerate(self.parameters):
+            place, moved = places.index(parameter.name), theta[k] * numbers[self._count + k]
+            value = actual[place] * ca.exp(moved) if parameter.positive else actual[place] + moved
+            actual[place] = value
+        return actual
+
+    def _physics(self) -> ca.Function:
+        """(x, z, numbers, numbers as they were before) -> y, rate and target of the memory."""
+        model, robot = self.model, self.model.robot
+        n, n_q, first = robot.dof, robot.coordinate_count, len(robot.parameter_names)
+        machine, symbols = robot.symbolic()
+        before, symbols_before = robot.symbolic()
+        of_air = ca.SX.sym("c", len(model.parameter_names))
+        wind, factor = ca.SX.sym("wind", 3), ca.SX.sym("factor")
+        x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", model.state_size)
+        q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
+        air = model.expressions(machine, q, v, z, wind, of_air)
+        y = air.generalized_force
+        if self.added_mass is not None:
+            density = of_air[model.parameter_names.index("density")]
+            carried = ca.vertcat(density, factor)
+            y = y + self.added_mass.circulation_force(machine, q, v, wind, carried)
+            added = self.added_mass.inertia(machine, wind, carried)
+            y = y + kirchhoff_force(machine, q, v, a, added)
+        if inertial(self.names, robot):
+            y = y - (inverse(machine, q, v, a) - inverse(before, q, v, a))
+        y = y - (ca.vertcat(*machine.damping) - ca.vertcat(*before.damping)) * v
+        memory = air.memory or Relaxation(ca.SX(0, 1), ca.SX(0, 1))
+        if memory.rate.numel() != model.state_size:
+            raise ParameterError("model", "one whose memory follows something", model.name)
+        numbers = ca.vertcat(symbols, of_air, wind)
+        known = ca.vertcat(symbols_before, ca.SX.sym("others", self._count - first))
+        if self.added_mass is not None:
+            numbers = ca.vertcat(numbers, factor)
+        results = [y[list(self.outputs)], memory.rate, memory.target]
+        return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))
+
+
+def _function(
+    name: str, inputs: dict[str, ca.SX], numbers: ca.SX, outputs: dict[str, ca.SX]
+) -> ca.Function:
+    names: Sequence[str] = [*inputs, "grey_parameters"]
+    given, found = [*inputs.values(), numbers], [*outputs.values()]
+    return ca.Function(name, given, found, names, [*outputs])

@@ -7,7 +7,7 @@ Neglected: hidden states that drive each other, Reynolds number, forces on anyth
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +17,10 @@ from patagium.aerodynamics.air import Air, air_from_description
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
 from patagium.learning.models.flow import FlowNetwork
+from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.mlp import Perceptron
-from patagium.learning.models.network import Encoding
-from patagium.learning.models.recalling import RecallingNetwork
-from patagium.learning.models.structure import Indices
+from patagium.learning.models.network import Encoding, GroupedNetwork
+from patagium.learning.models.structure import stacked
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
@@ -29,19 +29,7 @@ _SLOWEST, _FASTEST = 0.05, 0.8  # rates to start from [1/semichord]
 _REACH = 0.5  # of a weight of one, on the logarithm of a rate
 
 
-class _Remembered(NamedTuple):
-    """What is carried: of the last sample the drive and rates; states, their slopes, weights."""
-
-    time: float
-    drive: Array
-    drive_slopes: Array
-    rates: Array
-    state: Array
-    slopes: Array
-    weights: Array
-
-
-class HiddenFlowNetwork(RecallingNetwork):
+class HiddenFlowNetwork(GroupedNetwork):
     """Dense network with hidden states, in dimensionless quantities.
 
         dxi_k/dt = (2 V b_k / c) (gamma_1(f; W_1)_k - xi_k),    b_k = b_k0 exp(w_k / 2),
@@ -50,7 +38,7 @@ class HiddenFlowNetwork(RecallingNetwork):
     f, V, B and lever are those of `FlowNetwork`, c the mean chord of the strips. Weights are
     w, W_1 and W_2: whatever they are, rates are positive, and a hidden state is a weighted mean
     of what drove it. A step takes e = exp(-2 V b h / c) and means of its ends. x is
-    [q, v, xi, vec S, W_m], of which [q, v] is measured and `recall` finds the rest.
+    [q, v, xi, vec S, W_m], of which [q, v] is measured and its memory finds the rest.
 
     Args:
         robot: The machine; its numbers are taken as they are.
@@ -89,16 +77,16 @@ class HiddenFlowNetwork(RecallingNetwork):
         seen = self._flow.perceptron.widths[0]
         self._drive = Perceptron((seen, *drive, states), activation)
         self._perceptron = Perceptron((seen + states, *hidden, robot.dof), activation)
-        self._states, self._remembered = states, states + self._drive.size
-        self._start = np.geomspace(_SLOWEST, _FASTEST, states)
-        self._chord = float(np.mean([float(strip.chord) for strip in robot.strips]))
-        pressure = self.air.density / 2 * self.coefficient_scale
-        self._pressure = pressure * float(self._flow.lever[0])
+        self._groups = stacked(states, self._drive, self._perceptron)
+        chord = float(np.mean([float(strip.chord) for strip in robot.strips]))
+        pressure = self.air.density / 2 * self.coefficient_scale * float(self._flow.lever[0])
+        slowest = np.geomspace(_SLOWEST, _FASTEST, states)
+        self._lags = HiddenStates(self._flow, self._drive, slowest, chord, pressure)
 
     @property
     def inputs(self) -> int:
         """Length of [q, v, xi, vec S, W_m]."""
-        return self.measured_inputs + self._states * (1 + self._remembered) + self._remembered
+        return self.measured_inputs + row_size(self._lags)
 
     @property
     def measured_inputs(self) -> int:
@@ -106,31 +94,19 @@ class HiddenFlowNetwork(RecallingNetwork):
         return self.robot.state_size
 
     @property
+    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+        """Equations of the hidden states, whose weights are the first."""
+        return ((0, self._lags),)
+
+    @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the components of y: all coordinates."""
         return self.robot.dof_names
 
     @property
-    def size(self) -> int:
-        """How many weights, n: rates, those of gamma_1, those of gamma_2."""
-        return self._remembered + self._perceptron.size
-
-    @property
-    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
-        """Rates together, then weights of each neuron, layer by layer."""
-        parts = ((self._drive, self._states), (self._perceptron, self._remembered))
-        moved = tuple(
-            tuple(neuron + start for neuron in layer)
-            for perceptron, start in parts
-            for layer in perceptron.neurons
-        )
-        return ((np.arange(self._states),), *moved)
-
-    @property
-    def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums; 1 for a rate, (n,)."""
-        parts = (np.ones(self._states), self._drive.fan_in, self._perceptron.fan_in)
-        return np.concatenate(parts)
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer of gamma_2."""
+        return self._perceptron.widths[1:-1]
 
     def initial(self, seed: int) -> Array:
         """Weights to start from: rates as spread, others standard normal over sqrt(fan-in), (n,).
@@ -139,7 +115,7 @@ class HiddenFlowNetwork(RecallingNetwork):
             seed: Seed of the draw.
         """
         weights = np.random.default_rng(seed).standard_normal(self.size) / np.sqrt(self.fan_in)
-        weights[: self._states] = 0.0
+        weights[: self._lags.states] = 0.0
         return np.asarray(weights)
 
     def rates(self, weights: ArrayLike) -> Array:
@@ -148,60 +124,7 @@ class HiddenFlowNetwork(RecallingNetwork):
         Args:
             weights: (n,).
         """
-        own = np.asarray(weights, float)[: self._states]
-        return np.asarray(self._start * np.exp(_REACH * own))
-
-    def recall(
-        self,
-        weights: Array,
-        time: ArrayLike,
-        x: Array,
-        carried: _Remembered | None = None,
-        gaps: ArrayLike = (),
-    ) -> tuple[Array, _Remembered | None]:
-        """States of a block with the hidden states at each sample and their slopes.
-
-        At the beginning of a memory the flow is taken as steady.
-
-        Args:
-            weights: That hold over the block, (n,).
-            time: Increasing, (N,) [s].
-            x: [q, v], (N, n_q + n).
-            carried: What the block before left.
-            gaps: First sample after each gap, where memory begins anew.
-
-        Returns:
-            [q, v, xi, vec S, W_m], (N, n_x), and what the next block goes on from.
-        """
-        own = np.asarray(weights, float)[: self._remembered]
-        seen = self._flow.encode(x)
-        drives, slopes = self._drive.linearized(seen.features[:, 0], own[self._states :])
-        rates = 2 * self._speeds(seen.readout)[:, None] / self._chord * self.rates(own)
-        anew, rows = set(np.asarray(gaps, int).tolist()), np.empty((len(x), self.inputs))
-        for k, stamp in enumerate(np.asarray(time, float).tolist()):
-            now = stamp, drives[k], slopes[k], rates[k]
-            if carried is None or k in anew:
-                carried = self._steady(*now, own)
-            else:
-                carried = self._stepped(carried, *now, own)
-            rows[k] = np.concatenate([x[k], carried.state, carried.slopes.ravel(), own])
-        return rows, carried
-
-    def corrected(self, carried: _Remembered, change: Array) -> _Remembered:
-        """What is carried, moved along its slopes after an update of the weights.
-
-        Args:
-            carried: As `recall` left it.
-            change: By which the weights moved, (n,).
-        """
-        own = change[: self._remembered]
-        drive = carried.drive + carried.drive_slopes @ own[self._states :]
-        return carried._replace(
-            drive=drive,
-            rates=carried.rates * np.exp(_REACH * own[: self._states]),
-            state=carried.state + carried.slopes @ own,
-            weights=carried.weights + own,
-        )
+        return self._lags.rates(np.asarray(weights, float))
 
     def encode(self, x: Array) -> Encoding:
         """The samples as they are, (N, 1, n_x), and force of unit coefficients, (N, n_y, n_y)."""
@@ -217,8 +140,8 @@ class HiddenFlowNetwork(RecallingNetwork):
             encoding: Of N samples.
             weights: (n,).
         """
-        seen, _ = self._seen(encoding.features[:, 0], weights[: self._remembered])
-        out = self._perceptron.forward(seen, weights[self._remembered :])
+        seen, _ = self._seen(encoding.features[:, 0], weights[: self._lags.parameters])
+        out = self._perceptron.forward(seen, weights[self._lags.parameters :])
         return np.asarray((encoding.readout @ out[:, :, None])[:, :, 0])
 
     def values(self, encoding: Encoding, points: Array) -> Array:
@@ -228,8 +151,8 @@ class HiddenFlowNetwork(RecallingNetwork):
             encoding: Of one sample.
             points: (p, n).
         """
-        seen, _ = self._seen(encoding.features, points[:, : self._remembered].astype(float))
-        rest = np.ascontiguousarray(points[:, self._remembered :])
+        seen, _ = self._seen(encoding.features, points[:, : self._lags.parameters].astype(float))
+        rest = np.ascontiguousarray(points[:, self._lags.parameters :])
         out = self._perceptron.forward(seen.astype(points.dtype)[:, None], rest).astype(float)
         return np.asarray(out[:, 0] @ encoding.readout.T)
 
@@ -240,11 +163,11 @@ class HiddenFlowNetwork(RecallingNetwork):
             encoding: Of one sample.
             weights: (n,).
         """
-        own, rest = weights[: self._remembered], weights[self._remembered :]
+        own, rest = weights[: self._lags.parameters], weights[self._lags.parameters :]
         seen, slopes = self._seen(encoding.features, own)
         out, inner = self._perceptron.linearized(seen, rest)
         through = self._perceptron.input_slopes(seen, rest, encoding.readout)[:, 0]
-        of_states = through[:, -self._states :] @ slopes[0]
+        of_states = through[:, -self._lags.states :] @ slopes[0]
         of_weights = encoding.readout @ inner[0]
         return encoding.readout @ out[0], np.hstack([of_states, of_weights])
 
@@ -254,7 +177,7 @@ class HiddenFlowNetwork(RecallingNetwork):
             "kind": self.kind,
             "robot": self.robot.source,
             "hidden": list(self.hidden),
-            "states": self._states,
+            "states": self._lags.states,
             "drive": list(self._drive.widths[1:-1]),
             "air": self.air.describe(),
             "activation": self._perceptron.activation,
@@ -276,36 +199,6 @@ class HiddenFlowNetwork(RecallingNetwork):
         air = air_from_description(values.pop("air"))
         return cls(load_robot_text(values.pop("robot")), air=air, **values)
 
-    def _speeds(self, readout: Array) -> Array:
-        """V of samples, (N,) [m/s]: force of a unit coefficient turns with B, its size is V^2's."""
-        return np.asarray(np.sqrt(np.linalg.norm(readout[:, :, 0], axis=1) / self._pressure))
-
-    def _steady(
-        self, time: float, drive: Array, slopes: Array, rates: Array, own: Array
-    ) -> _Remembered:
-        still = np.hstack([np.zeros((self._states, self._states)), slopes])
-        return _Remembered(time, drive, slopes, rates, drive.copy(), still, own)
-
-    def _stepped(
-        self,
-        before: _Remembered,
-        time: float,
-        drive: Array,
-        slopes: Array,
-        rates: Array,
-        own: Array,
-    ) -> _Remembered:
-        spent = (time - before.time) * (before.rates + rates) / 2
-        keep = np.exp(-spent)
-        mean = (before.drive + drive) / 2
-        moved = keep[:, None] * before.slopes
-        moved[:, self._states :] += (1 - keep)[:, None] * (before.drive_slopes + slopes) / 2
-        # the rate's own slope: d keep / d w = -keep spent / 2
-        k = np.arange(self._states)
-        moved[k, k] -= _REACH * keep * spent * (before.state - mean)
-        state = keep * before.state + (1 - keep) * mean
-        return _Remembered(time, drive, slopes, rates, state, moved, own)
-
     def _seen(self, rows: Array, own: Array) -> tuple[Array, Array]:
         """Inputs of gamma_2 at weights, (N, n_f + n_xi), and slopes S, (N, n_xi, n_m).
 
@@ -313,9 +206,122 @@ class HiddenFlowNetwork(RecallingNetwork):
             rows: [f, xi, vec S, W_m], (N or 1, ...).
             own: W_m', (N, n_m) or (n_m,).
         """
-        seen, n_m = self._drive.widths[0], self._remembered
-        flow, state = rows[:, :seen], rows[:, seen : seen + self._states]
-        slopes = rows[:, seen + self._states : -n_m].reshape(len(rows), self._states, n_m)
-        change = np.atleast_2d(own) - rows[:, -n_m:]
-        moved = state + (slopes @ change[:, :, None])[:, :, 0]
-        return np.hstack([np.broadcast_to(flow, (len(moved), seen)), moved]), slopes
+        seen, lags = self._drive.widths[0], self._lags
+        flow, memory = rows[:, :seen], memory_in(rows[:, seen:], lags.states, lags.parameters)
+        moved = memory.at(np.atleast_2d(own))
+        return np.hstack([np.broadcast_to(flow, (len(moved), seen)), moved]), memory.sensitivity
+
+
+class HiddenStates(NamedTuple):
+    """Equations of hidden states.
+
+    Behind the hidden states stand what drives each of them and the logarithms of their rates.
+
+    Attributes:
+        flow: Network whose inputs drive the states.
+        drive: Perceptron gamma_1.
+        start: Rates b_0 to start from, (n_xi,) [1/semichord].
+        chord: Mean chord of the strips [m].
+        pressure: Force of a unit coefficient on the first coordinate over V^2 [N s^2/m^2].
+    """
+
+    flow: FlowNetwork
+    drive: Perceptron
+    start: Array
+    chord: float
+    pressure: float
+
+    @property
+    def measured(self) -> int:
+        """Length of [q, v]."""
+        return self.flow.inputs
+
+    @property
+    def states(self) -> int:
+        """Number of hidden states, n_xi."""
+        return len(self.start)
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Hidden states, drives and rates; no driver."""
+        return 3 * self.states, 0
+
+    @property
+    def parameters(self) -> int:
+        """Number of rates and of weights of gamma_1, n_m."""
+        return self.states + self.drive.size
+
+    @property
+    def compiled(self) -> None:
+        """None: the equations are NumPy's."""
+
+    def rates(self, weights: Array) -> Array:
+        """Rates b at weights, (n_xi,) [1/semichord].
+
+        Args:
+            weights: (n,), those of the rates first.
+        """
+        return np.asarray(self.start * np.exp(_REACH * weights[: self.states]))
+
+    def drivers(self, weights: Array, x: Array) -> list[tuple[Array, Array, Array]]:
+        """Carried numbers of each sample but for the hidden states, and rates.
+
+        Args:
+            weights: (n,).
+            x: [q, v], (N, n_q + n).
+
+        Returns:
+            Of each sample: state, (3 n_xi,), and sensitivity, (3 n_xi, n_m), of which the first
+            n_xi rows are not known yet, and rates, (n_xi,) [1/s].
+        """
+        n, seen = self.states, self.flow.encode(x)
+        drives, slopes = self.drive.linearized(seen.features[:, 0], weights[n : self.parameters])
+        # force of a unit coefficient turns with B, its size is V^2's
+        speeds = np.sqrt(np.linalg.norm(seen.readout[:, :, 0], axis=1) / self.pressure)
+        rates = 2 * speeds[:, None] / self.chord * self.rates(weights)
+        state = np.hstack([drives, drives, np.log(rates)])
+        sensitivity = np.zeros((len(x), 3 * n, self.parameters))
+        sensitivity[:, n : 2 * n, n:] = slopes
+        sensitivity[:, 2 * n :, :n] = _REACH * np.eye(n)
+        return list(zip(state, sensitivity, rates, strict=True))
+
+    def begin(
+        self, driver: tuple[Array, Array, Array], weights: Array
+    ) -> tuple[Array, Array, Array]:
+        """Hidden states of a flow that was always as it is at a sample."""
+        state, sensitivity, rates = driver
+        sensitivity[: self.states] = sensitivity[self.states : 2 * self.states]
+        return state, sensitivity, rates[:0]
+
+    def step(
+        self,
+        driver: tuple[Array, Array, Array],
+        weights: Array,
+        time_step: float,
+        before: MemoryState,
+    ) -> tuple[Array, Array, Array]:
+        """Hidden states a step later: e = exp(-2 V b h / c), and means of the ends."""
+        n, (state, sensitivity, rates) = self.states, driver
+        old, slopes = before.state, before.sensitivity
+        spent = time_step * (np.exp(old[2 * n :]) + rates) / 2
+        keep = np.exp(-spent)
+        mean = (old[n : 2 * n] + state[n : 2 * n]) / 2
+        moved = sensitivity[:n]
+        np.multiply(keep[:, None], slopes[:n], out=moved)
+        both = slopes[n : 2 * n, n:] + sensitivity[n : 2 * n, n:]
+        moved[:, n:] += (1 - keep)[:, None] * both / 2
+        # the rate's own slope: d keep / d w = -keep spent / 2
+        k = np.arange(n)
+        moved[k, k] -= _REACH * keep * spent * (old[:n] - mean)
+        state[:n] = keep * old[:n] + (1 - keep) * mean
+        return state, sensitivity, rates[:0]
+
+    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
+        """Memory from a learner file of the first format."""
+        time, drive, drive_slopes, rates, state, slopes, weights = (next(numbers) for _ in range(7))
+        n = self.states
+        sensitivity = np.zeros((3 * n, self.parameters))
+        sensitivity[:n], sensitivity[n : 2 * n, n:] = slopes, drive_slopes
+        sensitivity[2 * n :, :n] = _REACH * np.eye(n)
+        whole = np.concatenate([state, drive, np.log(rates)])
+        return MemoryState(whole, sensitivity, weights, np.zeros(0), float(time))

@@ -1,43 +1,27 @@
-"""What every network has in common: encoding, values, slopes, memory.
+"""A network as learners meet it: a function y(x; W), its values at weights and its slopes.
 
-A network is a function y(x; W) that learners meet by its values at weights and its slopes
-for them. Most are one perceptron between an encoder and a readout that know the physics
-(`perceptron_network`); others compute y as they like.
-
-A network may remember. Its memory z follows the samples of a log and may depend on the
-weights, so it is recalled at the weights known by then, block by block between updates:
-
-    x_full, carried = network.recall(W, time, x, carried),
-    ... predict and update at x_full, W becomes W' ...
-    carried = network.corrected(carried, W' - W).
-
-x_full is [x, z, vec S, W_m] with S = dz/dW_m for those weights W_m that memory depends on:
-what y is there at other weights follows from z + S (W - W_m). Without noise of its own on z
-this is the joint filter of W and z, whose covariance with W is S P. Neglected there: noise
-added to W between samples, which the joint filter would not pass on to z at once.
+Most networks are one perceptron between an encoder and a readout that know the physics
+(`perceptron`); others compute y as they like. What only some networks have stands elsewhere:
+memory in `memory`, physical parameters in `physical`, quantities of a flight in `FlightTerms`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import ParameterError, ShapeError
-from patagium.learning.models.physical import Estimate
-from patagium.learning.models.structure import Indices
+from patagium.errors import ShapeError
+from patagium.learning.models.structure import Indices, WeightGroups
 
 Array = NDArray[np.float64]
 _BLOCK = 4096  # samples evaluated at once: bounds the memory, keeps the caches warm
 
-Carried: TypeAlias = Any
-"""What a network takes from one block of a log to the next; its own affair. None: nothing."""
-
 
 class Encoding(NamedTuple):
-    """What a network's weights see of N samples, or of one (no leading axis).
+    """Samples as the weights meet them: N samples, or one (no leading axis).
 
     Attributes:
         features: Inputs of the perceptron, ([N,] m, n_in).
@@ -50,31 +34,19 @@ class Encoding(NamedTuple):
     offset: Array
 
 
-class Memory(NamedTuple):
-    """What a network remembers at a sample, to go on from.
+class FlightTerms(NamedTuple):
+    """Quantities of a flight that a network reads or explains beyond state and air force.
 
     Attributes:
-        time: Of the sample [s].
-        x: What was measured there, (n_measured,).
-        state: z, (n_z,).
-        slopes: S = dz/dW_m, (n_z, n_m).
-        weights: W_m that z was found at, (n_m,).
+        acceleration: Whether the measured inputs are [q, v, a], and not [q, v].
+        added_mass: Whether y holds the force of the air carried along.
+        strip_forces: Matrix from the strip forces in world axes, x y z of one strip after the
+            other, to y, (n_y, 3 n_strips); None where y are generalized forces.
     """
 
-    time: float
-    x: Array
-    state: Array
-    slopes: Array
-    weights: Array
-
-    def moved(self, change: Array) -> Memory:
-        """The same at other weights: z + S dW_m.
-
-        Args:
-            change: dW_m, (n_m,).
-        """
-        state = self.state + self.slopes @ change
-        return self._replace(state=state, weights=self.weights + change)
+    acceleration: bool = False
+    added_mass: bool = False
+    strip_forces: Array | None = None
 
 
 class Network(Protocol):
@@ -85,13 +57,8 @@ class Network(Protocol):
 
     @property
     def inputs(self) -> int:
-        """Length of x, n_x, all that is remembered included."""
+        """Length of x, n_x, lag states included."""
         ...
-
-    @property
-    def measured_inputs(self) -> int:
-        """How much of x is measured, from the front; the rest is recalled."""
-        return self.inputs
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -114,32 +81,14 @@ class Network(Protocol):
         ...
 
     @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer."""
-        ...
-
-    @property
     def fan_in(self) -> Array:
         """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
         ...
 
     @property
-    def own_prior(self) -> Array:
-        """Deviations of weights before any sample that the network knows itself, (n,).
-
-        nan, as for all by default, where that is left to the learner.
-        """
-        return np.full(self.size, np.nan)
-
-    @property
-    def needs_acceleration(self) -> bool:
-        """Whether of a flight's samples x is [q, v, a], and not [q, v]."""
-        return False
-
-    @property
-    def explains_added_mass(self) -> bool:
-        """Whether of a flight's samples y holds the force of the air carried along."""
-        return False
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer."""
+        ...
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,).
@@ -150,12 +99,13 @@ class Network(Protocol):
         ...
 
     def encode(self, x: Array) -> Encoding:
-        """What many samples show to the weights, x (N, n_x)."""
+        """Many samples as the weights meet them, x (N, n_x)."""
         ...
 
     def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample, x (n_x,), with as little overhead as possible."""
-        ...
+        """One sample as the weights meet it, x (n_x,)."""
+        features, readout, offset = self.encode(x[None])
+        return Encoding(features[0], readout[0], offset)
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of samples encoded before, (N, n_y).
@@ -183,49 +133,6 @@ class Network(Protocol):
             weights: (n,).
         """
         ...
-
-    def recall(
-        self,
-        weights: Array,
-        time: ArrayLike,
-        x: Array,
-        carried: Carried = None,
-        gaps: ArrayLike = (),
-    ) -> tuple[Array, Carried]:
-        """Inputs of a block of samples with what the network remembers at each.
-
-        Sample k depends on samples up to k alone. Without memory: x, and nothing to carry.
-
-        Args:
-            weights: That hold over the block, (n,).
-            time: Increasing, (N,) [s].
-            x: What is measured of the inputs, (N, n_measured).
-            carried: What the block before left, of the sample just before the first;
-                None where the first begins a memory.
-            gaps: First sample after each gap, where memory begins anew.
-
-        Returns:
-            (N, n_x), and what the next block goes on from.
-        """
-        return x, None
-
-    def corrected(self, carried: Carried, change: Array) -> Carried:
-        """What is carried, after an update of the weights.
-
-        Args:
-            carried: As `recall` left it.
-            change: By which the weights moved, (n,).
-        """
-        return carried
-
-    def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
-        """Physical parameters among the weights, with their deviations; none by default.
-
-        Args:
-            weights: (n,).
-            variances: Of the weights, (n,); None: not known.
-        """
-        return ()
 
     def describe(self) -> dict[str, Any]:
         """Everything needed to make the network again, as JSON-able values."""
@@ -268,25 +175,41 @@ class Network(Protocol):
         return y
 
 
-def network_from_description(description: Mapping[str, Any]) -> Network:
-    """The network of `describe()`.
+class GroupedNetwork(Network):
+    """An immutable network with several groups of weights, rebuilt from its description.
 
-    Raises:
-        ParameterError: If its kind is unknown.
+    Subclasses have `from_description`, the inverse of `describe`.
     """
-    from patagium.learning.models.dense import DenseNetwork
-    from patagium.learning.models.flow import FlowNetwork
-    from patagium.learning.models.grey_box import GreyBox
-    from patagium.learning.models.hidden import HiddenStripNetwork
-    from patagium.learning.models.hidden_flow import HiddenFlowNetwork
-    from patagium.learning.models.linear import LinearNetwork
-    from patagium.learning.models.strip import StripNetwork
 
-    dense, strips = (DenseNetwork, LinearNetwork), (StripNetwork, HiddenStripNetwork)
-    others = (FlowNetwork, HiddenFlowNetwork, GreyBox)
-    kinds: dict[str, Any] = {kind.kind: kind for kind in (*dense, *strips, *others)}
-    kind = kinds.get(str(description.get("kind")))
-    if kind is None:
-        raise ParameterError("network", f"of kind {', '.join(kinds)}", description.get("kind"))
-    network: Network = kind.from_description(description)
-    return network
+    _groups: WeightGroups
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self).from_description, (self.describe(),)  # type: ignore[attr-defined]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of weights of all groups, n."""
+        return self._groups.size
+
+    @property
+    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
+        """Weights of each neuron, layer by layer, group by group."""
+        return self._groups.neurons
+
+    @property
+    def fan_in(self) -> Array:
+        """How many inputs the neuron of each weight sums; 1 for a bias or a number, (n,)."""
+        return self._groups.fan_in
+
+
+def flight_terms(network: Network) -> FlightTerms:
+    """Quantities of a flight that a network reads or explains; by default state and force alone.
+
+    Args:
+        network: The network, which may have an attribute `flight_terms`.
+    """
+    found: FlightTerms = getattr(network, "flight_terms", FlightTerms())
+    return found

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.errors import ParameterError
+from patagium.learning.models.network import Network
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
@@ -113,6 +114,51 @@ class PhysicalParameter(NamedTuple):
             value, slope = self.prior + weight * self.scale, self.scale
         spread = slope * float(np.sqrt(variance))
         return Estimate(self.name, self.unit, value, spread, self.prior, self.std)
+
+
+class PhysicalNetwork(Network, Protocol):
+    """A network some of whose weights are physical parameters."""
+
+    @property
+    def own_prior(self) -> Array:
+        """Standard deviations of weights before any sample, (n,); nan: left to the learner."""
+        ...
+
+    def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
+        """Physical parameters among the weights, with their standard deviations.
+
+        Args:
+            weights: (n,).
+            variances: Of the weights, (n,); None: not known.
+        """
+        ...
+
+
+def own_prior(network: Network) -> Array:
+    """Standard deviations of weights before any sample that the network knows itself, (n,).
+
+    Args:
+        network: With physical parameters or without.
+
+    Returns:
+        nan where the learner chooses.
+    """
+    return np.asarray(getattr(network, "own_prior", np.full(network.size, np.nan)))
+
+
+def physical_estimates(
+    network: Network, weights: Array, variances: Array | None = None
+) -> tuple[Estimate, ...]:
+    """Physical parameters among the weights of a network; none in most networks.
+
+    Args:
+        network: With physical parameters or without.
+        weights: (n,).
+        variances: Of the weights, (n,); None: not known.
+    """
+    if not hasattr(network, "estimates"):
+        return ()
+    return cast(PhysicalNetwork, network).estimates(weights, variances)
 
 
 def unit_of(name: str) -> str:

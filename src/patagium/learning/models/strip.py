@@ -22,6 +22,7 @@ from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.dense import described
 from patagium.learning.models.mlp import Perceptron
+from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.wing import WingNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -109,6 +110,11 @@ class StripNetwork(WingNetwork):
         hidden, activation = self._perceptron.widths[1:-1], self._perceptron.activation
         arguments = (self.robot, hidden, self.air, activation, measured)
         return _again, (arguments, self._options())
+
+    @property
+    def flight_terms(self) -> FlightTerms:
+        """Matrix from strip forces to y, where y is not the generalized force."""
+        return FlightTerms(strip_forces=self._matrix)
 
     @property
     def items(self) -> int:

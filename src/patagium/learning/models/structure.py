@@ -9,7 +9,7 @@ of it is kept. Neglected: structure chosen by what the samples excite.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,48 @@ class Layered(Protocol):
         ...
 
     @property
+    def fan_in(self) -> NDArray[np.float64]:
+        """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
+        ...
+
+    @property
     def neurons(self) -> Sequence[Sequence[Indices]]:
         """Weights of each neuron in rising order, layer by layer."""
         ...
+
+
+class WeightGroups(NamedTuple):
+    """Weights of several groups one after another.
+
+    Attributes:
+        size: Number of weights, n.
+        fan_in: How many inputs the neuron of each weight sums, 1 for a bias or a number, (n,).
+        neurons: Weights of each neuron in rising order, layer by layer.
+    """
+
+    size: int
+    fan_in: NDArray[np.float64]
+    neurons: tuple[tuple[Indices, ...], ...]
+
+
+def stacked(*groups: int | Layered) -> WeightGroups:
+    """Groups of weights one after another.
+
+    Args:
+        groups: A count of numbers, which form one block, or a part with neurons.
+    """
+    start, fan_in = 0, [np.zeros(0)]
+    neurons: list[tuple[Indices, ...]] = []
+    layers: Sequence[Sequence[Indices]]
+    for group in groups:
+        if isinstance(group, int):
+            size, sums, layers = group, np.ones(group), [[np.arange(group)]]
+        else:
+            size, sums, layers = group.size, group.fan_in, group.neurons
+        neurons += [tuple(neuron + start for neuron in layer) for layer in layers]
+        fan_in.append(sums)
+        start += size
+    return WeightGroups(start, np.concatenate(fan_in), tuple(neurons))
 
 
 def blocks_of(weights: Layered, structure: str) -> tuple[Indices, ...]:

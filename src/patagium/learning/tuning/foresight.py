@@ -25,7 +25,8 @@ from scipy.ndimage import uniform_filter1d
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
-from patagium.learning.models.recollection import Observed, Recollection
+from patagium.learning.models.memory import replay
+from patagium.learning.schedule import LogSamples
 from patagium.learning.scores import INTERVAL, SILENT_RATIO
 
 Array = NDArray[np.float64]
@@ -90,7 +91,7 @@ def moving(y: Array) -> Chosen:
     return np.asarray(alive & measured & (local > STILL**2))
 
 
-def predict(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chosen) -> Foresight:
+def predict(learner: FilterLearner, x: Array | LogSamples, y: Array, scored: Chosen) -> Foresight:
     """Teach a learner samples, and see how well it predicted each.
 
     An output that was measured, and that the learner left out, is taken for predicted by its
@@ -103,14 +104,14 @@ def predict(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chose
         scored: Which of them count, (N, n_y); see `moving`.
     """
     error, variance = np.empty_like(y), np.empty_like(y)
-    log = x if isinstance(x, Observed) else _one_by_one(x)
-    recollection = Recollection(learner.network, log.time, log.x, log.gaps)
+    log = x if isinstance(x, LogSamples) else _one_by_one(x)
+    memory = replay(learner.network, log.time, log.x, log.gaps)
     try:
         for k, (sample, measured) in enumerate(zip(log.used.tolist(), y, strict=True)):
             before = learner.weights
-            seen = recollection.upto(sample + 1, before)[-1]
+            seen = memory.upto(sample + 1, before)[-1]
             error[k] = learner.update(seen, measured)
-            recollection.heed(learner.weights - before)
+            memory.corrected(learner.weights - before)
             variance[k] = np.diagonal(learner.innovation_covariance)
     except (FilterDiverged, MatrixLost) as problem:
         return Foresight(-inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem))
@@ -118,10 +119,10 @@ def predict(learner: FilterLearner, x: Array | Observed, y: Array, scored: Chose
     return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
 
 
-def _one_by_one(x: Array) -> Observed:
+def _one_by_one(x: Array) -> LogSamples:
     """Samples by themselves, (N, n_x)."""
     numbers = np.arange(len(x))
-    return Observed(numbers.astype(float), x, numbers[:0], numbers)
+    return LogSamples(numbers.astype(float), x, numbers[:0], numbers)
 
 
 def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Foresight:

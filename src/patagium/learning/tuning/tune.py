@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.identify import samples
+from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.models.recollection import Observed
-from patagium.learning.schedule import used_samples
+from patagium.learning.schedule import LogSamples, used_samples
 from patagium.learning.tuning.foresight import Foresight, moving, predict
 from patagium.learning.tuning.journal import Journal, described_foresight
 from patagium.learning.tuning.knobs import Choice, Knob, LearnerKind, knobs_for, values_at
@@ -195,7 +195,7 @@ class _Task:
             )
         self.every, self.kind, self.seed = every, learner, seed
         self.log, self.y, self.source = _used(flight, networks[0], every, source)
-        seen, sees = self.log.x.shape[1], networks[0].measured_inputs
+        seen, sees = self.log.x.shape[1], measured_inputs(networks[0])
         if self.y.shape[1] != networks[0].outputs or seen != sees:
             raise ShapeError(
                 "network",
@@ -318,7 +318,7 @@ def _try(
     kind: LearnerKind,
     seed: int,
     values: dict[str, Any],
-    log: Observed,
+    log: LogSamples,
     y: Array,
     scored: NDArray[np.bool_],
     span: list[int],
@@ -330,7 +330,7 @@ def _try(
 
 def _used(
     flight: xr.Dataset | LogTable, network: Network, every: int, source: str
-) -> tuple[Observed, Array, str]:
+) -> tuple[LogSamples, Array, str]:
     """The samples used, those between them where the network remembers; y; their name."""
     if isinstance(flight, LogTable):
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
@@ -338,9 +338,9 @@ def _used(
         time, x, y, _ = samples(flight, network)
         gaps, name = np.zeros(0, int), f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
     chosen = used_samples(len(x), every, gaps)
-    log = Observed(time, x, np.asarray(gaps, int), chosen)
-    if network.measured_inputs == network.inputs:
-        log = Observed(time[chosen], x[chosen], log.gaps[:0], np.arange(len(chosen)))
+    log = LogSamples(time, x, np.asarray(gaps, int), chosen)
+    if measured_inputs(network) == network.inputs:
+        log = LogSamples(time[chosen], x[chosen], log.gaps[:0], np.arange(len(chosen)))
     return log, y[chosen], source or name
 
 

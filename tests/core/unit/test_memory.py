@@ -5,10 +5,11 @@ import pytest
 
 import patagium as pt
 from patagium.errors import ShapeError
-from patagium.learning.models.network import Memory, Network
+from patagium.learning.models.memory import memory_of, network_inputs, replay
+from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
-from patagium.learning.models.recollection import Observed, Recollection
 from patagium.learning.models.structure import blocks_of
+from patagium.learning.schedule import LogSamples
 from patagium.learning.stream import stream
 from patagium.learning.tuning.foresight import predict
 
@@ -17,26 +18,23 @@ class Lag(Network):
     """y = gain z, z <- a z + (1 - a) x with a = 1/(1 + exp(-w)); x_full = [x, z, S, w]."""
 
     size, measured_inputs, inputs, output_names, outputs = 2, 1, 4, ("y",), 1
+    lag_equations = property(lambda self: ((1, self),))
+    measured, states, parameters, carried, compiled = 1, 1, 1, (1, 0), None
 
     def evaluate(self, x, weights):
         state = x[:, 1] + x[:, 2] * (weights[1] - x[:, 3])
         return (weights[0] * state)[:, None]
 
-    def recall(self, weights, time, x, carried=None, gaps=()):
-        keep = 1 / (1 + np.exp(-weights[1]))
-        rows = []
-        for k, (stamp, now) in enumerate(zip(time, x, strict=True)):
-            if carried is None or k in gaps:
-                state, slope = now, np.zeros((1, 1))
-            else:
-                slope = keep * carried.slopes + keep * (1 - keep) * (carried.state - now)
-                state = keep * carried.state + (1 - keep) * now
-            carried = Memory(stamp, now, state, slope, weights[1:])
-            rows.append([*now, *state, *slope.ravel(), weights[1]])
-        return np.array(rows), carried
+    def drivers(self, weights, x):
+        return x
 
-    def corrected(self, carried, change):
-        return carried.moved(change[1:])
+    def begin(self, driver, weights):
+        return driver, np.zeros((1, 1)), np.zeros(0)
+
+    def step(self, driver, weights, time_step, before):
+        keep = 1 / (1 + np.exp(-weights[0]))
+        slope = keep * before.sensitivity + keep * (1 - keep) * (before.state - driver)
+        return keep * before.state + (1 - keep) * driver, slope, np.zeros(0)
 
 
 LAG, WEIGHTS = Lag(), np.array([1.0, 0.5])
@@ -45,24 +43,26 @@ TIME, SIGNAL = np.arange(20) * 0.1, np.sin(np.arange(20.0))[:, None]
 
 @pytest.mark.parametrize("gaps", [(), (7,)])
 def test_blocks_make_up_the_whole(gaps):
-    whole, _ = LAG.recall(WEIGHTS, TIME, SIGNAL, None, gaps)
-    recollection = Recollection(LAG, TIME, SIGNAL, gaps)
-    ahead = recollection.ahead(15, WEIGHTS)
-    parts = [recollection.upto(end, WEIGHTS) for end in (1, 7, 8, 20)]
+    whole = network_inputs(LAG, WEIGHTS, TIME, SIGNAL, gaps)
+    memory = replay(LAG, TIME, SIGNAL, gaps)
+    ahead = memory.ahead(15, WEIGHTS)
+    parts = [memory.upto(end, WEIGHTS) for end in (1, 7, 8, 20)]
     assert np.array_equal(np.vstack(parts), whole)
     assert np.array_equal(ahead, whole[:15])
-    assert not gaps or np.array_equal(whole[7:9], LAG.recall(WEIGHTS, TIME[7:9], SIGNAL[7:9])[0])
+    assert not gaps or np.array_equal(
+        whole[7:9], network_inputs(LAG, WEIGHTS, TIME[7:9], SIGNAL[7:9])
+    )
 
 
 def test_an_update_moves_what_is_remembered_along_its_slopes():
     """Of a small change: as if the new weights had held from the start, but for its square."""
     change = np.array([0.3, 1e-4])
-    recollection = Recollection(LAG, TIME, SIGNAL)
-    recollection.upto(10, WEIGHTS)
-    recollection.heed(change)
-    moved = recollection.upto(20, WEIGHTS + change)[:, 1:3]
-    always = LAG.recall(WEIGHTS + change, TIME, SIGNAL)[0][10:, 1:3]
-    never = LAG.recall(WEIGHTS, TIME, SIGNAL)[0][10:, 1:3]
+    memory = replay(LAG, TIME, SIGNAL)
+    memory.upto(10, WEIGHTS)
+    memory.corrected(change)
+    moved = memory.upto(20, WEIGHTS + change)[:, 1:3]
+    always = network_inputs(LAG, WEIGHTS + change, TIME, SIGNAL)[10:, 1:3]
+    never = network_inputs(LAG, WEIGHTS, TIME, SIGNAL)[10:, 1:3]
     assert np.abs(moved - always)[0, 0] < 1e-8  # change squared
     assert np.abs(never - always)[0, 0] > 1e-6
 
@@ -85,11 +85,11 @@ def test_a_stream_recalls_with_the_weights_it_has():
             return np.zeros(1)
 
     found = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=5, horizons={"far": 0.3})
-    expected, weights, carried, begin = [], WEIGHTS, None, 0
+    expected, weights, memory, begin = [], WEIGHTS, memory_of(LAG), 0
     for end in (1, 6, 11, 16, 20):
-        rows, carried = LAG.recall(weights, TIME[begin:end], SIGNAL[begin:end], carried)
+        rows = memory.recall(weights, TIME[begin:end], SIGNAL[begin:end])
         expected.append(LAG.evaluate(rows, weights))
-        carried = LAG.corrected(carried, np.array([0.1, 0.02]))
+        memory.corrected(np.array([0.1, 0.02]))
         weights, begin = weights + np.array([0.1, 0.02]), end
     assert np.allclose(found.prediction["prediction"], np.vstack(expected), rtol=1e-13)  # rounding
     with pytest.raises(ShapeError, match="x"):
@@ -106,13 +106,13 @@ def test_what_lies_between_used_samples_is_foreseen_with():
             seen.append(x)
             return y - LAG.evaluate(x[None], WEIGHTS)[0]
 
-    log = Observed(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
+    log = LogSamples(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
     y = np.arange(1.0, 5.0)[:, None]
     predict(Clerk(), log, y, y > 0)
-    assert np.array_equal(seen, LAG.recall(WEIGHTS, TIME, SIGNAL)[0][::5])
+    assert np.array_equal(seen, network_inputs(LAG, WEIGHTS, TIME, SIGNAL)[::5])
     part = log.part(1, 3)
     assert part.used.tolist() == [0, 5] and np.array_equal(part.time, TIME[5:11])
-    assert Observed(TIME, SIGNAL, np.array([5, 8]), log.used).part(1, 3).gaps.tolist() == [3]
+    assert LogSamples(TIME, SIGNAL, np.array([5, 8]), log.used).part(1, 3).gaps.tolist() == [3]
 
 
 def test_neurons_and_values_are_those_of_the_perceptron():

@@ -1,0 +1,762 @@
+"""A strip network with memory: the lifting line's equations with its numbers learned.
+
+Sigma'_Aero of the source paper by strips. The encoder is the state-space lifting line: lags of
+every strip, trailing vortices that carry them to its neighbors, lift across the induced wind,
+from the same functions as `LiftingLine`. Its lag rates, amplitudes, lift slope and stall are
+weights (`LearnedAir`); what a section makes of its flow beyond that is one perceptron for all
+strips. Neglected: forces on anything but strips, Reynolds number, camber in the normalwash (the
+perceptron sees it), separation with a memory of its own, amplitudes of lift that differ in sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import log, pi, radians, sin
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.indicial import Indicial, fitted_indicial, indicial_from_description
+from patagium.aerodynamics.induced_velocity import (
+    Normalwash,
+    VortexSystem,
+    attached_lift,
+    implicit_lag_step,
+    solve_normalwash,
+)
+from patagium.aerodynamics.lag_states import Lags, Relaxation
+from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
+from patagium.aerodynamics.polars import SectionFlow, section_flow
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
+from patagium.aerodynamics.trailing_vortices import lattice, strip_chains
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import generalized_force
+from patagium.errors import ParameterError, positive
+from patagium.learning.models.dense import described
+from patagium.learning.models.memory import (
+    CompiledSteps,
+    LagEquations,
+    MemoryState,
+    memory_in,
+    row_size,
+)
+from patagium.learning.models.mlp import Perceptron
+from patagium.learning.models.network import Encoding, GroupedNetwork
+from patagium.learning.models.strip import parted
+from patagium.learning.models.structure import stacked
+from patagium.native import NativeFunction, load_functions
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+_COEFFICIENTS = 8  # outputs of the perceptron a strip; see `_wrench`
+_FEATURES = 4  # its inputs: direction of the effective and of the geometric flow
+_SLOWEST, _FASTEST = 0.05, 0.8  # rates of lags asked for by number [1/semichord]
+# of logarithms, for a weight of one; far from stall a step in its numbers changes too much
+_REACH = {"lags": 5.0, "lift_slope": 1.0, "stall": 1.5, "stall_width": 0.5}
+_STALL_SLOPE = 8.75  # widths of the logistic function in a smooth step of the same slope
+_LAST = 0.05  # of the usual size: at first the section is that of theory
+_NUMBERS = ("lift_slope", "stall_begins", "stall_complete", "coefficient_scale")
+
+
+class HiddenStripNetwork(GroupedNetwork):
+    """Lifting line with hidden states, its numbers and its section learned.
+
+    With w_e the normalwash of a strip at three quarters of its chord in the wind that all
+    strips' trailing vortices induce, W = phi(0) w_e + sum_k a_k z_k, and s the separated share,
+
+        dz_k/dt = (2 U b_k / c) (w_e - z_k),
+        m = mlp(effective direction, geometric direction; W),   effective: (forward, -W),
+        F = (1 - s) (m_0 L + q (m_1, m_2)) + s q (m_4, m_5 sin a),
+
+    L the lifting line's lift with its induced drag, q = 1/2 rho A |v|^2 coefficient_scale, a the
+    geometric incidence; m_3 and m_7 are drag along the span, m_6 is a moment of separated flow.
+    At first m_0 = 1, m_5 = 2 / coefficient_scale (a plate's normal force), the rest almost
+    nothing. s = 1 / (1 + exp((sin^2 stall - sin^2 a_e) / width)) of the effective incidence a_e.
+
+    The first weights are rates b, amplitudes of circulation, lift slope, amplitudes of lift a,
+    stall and its width, each as a logarithm from its prior: whatever the weights, rates are
+    positive and amplitudes sum to less than one. A deviation of .1 for these is one of .5 for
+    the logarithms of lags, .1 for the lift slope's, .15 and .05 for the stall's. x is
+    [q, v, z, vec S, W_m], of which [q, v] is measured and its memory finds the rest.
+
+    A measurement_std of .003 N times the lever arm of each coordinate, prior_std .1 and spread
+    1.7 did well for flapping flights of a small robot, free and mounted.
+
+    Args:
+        robot: The machine; its numbers are taken as they are.
+        hidden: Neurons of each hidden layer.
+        lags: Where the lags start from; or how many, their rates then spread evenly in
+            logarithm from .05 to .8 a semichord, with fitted amplitudes.
+        air: Density and steady wind; gusts are not known to the network.
+        activation: "softplus" or "tanh".
+        lift_slope: Where it starts from [1/rad].
+        stall_begins: Effective incidence up to which flow is attached, to start from [rad].
+        stall_complete: That beyond which it is separated, to start from [rad].
+        coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
+
+    Raises:
+        ParameterError: If the robot has no strips, there is no lag, a number is not positive,
+            stall is complete before it begins, or a width or the activation not what it may be.
+
+    References:
+        Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal 55, 1279-1294.
+    """
+
+    kind = "hidden_strip"
+
+    def __init__(
+        self,
+        robot: Robot,
+        hidden: Sequence[int] = (8, 8),
+        lags: int | Indicial = 2,
+        air: Air | None = None,
+        activation: str = "tanh",
+        *,
+        lift_slope: float = 2 * pi,
+        stall_begins: float = radians(15.0),
+        stall_complete: float = radians(35.0),
+        coefficient_scale: float = 4.0,
+    ) -> None:
+        if not robot.strips:
+            raise ParameterError("robot", "a robot with wings", robot.name)
+        if not 0 < stall_begins < stall_complete <= pi / 2:
+            angles = (stall_begins, stall_complete)
+            raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
+        self.lags = starting_lags(lags)
+        self.lift_slope = positive("lift_slope", lift_slope)
+        self.stall_begins, self.stall_complete = float(stall_begins), float(stall_complete)
+        self.coefficient_scale = positive("coefficient_scale", coefficient_scale)
+        self.robot, self.air = robot, Air() if air is None else air
+        self._perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)
+        self._count, parameters = coded_size(self.lags.size)
+        self._groups = stacked(self._count, self._perceptron)
+        stall = (self.stall_begins, self.stall_complete)
+        self._prior = coded_start(self.lags, self.lift_slope, stall)
+        self._reach = coded_reach(self.lags.size)
+        constants = [*self.air.wind, self.air.density, self.coefficient_scale]
+        self._constants = np.array([*constants, *robot.parameters])
+        symbolic, _ = robot.symbolic()
+        self._functions = load_functions(
+            f"hidden strip network {self.lags.size} {symbolic!r}",
+            lambda: hidden_functions(robot, self.lags.size),
+            label=f"hidden strip network of {robot.name}",
+            many_only=("slopes",),
+        )
+        sizes = robot.state_size, len(robot.strips) * self.lags.size, len(robot.strips), parameters
+        numbers = self._prior, self._reach, self._constants
+        self._lags = StripLags(self._functions, *numbers, *sizes)
+
+    @property
+    def inputs(self) -> int:
+        """Length of [q, v, z, vec S, W_m]."""
+        return self.measured_inputs + row_size(self._lags)
+
+    @property
+    def measured_inputs(self) -> int:
+        """Length of [q, v]."""
+        return self.robot.state_size
+
+    @property
+    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+        """Equations of the strips' lags, whose weights are the first."""
+        return ((0, self._lags),)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y: all coordinates."""
+        return self.robot.dof_names
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer of the perceptron."""
+        return self._perceptron.widths[1:-1]
+
+    @property
+    def items(self) -> int:
+        """How often the perceptron is evaluated for one x: once a strip."""
+        return len(self.robot.strips)
+
+    @property
+    def perceptron(self) -> Perceptron:
+        """From directions of the flow to coefficients of the section."""
+        return self._perceptron
+
+    def initial(self, seed: int) -> Array:
+        """Weights to start from, (n,): the air's numbers and the section as given.
+
+        Neurons are standard normal over sqrt(fan-in), a twentieth of that in the last layer.
+
+        Args:
+            seed: Seed of the draw.
+        """
+        fan_in, (below, above) = self._perceptron.fan_in, self._perceptron.widths[-2:]
+        normal = np.random.default_rng(seed).standard_normal(len(fan_in)) / np.sqrt(fan_in)
+        weights = np.where(fan_in > 1, normal, 0.0)
+        weights[-(below + 1) * above :] *= _LAST
+        weights[-above] += 1.0
+        weights[-above + 5] += 2.0 / self.coefficient_scale
+        return np.append(np.zeros(self._count), weights)
+
+    def constants(self, weights: ArrayLike) -> dict[str, float]:
+        """Numbers of the air by name, as a `LiftingLine` calls them where it has them.
+
+        Beside those `stall` [rad], where half of the flow is separated, and `stall_width` in
+        the square of its sine.
+
+        Args:
+            weights: (n,).
+        """
+        own = np.asarray(weights, float)[: self._count]
+        found = learned_air((self._prior + self._reach * own).tolist(), self.lags.size)
+        parts = {name: getattr(found.lags, name) for name in ("rate", "lift", "circulation")}
+        named = {f"lags.{part}[{k}]": x for part, all_ in parts.items() for k, x in enumerate(all_)}
+        named |= {"section.lift_slope": found.lift_slope, "stall_width": found.stall_width}
+        named |= {"stall": np.arcsin(np.sqrt(min(found.stall, 1.0)))}
+        return {name: float(value) for name, value in named.items()}
+
+    def compiled_encoder(self) -> CompiledEncoder | None:
+        """Encoder in C as a function of lags and coded numbers; None without a compiler."""
+        encode, slopes = (self._functions[name] for name in ("encode", "slopes"))
+        several = slopes.batch_address
+        if encode.address is None or several is None:
+            return None
+        numbers = self._prior, self._reach, self._constants
+        sizes = self._lags.states, self._lags.parameters
+        return CompiledEncoder(encode.address, several, *sizes, *numbers)
+
+    def encode(self, x: Array) -> Encoding:
+        """The samples as they are, (N, 1, n_x); see `encode_one`."""
+        readout = np.ones((len(x), self.outputs, 1))
+        return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
+
+    def encode_one(self, x: Array) -> Encoding:
+        """One sample, (1, n_x), with the readout at W_m: estimated noise grows with it."""
+        own, n_m = np.zeros(self._count), self._lags.parameters
+        own[:n_m] = x[-n_m:]
+        _, readout = self._seen(x[None], own[None])
+        return Encoding(x[None], readout[0], np.zeros(self.outputs))
+
+    def decode(self, encoding: Encoding, weights: Array) -> Array:
+        """y of samples encoded before, (N, n_y).
+
+        Args:
+            encoding: Of N samples.
+            weights: (n,).
+        """
+        readout, sections = self.sections(encoding.features[:, 0], weights)
+        return np.asarray((readout @ sections[:, :, None])[:, :, 0])
+
+    def sections(self, x: Array, weights: Array) -> tuple[Array, Array]:
+        """Readout, (N, n_y, m n_out), and what the perceptron says of m strips, (N, m n_out).
+
+        Args:
+            x: Inputs, (N, n_x).
+            weights: (n,).
+        """
+        own = np.broadcast_to(weights[: self._count], (len(x), self._count))
+        features, readout = self._seen(x, own)
+        out = self._perceptron.forward(features, weights[self._count :])
+        return readout, out.reshape(len(x), -1)
+
+    def values(self, encoding: Encoding, points: Array) -> Array:
+        """y of one encoded sample at many weights, (p, n_y).
+
+        Args:
+            encoding: Of one sample.
+            points: (p, n).
+        """
+        own = points[:, : self._count].astype(float)
+        different, place = np.unique(own, axis=0, return_inverse=True)
+        x = np.broadcast_to(encoding.features[0], (len(different), self.inputs))
+        features, readout = (part[place.ravel()] for part in self._seen(x, different))
+        weights = np.ascontiguousarray(points[:, self._count :])
+        out = self._perceptron.forward(features.astype(points.dtype), weights).astype(float)
+        return np.asarray((readout @ out.reshape(len(points), -1, 1))[:, :, 0])
+
+    def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
+        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
+
+        Args:
+            encoding: Of one sample.
+            weights: (n,).
+        """
+        x, own, rest = encoding.features[0], weights[: self._count], weights[self._count :]
+        features, readout = (part[0] for part in self._seen(x[None], own[None]))
+        out, inner = self._perceptron.linearized(features, rest)
+        memory, n_m = self._memory_in(x[None]), self._lags.parameters
+        moved = np.zeros((self._lags.states, self._count))
+        moved[:, :n_m] = memory.sensitivity[0] / self._reach[:n_m]
+        state = memory.at(own[None, :n_m])
+        through = self._perceptron.input_slopes(features, rest, readout).reshape(len(readout), -1)
+        coded = self._prior + self._reach * own
+        known = x[: self.measured_inputs], state[0], coded, out.ravel(), self._constants
+        along = moved.T, np.eye(len(own)), np.concatenate(known)
+        of_features, of_y = self._functions["slopes"].batch(*along)
+        of_air = (of_y + of_features @ through.T).T * self._reach
+        of_weights = readout @ inner.reshape(-1, len(rest))
+        return readout @ out.ravel(), np.hstack([of_air, of_weights])
+
+    def encoding(self, x: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Features, (n_in, m), and readout, (n_y, m n_out), as expressions of x and weights."""
+        n, n_z, n_m = self.measured_inputs, self._lags.states, self._lags.parameters
+        slopes = ca.reshape(x[n + n_z : -n_m], n_m, n_z).T
+        state = x[n : n + n_z] + slopes @ (weights[:n_m] - x[-n_m:])
+        coded = self._prior + self._reach * weights[: self._count]
+        encode = self._functions["encode"].expression
+        features, readout = encode(x[:n], state, coded, self._constants)
+        return features, readout
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make the network again, as JSON-able values."""
+        return {
+            "kind": self.kind,
+            "robot": self.robot.source,
+            "hidden": list(self.hidden),
+            "lags": self.lags.describe(),
+            "air": self.air.describe(),
+            "activation": self._perceptron.activation,
+            **{name: getattr(self, name) for name in _NUMBERS},
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> HiddenStripNetwork:
+        """Inverse of `describe`.
+
+        Raises:
+            ParameterError: If a key is missing or unknown.
+            RobotFileError: If the text of the robot does not describe one.
+        """
+        from patagium.robot import load_robot_text
+
+        keys = ("robot", "hidden", "lags", "air", "activation", *_NUMBERS)
+        values = described(cls.kind, description, keys)
+        air, lags = air_from_description(values.pop("air")), values.pop("lags")
+        robot = load_robot_text(values.pop("robot"))
+        return cls(robot, lags=indicial_from_description(lags), air=air, **values)
+
+    def _memory_in(self, x: Array) -> MemoryState:
+        """Lags, their sensitivity and W_m in the inputs, x (N, n_x)."""
+        rows = x[:, self.measured_inputs :]
+        return memory_in(rows, self._lags.states, self._lags.parameters)
+
+    def _seen(self, x: Array, own: Array) -> tuple[Array, Array]:
+        """Features of strips, (N, m, n_in), and readout, (N, n_y, m n_out)."""
+        state = self._memory_in(x).at(own[:, : self._lags.parameters])
+        measured = np.ascontiguousarray(x[:, : self.measured_inputs])
+        coded = self._prior + self._reach * own
+        encode = self._functions["encode"]
+        if len(x) == 1:
+            features, readout = encode(measured[0], state[0], coded[0], self._constants)
+            return features.T[None], readout[None]
+        features, readout = encode.batch(measured, state, coded, self._constants)
+        return features.transpose(0, 2, 1), readout
+
+
+class StripLags(NamedTuple):
+    """Equations of the lags of all strips; behind the lags z the normalwash of each strip.
+
+    Attributes:
+        functions: Those of `hidden_functions`.
+        prior: Coded numbers are prior + reach W, (n_o,).
+        reach: (n_o,).
+        constants: Constants of the functions.
+        measured: Length of [q, v].
+        states: Number of lags z, n_z.
+        strips: Number of strips, whose semichords a second each drive the next step.
+        parameters: Number of weights that the lags depend on, n_m.
+    """
+
+    functions: Mapping[str, NativeFunction]
+    prior: Array
+    reach: Array
+    constants: Array
+    measured: int
+    states: int
+    strips: int
+    parameters: int
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Number of lags and normalwashes, and of strips."""
+        return self.states + self.strips, self.strips
+
+    @property
+    def compiled(self) -> CompiledSteps | None:
+        """Equations in C; None without a compiler."""
+        begin, step = (self.functions[name].address for name in ("begin", "step"))
+        if begin is None or step is None:
+            return None
+        return CompiledSteps(begin, step, self.prior, self.reach, self.constants)
+
+    def drivers(self, weights: Array, x: Array) -> Array:
+        """[q, v] of each sample, (N, measured)."""
+        return x
+
+    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Lags of a flow that was always as it is at a sample."""
+        state, sensitivity, semichords = self.functions["begin"](driver, *self._numbers(weights))
+        return state, sensitivity, semichords
+
+    def step(
+        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+    ) -> tuple[Array, Array, Array]:
+        """Lags a step later."""
+        known = time_step, before.state, before.sensitivity, before.driver
+        state, slopes, semichords = self.functions["step"](driver, *self._numbers(weights), *known)
+        return state, slopes, semichords
+
+    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
+        """Memory from a learner file of the first format."""
+        time, state, slopes, effective, effective_slopes, semichords, weights = (
+            next(numbers) for _ in range(7)
+        )
+        sensitivity = np.vstack([slopes, effective_slopes]) * self.reach[: self.parameters]
+        return MemoryState(
+            np.append(state, effective), sensitivity, weights, semichords, float(time)
+        )
+
+    def _numbers(self, weights: Array) -> tuple[Array, Array]:
+        return self.prior + self.reach * weights[: len(self.prior)], self.constants
+
+
+class CompiledEncoder(NamedTuple):
+    """Compiled functions of a sample at weights, and their numbers.
+
+    Attributes:
+        encode: Address of the function of (measured, z, coded, constants).
+        slopes: Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants].
+        states: Length of z.
+        parameters: Number of weights that z depends on, the first.
+        prior: Coded numbers are prior + reach W, (n_o,).
+        reach: (n_o,).
+        constants: Constants of both functions.
+    """
+
+    encode: int
+    slopes: int
+    states: int
+    parameters: int
+    prior: Array
+    reach: Array
+    constants: Array
+
+
+def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array | None:
+    """What each strip adds to the force along x, y, z, (N, m, 3) [N]; None if none floats.
+
+    Args:
+        network: The network.
+        x: Inputs, (N, n_x).
+        weights: (n,).
+    """
+    floating = [body.floating_dofs for body in network.robot.bodies if body.floating_dofs]
+    if len(floating) != 1:
+        return None
+    readout, sections = network.sections(x, weights)
+    shape = len(x), len(network.robot.strips), -1
+    along = readout[:, list(floating[0][:3])].reshape(shape[0], 3, *shape[1:])
+    return np.asarray(np.einsum("nksc,nsc->nsk", along, sections.reshape(shape)))
+
+
+@dataclass(frozen=True)
+class LearnedAir:
+    """Numbers of the air that are learned, as symbols or values.
+
+    Whatever the coded numbers are, rates are positive, amplitudes positive with sums below one.
+
+    Attributes:
+        lags: Memory of a section.
+        lift_slope: Of attached flow [1/rad].
+        stall: sin^2 of the effective incidence at which half of the flow is separated.
+        stall_width: How far from there in sin^2 the attached share falls by e.
+    """
+
+    lags: Lags
+    lift_slope: Any
+    stall: Any
+    stall_width: Any
+
+
+def learned_air(coded: Any, lags: int) -> LearnedAir:
+    """The numbers behind their code, which may be any real numbers.
+
+    Args:
+        coded: Logarithms of the rates, of the circulation's amplitudes over what they leave of
+            one, of the lift slope, of the lift's amplitudes likewise, of stall and its width.
+        lags: How many a strip.
+    """
+    rate = [ca.exp(coded[k]) for k in range(lags)]
+    circulation = _shares([coded[lags + k] for k in range(lags)])
+    lift = _shares([coded[2 * lags + 1 + k] for k in range(lags)])
+    slope, stall, width = (ca.exp(coded[k]) for k in (2 * lags, 3 * lags + 1, 3 * lags + 2))
+    return LearnedAir(Lags(rate, lift, circulation), slope, stall, width)
+
+
+def coded_size(lags: int) -> tuple[int, int]:
+    """How many coded numbers there are, and on how many of them, the first, memory depends.
+
+    Args:
+        lags: How many a strip.
+    """
+    return 3 * lags + 3, 2 * lags + 1
+
+
+def coded_start(lags: Indicial, lift_slope: float, stall: tuple[float, float]) -> Array:
+    """Code of numbers that are known, (n,).
+
+    Args:
+        lags: Memory of a section.
+        lift_slope: Of attached flow [1/rad].
+        stall: Incidences where it begins and where it is complete [rad].
+    """
+    low, high = (sin(angle) ** 2 for angle in stall)
+    stalled = [log((low + high) / 2), log((high - low) / _STALL_SLOPE)]
+    parts = [np.log(lags.rate), _logarithms(lags.circulation), [log(lift_slope)]]
+    return np.concatenate([*parts, _logarithms(lags.lift), stalled])
+
+
+def coded_reach(lags: int) -> Array:
+    """What a weight of one adds to each coded number, (n,).
+
+    Args:
+        lags: How many a strip.
+    """
+    of_lags, others = [_REACH["lags"]], [_REACH["stall"], _REACH["stall_width"]]
+    return np.array([*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *others])
+
+
+def starting_lags(lags: int | Indicial) -> Indicial:
+    """Lags to start from: as given, or so many of evenly spread rates, with fitted amplitudes.
+
+    Args:
+        lags: How many, or themselves.
+
+    Raises:
+        ParameterError: If there is none, or an amplitude has no code.
+    """
+    if isinstance(lags, Indicial):
+        found = lags
+    elif isinstance(lags, int) and lags > 0:
+        middle = [(_SLOWEST * _FASTEST) ** 0.5]
+        spread = np.geomspace(_SLOWEST, _FASTEST, lags).tolist()
+        found = fitted_indicial(middle if lags == 1 else spread)
+    else:
+        raise ParameterError("lags", "a positive number, or an Indicial", lags)
+    amplitudes = (found.lift, found.circulation)
+    if not all(part and min(part) > 0 and sum(part) < 1 for part in amplitudes):
+        expected = "at least one lag, amplitudes above 0 that sum to less than 1"
+        raise ParameterError("lags", expected, found.describe())
+    return found
+
+
+def _shares(logarithms: Sequence[Any]) -> list[Any]:
+    """Positive numbers whose sum is below one; what is missing counts as exp(0)."""
+    parts = [ca.exp(value) for value in logarithms]
+    total = 1.0 + sum(parts)
+    return [part / total for part in parts]
+
+
+def _logarithms(shares: Sequence[float]) -> Array:
+    """Of positive numbers over what their sum leaves of one."""
+    return np.asarray(np.log(shares) - np.log(1.0 - sum(shares)))
+
+
+def hidden_functions(machine: Robot, lags: int) -> list[ca.Function]:
+    """Functions begin, step, encode, and slopes, which is called with many directions.
+
+    Args:
+        machine: The robot in numbers; those of its symbolic twin are run-time inputs.
+        lags: How many a strip.
+    """
+    air = _Air(machine, lags)
+    return [_begin(air), _step(air), _encode(air), _slopes(air)]
+
+
+class _Air:
+    """A robot in the air, as expressions of [q, v], coded numbers and constants."""
+
+    def __init__(self, machine: Robot, lags: int) -> None:
+        self.robot, robot_parameters = machine.symbolic()
+        self.count, self.lags = len(machine.strips), lags
+        size, parameters = coded_size(lags)
+        self.lag_numbers = ca.SX.sym("lag_numbers", parameters)
+        self.coded = ca.vertcat(self.lag_numbers, ca.SX.sym("others", size - parameters))
+        self.lag_reach = ca.diag(ca.SX(coded_reach(lags)[:parameters]))
+        self.x = ca.SX.sym("x", machine.state_size)
+        wind, self.density, self.scale = ca.SX.sym("wind", 3), ca.SX.sym("rho"), ca.SX.sym("scale")
+        self.constants = ca.vertcat(wind, self.density, self.scale, robot_parameters)
+        n_q = machine.coordinate_count
+        self.q, v = self.x[:n_q], self.x[n_q:]
+        self.numbers = learned_air(self.coded, lags)
+        chains = strip_chains(machine)
+        self.motions = strip_motions(self.robot, self.q, v, wind)
+        net = lattice(self.robot, chains, self.q, v, wind)
+        self.vortices = VortexSystem(chains, net, self.motions)
+        self.geometric = ca.vertcat(*[normalwash(motion) for motion in self.motions])
+        self.gains = surface_gains(machine, self.robot, SURFACE_CONSTANT)
+        self.state = ca.SX.sym("state", self.count * lags)
+        of_strips = [2 * airspeed(motion) / motion.strip.chord for motion in self.motions]
+        self.semichords = ca.vertcat(*of_strips)
+
+    def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
+        """Normalwashes of all strips with lags in a state."""
+        slope = self.numbers.lift_slope
+        return solve_normalwash(self.vortices, self.geometric, state, lags, slope)
+
+    def reached(self, state: ca.SX, step: Any, before: Relaxation) -> tuple[ca.SX, ca.SX]:
+        """Lags and effective normalwashes at the end of a step."""
+        known = self.vortices, self.geometric, state, step, before
+        return implicit_lag_step(*known, self.numbers.lags, self.numbers.lift_slope)
+
+    def repeated(self, of_strips: ca.SX) -> ca.SX:
+        """A number of each strip, for each of its lags."""
+        return ca.vec(ca.repmat(of_strips.T, self.lags, 1))
+
+
+def _begin(air: _Air) -> ca.Function:
+    """Lags of a flow that was always as it is now: no part of the circulation is held back."""
+    effective = air.wash(ca.SX(0, 1), Lags((), (), ())).effective
+    state = ca.vertcat(air.repeated(effective), effective)
+    return _function(
+        "begin",
+        {"x": air.x, "coded": air.coded, "network_parameters": air.constants},
+        {
+            "state": state,
+            "sensitivity": _forward(state, air.lag_numbers, air.lag_reach),
+            "semichords": air.semichords,
+        },
+    )
+
+
+def _step(air: _Air) -> ca.Function:
+    """One step of the exponential trapezoid, with its derivative for weights and where it began."""
+    parameters, count = air.lag_numbers.numel(), air.count
+    step, effective = ca.SX.sym("step"), ca.SX.sym("effective", count)
+    semichords, before = ca.SX.sym("semichords", count), ca.vertcat(air.state, effective)
+    sensitivity = ca.SX.sym("sensitivity", before.numel(), parameters)
+    rates = ca.repmat(ca.vertcat(*air.numbers.lags.rate), count, 1)
+    relaxation = Relaxation(rates * air.repeated(semichords), air.repeated(effective))
+    reached = ca.vertcat(*air.reached(air.state, step, relaxation))
+    seeds = ca.vertcat(sensitivity, air.lag_reach)
+    return _function(
+        "step",
+        {
+            "x": air.x,
+            "coded": air.coded,
+            "network_parameters": air.constants,
+            "step": step,
+            "state": before,
+            "sensitivity": sensitivity,
+            "semichords": semichords,
+        },
+        {
+            "state_after": reached,
+            "sensitivity_after": _forward(reached, ca.vertcat(before, air.lag_numbers), seeds),
+            "semichords_after": air.semichords,
+        },
+    )
+
+
+def _encode(air: _Air) -> ca.Function:
+    outputs = ca.SX.sym("m", _COEFFICIENTS, air.count)
+    features, y = _seen(air, outputs)
+    return _function(
+        "encode",
+        {
+            "x": air.x,
+            "state": air.state,
+            "coded": air.coded,
+            "network_parameters": air.constants,
+        },
+        {"features": features, "readout": ca.jacobian(y, ca.vec(outputs))},
+    )
+
+
+def _slopes(air: _Air) -> ca.Function:
+    """Derivatives of features and of y as read out, where lags and coded numbers move.
+
+    What all directions have in common comes last, in one vector.
+    """
+    outputs = ca.SX.sym("m", _COEFFICIENTS, air.count)
+    moved = ca.SX.sym("dz", air.state.numel()), ca.SX.sym("dcoded", air.coded.numel())
+    features, y = _seen(air, outputs)
+    seen, variables = ca.vertcat(ca.vec(features), y), ca.vertcat(air.state, air.coded)
+    slope = _forward(seen, variables, ca.vertcat(*moved))
+    sample = ca.vertcat(air.x, air.state, air.coded, ca.vec(outputs), air.constants)
+    common = ca.SX.sym("sample", sample.numel())
+    slope = ca.substitute(slope, sample, common)
+    return _function(
+        "slopes",
+        {"state_moved": moved[0], "coded_moved": moved[1], "sample_parameters": common},
+        {"of_features": slope[: features.numel()], "of_y": slope[features.numel() :]},
+    )
+
+
+def _seen(air: _Air, outputs: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """What the perceptron sees of each strip, and y as its outputs say."""
+    wash = air.wash(air.state, air.numbers.lags)
+    seen: list[ca.SX] = []
+    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+    for i, motion in enumerate(air.motions):
+        ahead = (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
+        flow = section_flow(motion.forward, motion.normal_ahead(ahead))
+        effective = section_flow(motion.forward, -wash.lagged[i])
+        seen.append(ca.vertcat(_direction(effective), _direction(flow)))
+        force, moment = _wrench(air, wash, i, ahead, flow, effective, outputs[:, i])
+        body, still = motion.strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1))
+        total = wrenches.get(body, still)
+        wrenches[body] = (total[0] + force, total[1] + moment)
+    return ca.horzcat(*seen), generalized_force(air.robot, air.q, wrenches)
+
+
+def _wrench(
+    air: _Air,
+    wash: Normalwash,
+    i: int,
+    ahead: Any,
+    flow: SectionFlow,
+    effective: SectionFlow,
+    m: ca.SX,
+) -> tuple[ca.SX, ca.SX]:
+    """Force and moment of a strip about its body's origin, body axes, linear in m.
+
+    Attached: m_0 of the lifting line's lift, coefficients m_1 forward, m_2 normal, m_3 along the
+    span. Separated: m_4 forward, m_5 normal for the sine of the incidence, m_6 of the moment
+    that raises the tail, m_7 along the span.
+    """
+    motion, strip = air.motions[i], air.motions[i].strip
+    forward, normal = vector(strip.forward), vector(strip.normal)
+    span, area = cross(normal, forward), strip.chord * strip.width
+    sine_square = (effective.normal / effective.speed) ** 2
+    separated = 1 / (1 + ca.exp((air.numbers.stall - sine_square) / air.numbers.stall_width))
+    attached = 1 - separated
+    pressure = air.density * area * air.numbers.lift_slope * airspeed(motion) / 2
+    ahead_normal = motion.normal_ahead(ahead)
+    lift = attached_lift(air.vortices, wash, i, air.gains[i], pressure, ahead_normal)
+    unit = air.scale * air.density * area * flow.speed / 2
+    sine, along = -flow.normal / flow.speed, motion.spanwise_ahead(ahead)
+    push = unit * flow.speed
+    force = forward * (attached * (m[0] * lift[0] + push * m[1]) + separated * push * m[4])
+    force += normal * (attached * (m[0] * lift[1] + push * m[2]) + separated * push * sine * m[5])
+    force += span * (unit * along * (attached * m[3] + separated * m[7]))
+    point = vector(strip.quarter_chord) + forward * ahead
+    return force, cross(point, force) - span * (separated * push * strip.chord * m[6])
+
+
+def _direction(flow: SectionFlow) -> ca.SX:
+    return parted(ca.vertcat(flow.forward, flow.normal) / flow.speed)
+
+
+def _forward(value: ca.SX, variables: ca.SX, seeds: ca.SX) -> ca.SX:
+    """d value / d variables . seeds, column by column."""
+    return ca.densify(ca.jtimes(value, variables, seeds))
+
+
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])

@@ -1,0 +1,637 @@
+"""Memory of a network: lag states z that follow the samples of a log or of a stream.
+
+The lag states depend on the first weights of a network. They are found at the weights known at
+the time, together with their sensitivity S = dz/dW_m, and each sample carries them on:
+
+    x = [measured inputs, z, vec S, W_m];
+
+at other weights the network reads z + S (W - W_m). After an update of the weights the memory
+itself moves along S. Without noise of its own on z this is the joint filter of W and z, whose
+covariance with W is S P. A log is followed in blocks (`recall`), a stream sample by sample
+(`next_input` and `settle`), in C where there is a compiler. Neglected: noise added to W between
+samples, which the joint filter would pass on to z at once; two streams at once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf, isnan, nan
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import Outcome, ShapeError
+from patagium.learning.models.network import Network
+from patagium.native import load_kernel
+
+Array = NDArray[np.float64]
+
+LONGEST_STEP = 0.01
+"""A step up to this is bridged, [s]: short against a wingbeat and the lags of its air, ..."""
+USUAL_STEPS = 3.0
+"""... and so is one of up to so many usual ones; as long as a gap of an imported log begins."""
+UNSEEN = (Outcome.BAD_INPUT, Outcome.LATE, Outcome.DUPLICATE)
+"""Outcomes of samples that a learner did not look at."""
+_SHARE = 0.01  # of a step in the usual one
+_BLOCK = 4096  # samples whose drivers are found at once
+_PREFIX = "memory_"
+
+
+class MemoryState(NamedTuple):
+    """Lag states at one sample, or at N samples (leading axis N).
+
+    Attributes:
+        state: Lag states z found at the weights W_m, ([N,] n_s): the n_z that the network reads,
+            then those that only their own equations read.
+        sensitivity: S = dz/dW_m, ([N,] n_s, n_m).
+        weights: W_m, ([N,] n_m).
+        driver: Quantities of the sample that the next step starts from, (n_d,).
+        time: Time of the sample [s].
+    """
+
+    state: Array
+    sensitivity: Array
+    weights: Array
+    driver: Array = np.zeros(0)
+    time: float = nan
+
+    def at(self, weights: Array) -> Array:
+        """Lag states at other weights, z + S (W - W_m), ([N,] n_s).
+
+        Args:
+            weights: W, ([N,] n_m).
+        """
+        if not self.state.shape[-1]:
+            return self.state
+        change = weights - self.weights
+        return np.asarray(self.state + np.einsum("...ij,...j->...i", self.sensitivity, change))
+
+
+class CompiledSteps(NamedTuple):
+    """Lag equations in C: functions of (x, coded, constants) for the kernel `memory.c`.
+
+    Attributes:
+        begin: Address of `void f(x, coded, constants) -> (z, S, driver)`.
+        step: Address of `void f(x, coded, constants, time step, z, S, driver) -> (z, S, driver)`.
+        prior: Coded numbers are prior + reach W, (n_o,).
+        reach: (n_o,).
+        constants: Constants of both functions.
+    """
+
+    begin: int
+    step: int
+    prior: Array
+    reach: Array
+    constants: Array
+
+
+class LagEquations(Protocol):
+    """Equations of lag states from sample to sample; z depends on the first n_m weights given."""
+
+    @property
+    def measured(self) -> int:
+        """Number of measured inputs that drive the lags, the first of x."""
+        ...
+
+    @property
+    def states(self) -> int:
+        """Number of lag states that the network reads, n_z."""
+        ...
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Number of lag states in all, n_s, and of numbers of a driver, n_d."""
+        ...
+
+    @property
+    def parameters(self) -> int:
+        """Number of weights that the lag states depend on, n_m."""
+        ...
+
+    @property
+    def compiled(self) -> CompiledSteps | None:
+        """Equations in C; None without."""
+        ...
+
+    def drivers(self, weights: Array, x: Array) -> Sequence[Any] | Array:
+        """What drives the lags at each sample, N items that `begin` and `step` take.
+
+        Args:
+            weights: From the first one of the lags on.
+            x: Measured inputs, (N, measured).
+        """
+        ...
+
+    def begin(self, driver: Any, weights: Array) -> tuple[Array, Array, Array]:
+        """State, sensitivity and driver at a sample where memory begins.
+
+        Args:
+            driver: Of the sample.
+            weights: From the first one of the lags on.
+        """
+        ...
+
+    def step(
+        self, driver: Any, weights: Array, time_step: float, before: MemoryState
+    ) -> tuple[Array, Array, Array]:
+        """State, sensitivity and driver a step later.
+
+        Args:
+            driver: Of the sample.
+            weights: From the first one of the lags on.
+            time_step: Since the sample before [s].
+            before: Memory at the sample before.
+        """
+        ...
+
+    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
+        """Memory from the numbers of a learner file of the first format.
+
+        Args:
+            numbers: Arrays in the order of that file; those of these lags are taken.
+        """
+        ...
+
+
+class RecurrentNetwork(Network, Protocol):
+    """A network whose output depends on lag states, which follow its measured inputs."""
+
+    @property
+    def measured_inputs(self) -> int:
+        """Number of measured inputs, the first of x; lag states follow."""
+        ...
+
+    @property
+    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+        """Equations of lag states with the place of their first weight, in the order of x."""
+        ...
+
+
+def measured_inputs(network: Network) -> int:
+    """Number of inputs of a network that are measured, the first of x.
+
+    Args:
+        network: With memory or without.
+    """
+    return int(getattr(network, "measured_inputs", network.inputs))
+
+
+def row_size(lags: LagEquations) -> int:
+    """Length of [z, vec S, W_m] in the input of a network.
+
+    Args:
+        lags: Equations of the lag states.
+    """
+    return lags.states * (1 + lags.parameters) + (lags.parameters if lags.states else 0)
+
+
+def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
+    """Memory as the input of a network holds it.
+
+    Args:
+        rows: [z, vec S, W_m], (N, states (1 + parameters) + parameters).
+        states: n_z.
+        parameters: n_m.
+    """
+    end = states * (1 + parameters)
+    slopes = rows[:, states:end].reshape(len(rows), states, parameters)
+    return MemoryState(rows[:, :states], slopes, rows[:, end : end + parameters])
+
+
+def memory_of(network: Network) -> ModelMemory | None:
+    """A memory for a network, empty yet; None for a network without.
+
+    Args:
+        network: The network.
+    """
+    return ModelMemory(network) if getattr(network, "lag_equations", ()) else None
+
+
+def replay(network: Network, time: Array, x: Array, gaps: ArrayLike = ()) -> ModelMemory:
+    """A memory that follows a log; without lag states it hands out x as it is.
+
+    Args:
+        network: With memory or without.
+        time: Increasing, (N,) [s].
+        x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+        gaps: First sample after each gap, where memory begins anew.
+
+    Raises:
+        ShapeError: If x has another shape.
+    """
+    return ModelMemory(network).replay(time, x, gaps)
+
+
+def network_inputs(
+    network: Network, weights: Array, time: ArrayLike, x: Array, gaps: ArrayLike = ()
+) -> Array:
+    """Inputs of a network over a log with weights that stay, lag states included, (N, n_x).
+
+    Args:
+        network: With memory or without.
+        weights: (n,).
+        time: Increasing, (N,) [s].
+        x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+        gaps: First sample after each gap, where memory begins anew.
+
+    Raises:
+        ShapeError: If x has another shape.
+    """
+    stamps = np.asarray(time, float)
+    return replay(network, stamps, x, gaps).upto(len(stamps), weights)
+
+
+class ModelMemory:
+    """Memory of one network along one log or one stream.
+
+    In a stream it begins with the first sample, and anew where the stamps go back (and the
+    learner believes them) or after a step longer than `LONGEST_STEP` and `USUAL_STEPS` usual
+    ones. A sample that the learner refuses for its stamp or its input leaves it as it was.
+
+    Args:
+        network: The network; without lag states its inputs are the measured ones.
+
+    Attributes:
+        states: Memory at the last sample, one entry for each of the network's lag equations;
+            None before the first sample.
+        clock: Last stamp and usual step, (2,) [s].
+        resets: How often memory began anew in a stream.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._whole = False  # whether x of the log has all inputs, so that nothing is left to find
+        self._measured = measured_inputs(network)
+        self.states: tuple[MemoryState, ...] | None = None
+        self.clock, self.resets = np.array([-inf, nan]), 0
+        self._next: tuple[float, tuple[MemoryState, ...]] | None = None
+        self._log: tuple[Array, Array, NDArray[np.int64]] | None = None
+        self._reached = 0
+
+    def recall(self, weights: Array, time: ArrayLike, x: Array, gaps: ArrayLike = ()) -> Array:
+        """Inputs of the next block of samples, lag states included, (N, n_x).
+
+        Sample k depends on samples up to k alone.
+
+        Args:
+            weights: That hold over the block, (n,).
+            time: Increasing, (N,) [s].
+            x: Measured inputs, (N, n_measured).
+            gaps: First sample after each gap, where memory begins anew.
+        """
+        rows, self.states = self._block(weights, np.asarray(time, float), x, gaps, self.states)
+        return rows
+
+    def corrected(self, change: Array) -> None:
+        """Move the memory along its sensitivity after an update of the weights.
+
+        Args:
+            change: By which the weights moved, (n,).
+        """
+        if self.states is not None:
+            self.states = self._moved(self.states, change)
+
+    def replay(self, time: Array, x: Array, gaps: ArrayLike = ()) -> ModelMemory:
+        """A fresh memory that follows a log by `upto` and `ahead`.
+
+        Args:
+            time: Increasing, (N,) [s].
+            x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+            gaps: First sample after each gap, where memory begins anew.
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        if x.ndim != 2 or x.shape[1] not in (self._measured, self._network.inputs):
+            raise ShapeError("x", f"(N, {self._measured})", x.shape)
+        found = ModelMemory(self._network)
+        found._whole = x.shape[1] == self._network.inputs
+        found._log = time, x, np.asarray(gaps, np.int64)
+        return found
+
+    def upto(self, end: int, weights: Array) -> Array:
+        """Inputs from the sample reached up to another one; the memory goes on from there.
+
+        Args:
+            end: One past the last sample.
+            weights: That hold over them, (n,).
+        """
+        rows, self.states = self._span(end, weights)
+        self._reached = end
+        return rows
+
+    def ahead(self, end: int, weights: Array) -> Array:
+        """Inputs from the sample reached up to another one; the memory stays where it is.
+
+        Args:
+            end: One past the last sample.
+            weights: That hold over them, (n,).
+        """
+        return self._span(end, weights)[0]
+
+    def next_input(self, time: float, x: Array, weights: Array) -> Array:
+        """Input of the next sample of a stream, (n_x,); `settle` must follow.
+
+        Args:
+            time: Of the sample [s].
+            x: Measured inputs, (n_measured,).
+            weights: That hold there, (n,).
+        """
+        before = self.states if self._follows(time) else None
+        rows, found = self._block(weights, np.array([time]), x[None], (), before)
+        sound = found is not None and np.isfinite(rows[0, self._measured :]).all()
+        self._next = (time, found) if sound and found is not None else None
+        return np.asarray(rows[0])
+
+    def settle(self, outcome: Outcome, change: Array) -> None:
+        """Keep or drop the sample of `next_input`, once the learner is done with it.
+
+        Args:
+            outcome: What became of the sample.
+            change: By which the weights moved, (n,).
+        """
+        if self._next is None or outcome in UNSEEN:
+            return
+        time, found = self._next
+        if self.states is not None:
+            self.resets += not self._follows(time)
+            self.clock[1] = self._usual_after(time - float(self.clock[0]))
+        self.clock[0] = time
+        self.states = self._moved(found, change)
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples of a stream depend on, by name."""
+        kept: dict[str, Any] = {
+            f"{_PREFIX}{k}_{name}": np.array(value, float)
+            for k, one in enumerate(self.states or ())
+            for name, value in one._asdict().items()
+        }
+        return {**kept, f"{_PREFIX}clock": self.clock.copy(), f"{_PREFIX}resets": self.resets}
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; one without a memory begins with the next sample.
+
+        Args:
+            state: As `state` gave it, or of a learner file of the first format.
+
+        Raises:
+            ShapeError: If an array has another shape.
+        """
+        self._next, self.states = None, None
+        self.clock = np.array(state.get(f"{_PREFIX}clock", (-inf, nan)), float)
+        self.resets = int(state.get(f"{_PREFIX}resets", 0))
+        if f"{_PREFIX}0" in state:
+            count = sum(name.removeprefix(_PREFIX).isdigit() for name in state)
+            numbers = (np.array(state[f"{_PREFIX}{k}"], float) for k in range(count))
+            found = [lags.first_format(numbers) for _, lags in self._lags]
+        elif f"{_PREFIX}0_state" in state:
+            found = []
+            for k in range(len(self._lags)):
+                one = {f: np.array(state[f"{_PREFIX}{k}_{f}"], float) for f in MemoryState._fields}
+                stamp = float(one.pop("time"))
+                found.append(MemoryState(**one, time=stamp))
+        else:
+            return
+        for memory, (_, lags) in zip(found, self._lags, strict=True):
+            (states, drivers), n_m = lags.carried, lags.parameters
+            shapes = (states,), (states, n_m), (n_m,), (drivers,)
+            for array, shape in zip(memory[:4], shapes, strict=True):
+                if array.shape != shape:
+                    raise ShapeError("memory", shape, array.shape)
+        self.states = tuple(found)
+
+    def compiled(self, x: Array, mean: Array) -> CompiledMemory | None:
+        """The memory as C code moves it between two calls; None without a compiler.
+
+        Args:
+            x: Input that a compiled filter reads, (n_x,).
+            mean: Weights of the filter, (n,).
+        """
+        if len(self._lags) != 1 or self._lags[0][0] != 0:
+            return None
+        lags, kernel = self._lags[0][1], load_kernel("memory")
+        if lags.compiled is None or kernel is None:
+            return None
+        return CompiledMemory(lags, lags.compiled, kernel, x, mean)
+
+    @property
+    def _lags(self) -> tuple[tuple[int, LagEquations], ...]:
+        return () if self._whole else getattr(self._network, "lag_equations", ())
+
+    def _span(self, end: int, weights: Array) -> tuple[Array, tuple[MemoryState, ...] | None]:
+        if self._log is None:
+            raise RuntimeError("upto and ahead follow the log of replay: call replay first")
+        time, x, gaps = self._log
+        part = slice(self._reached, end)
+        inside = gaps[(gaps >= part.start) & (gaps < end)] - part.start
+        return self._block(weights, time[part], x[part], inside, self.states)
+
+    def _block(
+        self,
+        weights: Array,
+        time: Array,
+        x: Array,
+        gaps: ArrayLike,
+        before: tuple[MemoryState, ...] | None,
+    ) -> tuple[Array, tuple[MemoryState, ...] | None]:
+        """Inputs of a block and the memory at its end."""
+        if not self._lags:
+            return x, before
+        if not len(x):
+            return np.empty((0, self._network.inputs)), before
+        anew = np.zeros(len(x), np.int8)
+        anew[np.asarray(gaps, int)] = 1
+        anew[0] |= before is None
+        rows, after = [x], []
+        for k, (place, lags) in enumerate(self._lags):
+            known = None if before is None else before[k]
+            advanced = _advanced_in_c(lags, weights[place:], time, x, anew, known)
+            if advanced is None:
+                advanced = _advanced(lags, weights[place:], time, x, anew, known)
+            rows.append(advanced[0])
+            after.append(advanced[1])
+        return np.hstack(rows), tuple(after)
+
+    def _moved(self, states: tuple[MemoryState, ...], change: Array) -> tuple[MemoryState, ...]:
+        """Memory at weights that moved by a change, (n,)."""
+        moved = []
+        for one, (place, lags) in zip(states, self._lags, strict=True):
+            weights = one.weights + change[place : place + lags.parameters]
+            moved.append(one._replace(state=one.at(weights), weights=weights))
+        return tuple(moved)
+
+    def _follows(self, time: float) -> bool:
+        last, usual = self.clock.tolist()
+        longest = inf if isnan(usual) else max(LONGEST_STEP, USUAL_STEPS * usual)
+        return self.states is not None and 0 < time - last <= longest
+
+    def _usual_after(self, step: float) -> float:
+        """The usual step [s] after another one; steps back in time say nothing."""
+        usual = float(self.clock[1])
+        if step <= 0 or isnan(usual):
+            return step if step > 0 else usual
+        return usual + _SHARE * (min(step, USUAL_STEPS * usual) - usual)
+
+
+def _advanced(
+    lags: LagEquations,
+    weights: Array,
+    time: Array,
+    x: Array,
+    anew: NDArray[np.int8],
+    before: MemoryState | None,
+) -> tuple[Array, MemoryState]:
+    """[z, vec S, W_m] of a block, (N, row size), and the memory at its end."""
+    n_z, n_m = lags.states, lags.parameters
+    own, rows, begins = weights[:n_m].copy(), np.empty((len(x), row_size(lags))), anew.tolist()
+    for k, stamp in enumerate(time.tolist()):
+        if k % _BLOCK == 0:
+            drivers = lags.drivers(weights, x[k : k + _BLOCK, : lags.measured])
+        driver = drivers[k % _BLOCK]
+        if before is None or begins[k]:
+            found = lags.begin(driver, weights)
+        else:
+            found = lags.step(driver, weights, stamp - before.time, before)
+        before = MemoryState(found[0], found[1], own, found[2], stamp)
+        rows[k, :n_z] = found[0][:n_z]
+        rows[k, n_z : n_z * (1 + n_m)] = found[1][:n_z].ravel()
+    rows[:, n_z * (1 + n_m) :] = own
+    if before is None:
+        raise ValueError("expected at least one sample")
+    return rows, before._replace(state=before.state.copy(), sensitivity=before.sensitivity.copy())
+
+
+def _advanced_in_c(
+    lags: LagEquations,
+    weights: Array,
+    time: Array,
+    x: Array,
+    anew: NDArray[np.int8],
+    before: MemoryState | None,
+) -> tuple[Array, MemoryState] | None:
+    """The same as `_advanced` by one call of C; None without a compiler."""
+    kernel = load_kernel("memory") if lags.compiled is not None else None
+    if kernel is None or lags.compiled is None:
+        return None
+    own = weights[: len(lags.compiled.prior)]
+    block = _Lags.of(lags, lags.compiled, own)
+    last = -inf if before is None else before.time
+    if before is not None:
+        block.put(before)
+    steps, rows = np.diff(time, prepend=last), np.empty((len(x), row_size(lags)))
+    arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
+    pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
+    kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
+    return rows, block.taken(float(time[-1]))
+
+
+class _Lags(ctypes.Structure):
+    """`lags` of the kernel `memory.c`, field by field."""
+
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in ("measured", "states", "parameters", "all", "driver")),
+        *((name, ctypes.c_void_p) for name in ("begin", "step", "coded", "constants")),
+        *((name, ctypes.c_void_p) for name in ("weights", "carried")),
+    ]
+    arrays: dict[str, Array]
+
+    @classmethod
+    def of(cls, lags: LagEquations, steps: CompiledSteps, own: Array) -> _Lags:
+        """Lag equations for the kernel at the weights of their coded numbers, (n_o,)."""
+        (states, drivers), n_m = lags.carried, lags.parameters
+        arrays = {
+            "coded": steps.prior + steps.reach * own,
+            "constants": steps.constants,
+            "weights": own[:n_m].copy(),
+            "carried": np.zeros(2 * (states * (1 + n_m) + drivers)),
+        }
+        found = cls(
+            measured=lags.measured,
+            states=lags.states,
+            parameters=n_m,
+            all=states,
+            driver=drivers,
+            begin=steps.begin,
+            step=steps.step,
+            **{name: array.ctypes.data for name, array in arrays.items()},
+        )
+        found.arrays = arrays
+        return found
+
+    def put(self, memory: MemoryState) -> None:
+        """Memory before the next sample, its sensitivity column by column."""
+        parts = memory.state, memory.sensitivity.ravel(order="F"), memory.driver
+        carried = self.arrays["carried"]
+        np.concatenate(parts, out=carried[: len(carried) // 2])
+
+    def taken(self, time: float) -> MemoryState:
+        """Memory at the last sample.
+
+        Args:
+            time: Of that sample [s].
+        """
+        states, n_m, carried = self.all, self.parameters, self.arrays["carried"]
+        end = states * (1 + n_m)
+        slopes = carried[states:end].reshape((states, n_m), order="F").copy()
+        weights, driver = self.arrays["weights"].copy(), carried[end : len(carried) // 2].copy()
+        return MemoryState(carried[:states].copy(), slopes, weights, driver, time)
+
+
+class CompiledMemory(ctypes.Structure):
+    """`live_memory` of the kernel `memory.c`: a stream's memory between two calls of C code.
+
+    Args:
+        lags: The equations.
+        steps: The same in C.
+        kernel: The compiled kernel.
+        x: Input that a compiled filter reads, (n_x,).
+        mean: Weights of the filter, (n,).
+
+    Attributes:
+        native: Addresses of the functions that find the next input and that settle it, and of
+            what both take.
+    """
+
+    _fields_ = [
+        ("lags", _Lags),
+        ("own", ctypes.c_int32),
+        *((name, ctypes.c_void_p) for name in ("prior", "reach", "mean", "x", "clock", "counts")),
+    ]
+
+    def __init__(
+        self, lags: LagEquations, steps: CompiledSteps, kernel: ctypes.CDLL, x: Array, mean: Array
+    ) -> None:
+        self._block = _Lags.of(lags, steps, mean[: len(steps.prior)])
+        self._clock, self._counts = np.zeros(3), np.zeros(2, np.int64)
+        shared = steps.prior, steps.reach, mean, x, self._clock, self._counts
+        self._shared = shared
+        addresses = [array.ctypes.data for array in shared]
+        super().__init__(self._block, len(steps.prior), *addresses)
+        calls = [getattr(kernel, name) for name in ("memory_next", "memory_settle")]
+        places = [int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls]
+        self.native = (places[0], places[1], ctypes.addressof(self))
+
+    def load(self, memory: ModelMemory) -> None:
+        """Take over a memory before a call.
+
+        Args:
+            memory: The learner's.
+        """
+        self._clock[:2] = memory.clock
+        self._counts[:] = memory.states is not None, memory.resets
+        if memory.states is not None:
+            self._block.put(memory.states[0])
+
+    def store(self, memory: ModelMemory) -> None:
+        """Give the memory back after a call.
+
+        Args:
+            memory: The learner's.
+        """
+        begun, memory.resets = self._counts.tolist()
+        memory.clock = self._clock[:2].copy()
+        if begun:
+            found, mean = self._block.taken(float(self._clock[0])), self._shared[2]
+            memory.states = (found._replace(weights=mean[: len(found.weights)].copy()),)
