@@ -14,9 +14,11 @@ from patagium.errors import ParameterError, PatagiumError
 from patagium.native import compiler_name
 from patagium.robot import load_robot
 from patagium_lab.bench.dynamics import ARGUMENTS, DynamicsBench
-from patagium_lab.bench.run import GROUPS, QUICK, run_benchmark
+from patagium_lab.bench.plan import GROUPS, QUICK, BenchPlan
+from patagium_lab.bench.run import run as run_bench
 from patagium_lab.bench.targets import figure_text
 from patagium_lab.rivals import energy_rival
+from patagium_lab.study import Stages
 from patagium_lab.timing import compiled_call, time_call
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
@@ -26,7 +28,7 @@ FIELDS = {"group", "name", "value", "unit", "against", "ratio", "note", "against
 @needs_compiler
 def test_lines_are_whole() -> None:
     told: list[tuple[str, float]] = []
-    results = run_benchmark(["dynamics", "batch"], lambda *stage: told.append(stage))
+    results = run_bench(BenchPlan(("dynamics", "batch")), Stages(lambda *stage: told.append(stage)))
     assert json.loads(json.dumps(results)) == results
     assert all(set(result) == FIELDS for result in results)
     assert results[0]["unit"] == "cores" and "cc" in results[0]["note"]
@@ -44,7 +46,7 @@ def test_lines_are_whole() -> None:
 
 def test_without_a_compiler_it_says_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
-    results = run_benchmark(["energy", "mujoco", "pinocchio"])
+    results = run_bench(BenchPlan(("energy", "mujoco", "pinocchio")), Stages())
     assert "no C compiler" in results[0]["note"]
     left_out = [result for result in results if result["name"] == "rival left out"]
     assert len(left_out) == 3
@@ -54,7 +56,7 @@ def test_without_a_compiler_it_says_what_is_left_out(monkeypatch: pytest.MonkeyP
 def test_groups_by_name() -> None:
     assert set(QUICK) < set(GROUPS)
     with pytest.raises(ParameterError, match="dynamics"):
-        run_benchmark(["speed"])
+        BenchPlan(("speed",))
 
 
 @needs_compiler

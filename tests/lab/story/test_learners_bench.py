@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,21 @@ import pytest
 from patagium.cli.main import run
 from patagium.errors import FilterDiverged, Outcome, ParameterError
 from patagium_lab.learners import run as learners_bench
-from patagium_lab.learners.data_sets import flight_course, load_course, log_course
+from patagium_lab.learners.data_sets import flight_data, load_data, log_data
 from patagium_lab.learners.entries import ENTRIES, SPANS, HeldSample, entries_of, entry
-from patagium_lab.learners.page import write_learners
-from patagium_lab.learners.race import Predicted, RacePlan, draws, follow, race, search
-from patagium_lab.learners.run import run_learners
+from patagium_lab.learners.page import page as learners_page
+from patagium_lab.learners.plan import LearnersPlan
+from patagium_lab.learners.run import compare
+from patagium_lab.learners.trial import (
+    ScoredSpan,
+    drawn_settings,
+    run_trial,
+    search_settings,
+    teach,
+)
+from patagium_lab.study import Stages
 
-PLAN = RacePlan(after=(0.02, 0.04), tuning=0.08, draws=4, limit=5.0, twin_limit=0.5)
+PLAN = LearnersPlan(after=(0.02, 0.04), tuning=0.08, draws=4, limit=5.0, twin_limit=0.5, workers=0)
 LOG = Path(__file__).parents[3].parent / "shared" / "data" / "crazyflie" / "log16.csv.gz"
 SETTING = {"prior": 0.5, "noise": 0.01, "memory": 1000.0, "spread": 1.7}
 
@@ -40,16 +47,18 @@ class Diverging(HeldSample):
 
 @pytest.fixture(scope="module")
 def course():
-    return flight_course("corrected", 0.06)
+    return flight_data("corrected", 0.06)
 
 
 @pytest.fixture(scope="module")
 def found(course):
     told: list[tuple[str, float]] = []
-    only = ["persistence", "node", "node32", "features", "filterpy", "dynamax"]
+    only = ("persistence", "node", "node32", "features", "filterpy", "dynamax")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(learners_bench, "ROUNDS", 1)
-        result = run_learners([course], PLAN, only, lambda *stage: told.append(stage), workers=0)
+        result = compare(
+            [course], replace(PLAN, only=only), Stages(lambda *stage: told.append(stage))
+        )
     assert told[0] == ("tuned", 0.0) and told[-1] == ("done", 1.0)
     assert [part for _, part in told] == sorted(part for _, part in told)
     return result
@@ -84,34 +93,34 @@ def test_what_is_missing_or_slow_is_said(found):
 
 
 def test_the_page_shows_every_row_and_its_figure(found, tmp_path):
-    text = write_learners(tmp_path / "page.md", found).read_text("utf-8")
+    text = learners_page(found).write(tmp_path / "page.md").read_text("utf-8")
     assert (tmp_path / "page" / "error-against-time.svg").stat().st_size > 5_000
     assert "](page/error-against-time.svg)" in text
     for row in found["courses"][0]["rows"]:
         assert text.count(f"| {row['title']} |") >= 2
-    assert "Nobody is both faster and better after 0.04 s" in text
+    assert "Pareto-optimal after 0.04 s (fastest first)" in text
     assert "4 settings" in text and "load average" in text
 
 
 def test_an_entry_nobody_knows_is_refused(course):
     with pytest.raises(ParameterError, match="node32"):
-        run_learners([course], PLAN, ["nodes"])
+        LearnersPlan(only=("nodes",))
 
 
 def test_the_search_takes_the_best_of_its_draws(course):
     plan, node = replace(PLAN, draws=8), entry("node")
 
     def error(setting, part):
-        span = Predicted(part / 2, part, ("short",))
-        follow(node, course, setting, [span], np.inf, plan.seed)
-        return span.errors(course.heard)["short"]
+        span = ScoredSpan(part / 2, part, ("short",))
+        teach(node, course, setting, [span], np.inf, plan.seed)
+        return span.errors(course.moving)["short"]
 
-    settings = draws(node.knobs, plan.draws, plan.seed)
+    settings = drawn_settings(node.knobs, plan.draws, plan.seed)
     better = sorted(settings, key=lambda one: error(one, plan.tuning / 4))[:2]
-    best, factor = search(node, course, plan)
+    best, factor = search_settings(node, course, plan)
     assert best == min(better, key=lambda one: error(one, plan.tuning))
     assert factor > 0
-    assert search(entry("persistence"), course, plan)[0] == {}
+    assert search_settings(entry("persistence"), course, plan)[0] == {}
 
 
 def test_everybody_draws_within_the_same_spans():
@@ -120,33 +129,33 @@ def test_everybody_draws_within_the_same_spans():
         assert bool(one.knobs) != bool(one.twin) or one.key == "persistence"
         if one.twin:
             assert entry(one.twin).knobs
-    for setting in draws(tuple(SPANS), 50, 0):
+    for setting in drawn_settings(tuple(SPANS), 50, 0):
         assert all(SPANS[k][0] <= value <= SPANS[k][1] for k, value in setting.items())
-    assert draws(("prior",), 5, 0) != draws(("prior",), 5, 1)
+    assert drawn_settings(("prior",), 5, 0) != drawn_settings(("prior",), 5, 1)
 
 
 def test_errors_are_those_of_the_samples_predicted(course):
-    result = race(entry("persistence"), course, {}, float("nan"), PLAN)
+    result = run_trial(entry("persistence"), course, {}, float("nan"), PLAN)
     begin = round(0.04 / course.step)
     used = np.arange(begin, round((0.04 + course.beat) / course.step), course.every)
     rows = (used[:, None] + 1 + np.arange(course.every)).ravel()
-    truth, held = course.y[rows][:, course.heard], course.y[used.repeat(course.every)]
-    error = np.mean((truth - held[:, course.heard]) ** 2, axis=0) / truth.var(axis=0)
+    truth, held = course.y[rows][:, course.moving], course.y[used.repeat(course.every)]
+    error = np.mean((truth - held[:, course.moving]) ** 2, axis=0) / truth.var(axis=0)
     assert result["errors"]["0.04"]["hold"] == pytest.approx(error.mean(), rel=1e-9)
-    assert 6 <= course.heard.sum() <= 12  # not the lateral forces of a symmetric flight
+    assert 6 <= course.moving.sum() <= 12  # not the lateral forces of a symmetric flight
 
 
 def test_a_learner_out_of_time_or_out_of_numbers_says_so(course):
-    slow = race(entry("node"), course, SETTING, 1.0, replace(PLAN, limit=0.0))
+    slow = run_trial(entry("node"), course, SETTING, 1.0, replace(PLAN, limit=0.0))
     assert slow["outcome"] == "out of time" and slow["samples"] == 1 and slow["errors"] == {}
     diverges = replace(entry("linear"), build=Diverging)
-    failed = race(diverges, course, SETTING, 1.0, PLAN)
+    failed = run_trial(diverges, course, SETTING, 1.0, PLAN)
     assert failed["outcome"] == "failed: FilterDiverged" and failed["samples"] == 200
     assert set(failed["errors"]) == {"0.02"} and failed["errors"]["0.02"]["hold"] == np.inf
 
 
 def test_a_course_survives_its_file(course, tmp_path):
-    again = load_course(course.save(tmp_path))
+    again = load_data(course.save(tmp_path))
     np.testing.assert_array_equal(again.x, course.x)
     assert again.networks == course.networks and again.gaps == course.gaps
     assert {one.key for one in entries_of(course)} == {one.key for one in ENTRIES}
@@ -154,20 +163,22 @@ def test_a_course_survives_its_file(course, tmp_path):
 
 @pytest.mark.skipif(not LOG.is_file(), reason="the Crazyflie log is not here")
 def test_the_log_is_a_course_without_strips():
-    course = log_course(LOG)
+    course = log_data(LOG)
     assert "strip" not in course.networks
     assert "strip" not in {one.key for one in entries_of(course)}
     assert len(course.gaps) == 1 and 13 < course.clock[-1] < 14.5  # two flights, their pause cut
     gap = course.gaps[0]
     begin = course.clock[gap] - 0.02
-    span = Predicted(begin, begin + 0.04, ("short",))
-    follow(entry("persistence"), course, {}, [span], np.inf, 0)
+    span = ScoredSpan(begin, begin + 0.04, ("short",))
+    teach(entry("persistence"), course, {}, [span], np.inf, 0)
     assert len(span.truth["short"]) < 40  # no window crosses the pause
 
 
 def test_the_command_writes_page_and_figures(tmp_path, monkeypatch, capsys):
     page, figures = tmp_path / "page.md", tmp_path / "found.json"
-    monkeypatch.setattr(learners_bench, "run_learners", partial(run_learners, workers=0))
+    run_study = learners_bench.run
+    in_this_process = lambda plan, stages: run_study(replace(plan, workers=0), stages)  # noqa: E731
+    monkeypatch.setattr(learners_bench, "run", in_this_process)
     with pytest.raises(SystemExit) as left:
         run(["bench", "learners", "--quick", "--only", "node", "-o", str(page), "--json",
              str(figures)])  # fmt: skip

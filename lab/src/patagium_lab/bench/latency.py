@@ -32,10 +32,10 @@ from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium.simulation import gaits, simulate
 from patagium_lab.kernels import KERNELS
+from patagium_lab.study import Progress
 from patagium_lab.timing import one_core
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 TIME_STEP = 1e-4
 """Between packets where they are paced: 10 kHz [s]."""

@@ -1,28 +1,30 @@
-"""The page of the bench of times: targets, then what was timed, with the ratios to the rivals.
+"""Page of the bench of times: targets, then every time with its ratio to the rival's.
 
-Every figure on it is a row's. Neglected: spread; a row is a median.
+Every figure on the page is that of a row. Neglected: spread; a row is a median.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from patagium.report import PageSection, Table, cell_text, picture, write_page
+from patagium.report import Block, PageSection, Table, cell_text, picture
 from patagium.report.style import TRUTH, color, legend_above, panels, styled
-from patagium_lab.bench.run import CONDITIONS, GROUPS
+from patagium_lab.bench.plan import GROUPS, OTHERS, PARTS
+from patagium_lab.bench.run import CONDITIONS, TIME_TAKEN
 from patagium_lab.bench.targets import figure_text, speed_targets
 from patagium_lab.conditions import conditions
-from patagium_lab.targets import count_met, verdict
+from patagium_lab.study import Columns, Page, table_of
+from patagium_lab.targets import count_met, row_verdict
 
 Row = dict[str, Any]
+TITLE = "Times, ours and others'"
 SUMMARY = (
-    "How long the compiled functions and the learners take, beside other programs doing the same "
-    "on the same robot, the 14-coordinate Aerobat. A ratio is our time over theirs: below one we "
-    "are faster."
+    "The page gives the times of the compiled functions and of the learners, beside those of other "
+    "programs that do the same on the same robot, the 14-coordinate Aerobat. A ratio is our time "
+    "over theirs: below one we are faster."
 )
 METHOD = (
     "One run on one core. Equations: random states, a call a state, warmed up, medians over rounds "
@@ -32,128 +34,61 @@ METHOD = (
     "Times are those of this machine under its load; ratios of one run say more."
 )
 MARKERS = "os^DvPX*"
-OTHERS = ("energy", "published", "sympy", "sympy-without-cse", "symengine", "pinocchio", "mujoco",
-          "python")  # fmt: skip
-"""Groups whose rivals are another program or another way to the same numbers."""
-PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
-    (
-        "Equations of motion",
-        ("dynamics", "batch"),
-        "D, C v, G, their sums, inverse and forward dynamics; one state a call, and many states "
-        "in one call.",
-    ),
-    (
-        "Equations of motion, beside the energy form",
-        ("energy", "published"),
-        "Lagrange's equations by algorithmic differentiation of the energies: sharing "
-        "subexpressions, and as the published experiment has it.",
-    ),
-    (
-        "Equations of motion, beside symbolic algebra",
-        ("sympy", "sympy-without-cse", "symengine"),
-        "The same Lagrangian derived by SymPy and SymEngine, written as C and compiled alike, with "
-        "and without shared subexpressions.",
-    ),
-    (
-        "Equations of motion, beside other libraries",
-        ("pinocchio", "mujoco"),
-        "Pinocchio's C++ and MuJoCo's C on the same tree of bodies.",
-    ),
-    (
-        "Equations of motion, called from Python",
-        ("python",),
-        "What a Python caller sees; most of it is the call itself.",
-    ),
-    (
-        "Air and networks",
-        ("aerodynamics", "air-models", "strips"),
-        "The force of the air by its equations and by networks that learn it; every model of the "
-        "air beside the quasi-steady one; the lifting line as strips grow in number.",
-    ),
-    (
-        "Updates of a learner",
-        ("update",),
-        "One sample learned, beside the paper's Algorithm 1, beside the matrix products an update "
-        "cannot do without, and beside the least arithmetic there is.",
-    ),
-    (
-        "From packet to prediction",
-        ("pipeline",),
-        "A learner's whole work for a sample in one compiled call: packet, inverse dynamics, "
-        "prediction with its covariance, update. At 10 kHz the response counts from when a packet "
-        "was due.",
-    ),
-    ("A flight", ("simulation",), "Simulating free flight, everything recorded."),
-    (
-        "Compiling",
-        ("compile",),
-        "On an empty cache, everything included; from then on it is loaded in milliseconds.",
-    ),
-)
-"""Title, groups of the bench, and what is compared."""
 
 
-def write_benchmark(path: str | Path, rows: Sequence[Row]) -> Path:
-    """Write the page.
+def page(rows: Sequence[Row]) -> Page:
+    """Whole page of the bench; groups that were not run are named.
 
     Args:
-        path: File to write, Markdown or HTML.
-        rows: Of `run_benchmark`.
+        rows: Results of `run`.
     """
     loads = {row["name"]: row["note"] for row in rows if row["name"].startswith("load average")}
     facts = {"made by": "`patagium bench`", **loads, **conditions()}
-    sections = benchmark_sections(rows)
-    return write_page(path, "Times, ours and others'", sections, summary=SUMMARY, facts=facts)
-
-
-def benchmark_sections(rows: Sequence[Row]) -> list[PageSection]:
-    """The page in reading order; groups that were not run are named.
-
-    Args:
-        rows: Of `run_benchmark`.
-    """
     parts = (
         (title, text, [row for row in rows if row["group"] in groups])
         for title, groups, text in PARTS
     )
     targets = speed_targets(rows)
     met = [PageSection("Targets", [count_met(targets), _targets(targets)])] if targets else []
-    return [
+    sections = [
         *met,
         PageSection("Where others are faster", [_faster(rows)]),
         *(_part(title, text, found) for title, text, found in parts if found),
         PageSection("How it was measured", [METHOD, *_conditions(rows)]),
     ]
+    return Page(TITLE, SUMMARY, facts, sections)
 
 
 def _targets(targets: Sequence[Row]) -> Table:
-    rows = [[row["target"], row["limit"], row["found"], verdict(row["met"])] for row in targets]
-    return Table(("figure", "target", "found", "met"), rows, "Set before anything was measured.")
+    columns: Columns = {
+        "figure": "target",
+        "target": "limit",
+        "found": "found",
+        "met": row_verdict,
+    }
+    return table_of(columns, targets, "The targets were set before anything was measured.")
 
 
 def _faster(rows: Sequence[Row]) -> str:
-    """Figures in which a rival wins."""
+    """Figures in which a rival is faster."""
     found = [
-        f"{row['name'].replace('_', ' ')}: {row['against']}, {cell_text(row['ratio'])} times"
+        f"{_words(row['name'])}: {row['against']}, {cell_text(row['ratio'])} times"
         for row in rows
         if row["group"] in OTHERS and row["ratio"] and row["ratio"] > 1.0
     ]
-    return f"Our time over theirs: {'; '.join(found)}." if found else "Nowhere among these rows."
+    return f"Our time over theirs: {'; '.join(found)}." if found else "In none of these rows."
 
 
 def _part(title: str, text: str, rows: Sequence[Row]) -> PageSection:
-    cells = [
-        [
-            row["name"].replace("_", " "),
-            figure_text(row["value"], row["unit"]),
-            row["against"],
-            figure_text(row["against_value"], row["unit"]),
-            row["ratio"],
-            row["note"],
-        ]
-        for row in rows
-    ]
-    table = Table(("what", "takes", "against", "which takes", "ratio", "note"), cells)
+    columns: Columns = {
+        "call": lambda row: _words(row["name"]),
+        "time": lambda row: figure_text(row["value"], row["unit"]),
+        "against": "against",
+        "time of the other": lambda row: figure_text(row["against_value"], row["unit"]),
+        "ratio [1]": "ratio",
+        "note": "note",
+    }
+    table = table_of(columns, rows)
     compared = [row for row in rows if row["ratio"]]
     if not compared:
         return PageSection(title, [text, table])
@@ -161,31 +96,37 @@ def _part(title: str, text: str, rows: Sequence[Row]) -> PageSection:
     return PageSection(title, [text, drawn, table])
 
 
-def _conditions(rows: Sequence[Row]) -> list[str | Table]:
+def _conditions(rows: Sequence[Row]) -> list[Block]:
     taken = [
-        [row["name"].removeprefix("time taken by "), figure_text(row["value"], row["unit"])]
-        for row in rows
-        if row["group"] == CONDITIONS and row["name"].startswith("time taken")
+        row for row in rows if row["group"] == CONDITIONS and row["name"].startswith(TIME_TAKEN)
     ]
-    table = Table(("group", "time"), taken, "How long each group of the bench took.")
+    columns: Columns = {
+        "group": lambda row: row["name"].removeprefix(TIME_TAKEN),
+        "time": lambda row: figure_text(row["value"], row["unit"]),
+    }
+    table = table_of(columns, taken, "Time that each group of the bench took.")
     left = [name for name in GROUPS if not any(row["group"] == name for row in rows)]
     return [*([f"**Not run here:** {', '.join(left)}."] if left else []), table]
 
 
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
 @styled
 def ratio_dots(rows: Sequence[Row]) -> Figure:
-    """Ratios to the rivals, a line a figure, a mark a rival, on a logarithmic axis.
+    """Figure of the ratios to the rivals: a line for each time, a mark for each rival.
 
     Args:
         rows: Rows that have a ratio.
     """
-    names = list(dict.fromkeys(row["name"].replace("_", " ") for row in rows))
+    names = list(dict.fromkeys(_words(row["name"]) for row in rows))
     rivals = list(dict.fromkeys(row["against"] for row in rows))
     figure, axes = panels(1, 1, row_height=0.7 + 0.24 * len(names) + 0.1 * len(rivals))
     panel = axes[0, 0]
     for number, rival in enumerate(rivals):
         mine = [row for row in rows if row["against"] == rival]
-        places = [names.index(row["name"].replace("_", " ")) for row in mine]
+        places = [names.index(_words(row["name"])) for row in mine]
         panel.plot(
             [row["ratio"] for row in mine], places, MARKERS[number % len(MARKERS)],
             color=color(number), label=rival,

@@ -1,22 +1,18 @@
-"""One line of the bench: a figure of ours, and whose figure it stands against."""
+"""Row of the bench: a figure of ours, and the figure of a rival."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, TypeAlias
-
-Progress: TypeAlias = Callable[[str, float], None]
-"""Told the stage and the part of all done, 0 to 1."""
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Result:
-    """A figure, and its ratio to a rival's figure of the same run.
+    """A figure of ours, and its ratio to a rival's figure of the same run.
 
     Attributes:
         name: What was measured.
-        value: Our figure; None on a line that says why a rival is left out.
+        value: Our figure; None where the note says why a rival is left out.
         unit: Its unit.
         against: The rival; None where the figure stands alone.
         ratio: Our figure divided by the rival's: below one we are faster.
@@ -33,14 +29,14 @@ class Result:
     against_value: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as JSON-able values."""
+        """The row as JSON-able values."""
         return asdict(self)
 
 
 def compared(
     name: str, value: float, unit: str, against: str, against_value: float, note: str = ""
 ) -> Result:
-    """A figure beside a rival's.
+    """Row of a figure of ours beside a rival's.
 
     Args:
         name: What was measured.

@@ -1,23 +1,22 @@
-"""How fast everything is, beside other programs doing the same on the same robot.
+"""Run of the bench of times: our functions beside other programs' on the same robot.
 
-Our compiled equations, air, networks and updates against the energy form, SymPy,
-SymEngine, Pinocchio and MuJoCo: one run, random states, medians, one core, like
-compiled with like. Neglected: accuracy (the oracles' business), cold caches.
+Our compiled equations, air, networks and updates stand against the energy form, SymPy, SymEngine,
+Pinocchio and MuJoCo: one run, random states, medians, one core; compiled code is compared with
+compiled code. Neglected: cold caches.
 """
 
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from patagium.errors import ParameterError
 from patagium.robot import load_robot
 from patagium_lab.bench import air as benchmark_air
 from patagium_lab.bench import learning
 from patagium_lab.bench.dynamics import DynamicsBench
-from patagium_lab.bench.result import Progress, Result
+from patagium_lab.bench.plan import BenchPlan
+from patagium_lab.bench.result import Result
 from patagium_lab.conditions import load_average, machine
 from patagium_lab.rivals import (
     energy_rival,
@@ -28,52 +27,43 @@ from patagium_lab.rivals import (
 from patagium_lab.rivals.compiled import Rival
 from patagium_lab.rivals.python_rivals import python_rivals
 from patagium_lab.rivals.symbolic_code import SymbolicCode
+from patagium_lab.study import Stages
 from patagium_lab.timing import one_core
 
-Group = Callable[[DynamicsBench], Iterator[Result]]
+Timer = Callable[[DynamicsBench], Iterator[Result]]
 CONDITIONS = "conditions"
-"""Group of the lines that say where and when."""
+"""Group of the rows that describe machine and load."""
+TIME_TAKEN = "time taken by "
+"""Begin of the names of rows that hold the time of a group."""
 
 
-def run_benchmark(
-    selection: Collection[str] | None = None, progress: Progress | None = None
-) -> list[dict[str, Any]]:
-    """Times of ours and of the rivals on the Aerobat.
+def run(plan: BenchPlan, stages: Stages) -> list[dict[str, Any]]:
+    """Times of our functions and of the rivals' on the Aerobat.
 
-    The first run compiles the rivals: some three minutes of one core, most of it
-    Pinocchio's headers and the published experiment's own C; they are kept.
+    The first run compiles the rivals: some three minutes of one core, most of it Pinocchio's
+    headers and the published experiment's own C; they are kept.
 
     Args:
-        selection: Some of `GROUPS`; all by default, `QUICK` are those whose rivals
-            compile in seconds.
-        progress: Told the stage and the part of all done.
+        plan: Groups that are timed.
+        stages: Receives progress.
 
     Returns:
-        One dictionary a figure: group, name, value, unit, against, ratio, note,
-        against_value. A rival that is missing is one line of value None whose note says
-        why. The group "conditions" is the machine, its load before and after, and the time
-        each group took.
+        Rows with the keys group, name, value, unit, against, ratio, note, against_value. A
+        rival that is missing is one row of value None whose note gives the reason. The group
+        "conditions" holds the machine, its load before and after, and the time of each group.
 
     Raises:
-        ParameterError: If a group is unknown.
-        PatagiumError: If a rival computes other numbers than we do.
+        PatagiumError: If a rival's numbers are not ours.
     """
-    chosen = list(GROUPS) if selection is None else [g for g in GROUPS if g in selection]
-    for name in selection or ():
-        if name not in GROUPS:
-            raise ParameterError("selection", f"some of {', '.join(GROUPS)}", name)
     rows = [_condition("processors", float(os.cpu_count() or 1), "cores", machine())]
     rows.append(_condition("load average at the start", None, "1", load_average()))
-    bench = DynamicsBench(load_robot("aerobat"))
-    for number, name in enumerate(chosen):
-        if progress is not None:
-            progress(name, number / len(chosen))
-        started = time.perf_counter()
-        rows += [{"group": name, **result.as_dict()} for result in GROUPS[name](bench)]
-        rows.append(_condition(f"time taken by {name}", time.perf_counter() - started, "s"))
+    bench, count = DynamicsBench(load_robot("aerobat")), len(plan.groups)
+    for number, name in enumerate(plan.groups):
+        with stages.stage(name, number / count, (number + 1) / count):
+            rows += [{"group": name, **result.as_dict()} for result in TIMERS[name](bench)]
+        rows.append(_condition(f"{TIME_TAKEN}{name}", stages.seconds[name], "s"))
     rows.append(_condition("load average at the end", None, "1", load_average()))
-    if progress is not None:
-        progress("done", 1.0)
+    stages.tell("done", 1.0)
     return rows
 
 
@@ -175,7 +165,7 @@ def _compile(bench: DynamicsBench) -> Iterator[Result]:
     yield from learning.compile_results()
 
 
-GROUPS: dict[str, Group] = {
+TIMERS: dict[str, Timer] = {
     "dynamics": _ours,
     "batch": _batch,
     "energy": _energy,
@@ -194,11 +184,4 @@ GROUPS: dict[str, Group] = {
     "simulation": _simulation,
     "compile": _compile,
 }
-"""Parts of the bench by name."""
-
-QUICK = tuple(
-    g
-    for g in GROUPS
-    if g not in ("published", "sympy-without-cse", "pinocchio", "strips", "pipeline", "compile")
-)
-"""Groups whose rivals compile in seconds."""
+"""Function that times each group, by name."""

@@ -1,6 +1,6 @@
-"""Targets of speed: set before anything was measured, compared with what the bench found.
+"""Targets of speed, set before anything was measured.
 
-Neglected: the load of the machine, which a time feels and a ratio of one run hardly.
+Neglected: the load of the machine, which changes a time, and hardly a ratio of one run.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from patagium.report.figures import seconds_text
+from patagium_lab.targets import NOT_RUN, Target
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "s": 1.0}
 """Units of time among the figures [s]."""
@@ -20,10 +21,10 @@ class SpeedTarget:
     """A limit of one figure of the bench, or of its ratio to a rival's.
 
     Attributes:
-        group: Of the bench.
-        name: Of the figure.
+        group: Group of the bench.
+        name: Name of the figure.
         limit: Largest that meets it: a time [s], a number, or a ratio where there is a rival.
-        against: How the rival's name begins; empty where the figure stands alone.
+        against: Begin of the rival's name; empty where the figure stands alone.
     """
 
     group: str
@@ -65,25 +66,25 @@ TARGETS = (
 
 
 def speed_targets(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The targets of the groups that were run, and what was found.
+    """Targets of the groups that were run, and the figures found.
 
     Args:
-        rows: Of `run_benchmark`.
+        rows: Results of `run`.
 
     Returns:
-        One dictionary a target: target, limit, found (as text), met; "not run" where the
-        figure is missing.
+        Rows with the keys target, limit, found (as text) and met, which is "not run" where
+        the figure is missing.
     """
     groups = {row["group"] for row in rows}
     return [_row(target, rows) for target in TARGETS if target.group in groups]
 
 
 def figure_text(value: float | None, unit: str) -> str:
-    """A figure with its unit on the same line, times to three digits.
+    """Text of a figure with its unit, unbroken, times to three digits.
 
     Args:
-        value: The figure; None for none.
-        unit: Its unit.
+        value: The figure, or None.
+        unit: Unit of the figure.
     """
     if value is None:
         return "–"
@@ -101,16 +102,12 @@ def _row(target: SpeedTarget, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     found = next((row for row in rows if _matches(row, target)), None)
     if found is None:
         limit = f"at most {target.limit:.3g}"
-        return {"target": words, "limit": limit, "found": "–", "met": "not run"}
+        return {"target": words, "limit": limit, "found": "–", "met": NOT_RUN}
     value = found["ratio"] if target.against else found["value"]
     unit = "times" if target.against else found["unit"]
-    limit = figure_text(target.limit / UNITS.get(unit, 1.0), unit)
-    return {
-        "target": words,
-        "limit": f"at most {limit}",
-        "found": figure_text(value, unit),
-        "met": bool(value * UNITS.get(unit, 1.0) <= target.limit),
-    }
+    limit = f"at most {figure_text(target.limit / UNITS.get(unit, 1.0), unit)}"
+    row = Target(words, limit, high=target.limit).row(value * UNITS.get(unit, 1.0))
+    return row | {"found": figure_text(value, unit)}
 
 
 def _matches(row: dict[str, Any], target: SpeedTarget) -> bool:

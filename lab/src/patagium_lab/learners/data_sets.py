@@ -1,8 +1,8 @@
-"""What learners are compared on: two flights and a log, and what is known of them beforehand.
+"""Data sets of the comparison of learners: two flights and a log.
 
-A course holds samples in order and the networks that may be taught of them, scaled by what is
-known before: nothing is taken from the samples. Neglected: sensors; forces of the flights are
-those of inverse dynamics, exact.
+A data set holds samples in order and the networks that may learn them, scaled by what is known
+beforehand; nothing is taken from the samples. Neglected: sensors; forces of the flights are those
+of inverse dynamics, exact.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from patagium_lab.reproduction.flights import (
 Array = NDArray[np.float64]
 
 EVERY = 10
-"""One sample in so many of a flight is used: 1,000 updates a second."""
+"""One sample in this many of a flight is used, which gives 1,000 updates a second."""
 LOG_BEAT = 0.1
 """The long horizon of the quadrotor, which has no wingbeat [s]."""
-HEARD = 1e-3
-"""An output is scored if it moves by at least this share of its scale."""
+MOVING = 1e-3
+"""An output is scored if its standard deviation is at least this share of its scale."""
 FIRST = 0.5
-"""It is asked in this first part of a course [s]."""
+"""Duration of the first part of a data set in which outputs must move to be scored [s]."""
 _WIDE: dict[str, tuple[dict[str, Span], dict[str, Span]]] = {
     "published": (
         {"x": (0.0, 500.0), "z": (-10.0, 450.0), "pitch": (-1.5, 0.5)},
@@ -49,26 +49,26 @@ _WIDE: dict[str, tuple[dict[str, Span], dict[str, Span]]] = {
     ),
     "corrected": ({"x": (-5.0, 15.0), "z": (-25.0, 1.0)}, {"x": (-4.0, 6.0), "z": (-4.0, 2.0)}),
 }
-"""Coordinates and velocities that move farther in ten seconds than in the reproduction's two."""
+"""Ranges of coordinates and velocities that move farther in ten seconds than in two."""
 
 
 @dataclass(frozen=True)
-class Course:
+class DataSet:
     """Samples in order, and the networks that may learn them.
 
     Attributes:
-        name: Key of the course.
-        title: Its name on the page.
-        note: What it is, in a sentence or two.
-        clock: Time since the start, gaps closed, (N,) [s].
-        x: State, or the inputs of the log, (N, n_x).
-        y: What is learned, (N, n_y).
-        scale: Of each output, known beforehand, (n_y,), in its unit.
+        name: Key of the data set.
+        title: Title on the page.
+        note: Description in a sentence or two.
+        clock: Time since the start without the gaps, (N,) [s].
+        x: States of a flight or inputs of a log, (N, n_x) [SI units].
+        y: Outputs that are learned, (N, n_y) [SI units].
+        scale: Scale of each output, known beforehand, (n_y,) [as y].
         gaps: First sample after each gap.
-        every: One sample in so many is used.
-        beat: The long horizon [s].
-        beat_name: What it is called.
-        networks: Key ("dense", "linear", "strip") to the description of a network.
+        every: One sample in this many is used.
+        beat: Long horizon of prediction [s].
+        beat_name: Name of the long horizon.
+        networks: Descriptions of networks by key: "dense", "linear", "strip".
     """
 
     name: str
@@ -90,24 +90,24 @@ class Course:
         return float(np.median(np.diff(self.clock)))
 
     @property
-    def heard(self) -> NDArray[np.bool_]:
-        """Outputs that are scored, (n_y,): those that move from the start."""
+    def moving(self) -> NDArray[np.bool_]:
+        """Whether each output is scored, because it moves from the start, (n_y,)."""
         start = self.y[: max(2, round(FIRST / self.step))]
-        return np.asarray(start.std(axis=0) > HEARD * self.scale)
+        return np.asarray(start.std(axis=0) > MOVING * self.scale)
 
     def network(self, key: str) -> Network:
-        """A network made anew.
+        """A new network.
 
         Args:
-            key: Of `networks`.
+            key: Key of `networks`.
         """
         return network_from_description(self.networks[key])
 
     def save(self, folder: Path) -> Path:
-        """Write it for the workers; gives the file.
+        """Write the data set into a file for the workers, and give its path.
 
         Args:
-            folder: Where to.
+            folder: Folder of the file.
         """
         words = {key: getattr(self, key) for key in _WORDS}
         path = folder / f"{self.name}.npz"
@@ -121,24 +121,24 @@ _WORDS = ("name", "title", "note", "gaps", "every", "beat", "beat_name", "networ
 
 
 @cache
-def load_course(path: Path) -> Course:
-    """What `Course.save` wrote.
+def load_data(path: Path) -> DataSet:
+    """Data set from a file.
 
     Args:
-        path: The file.
+        path: File that `DataSet.save` wrote.
     """
     with np.load(path) as file:
         words = json.loads(str(file["words"]))
         words["gaps"] = tuple(words["gaps"])
-        return Course(**words, **{key: file[key] for key in _ARRAYS})
+        return DataSet(**words, **{key: file[key] for key in _ARRAYS})
 
 
-def flight_course(name: str, duration: float) -> Course:
-    """A flight of the reproduction, two wingbeats longer than asked for.
+def flight_data(name: str, duration: float) -> DataSet:
+    """Data set of a flight of the reproduction, two wingbeats longer than the duration.
 
     Args:
         name: "published" or "corrected".
-        duration: [s].
+        duration: Duration [s].
     """
     fly = published_flight if name == "published" else corrected_flight
     beat = 1.0 / beat_frequency(fly(1e-3))
@@ -151,7 +151,7 @@ def flight_course(name: str, duration: float) -> Course:
     networks = {key: make_network(wide, kind).describe() for key, kind in kinds.items()}
     strip = "strip_midchord" if name == "published" else "strip"
     networks["strip"] = make_network(wide, strip).describe()
-    return Course(
+    return DataSet(
         name=name,
         title=f"The {name} flight",
         note=_NOTES[name],
@@ -175,8 +175,8 @@ _NOTES = {
 }
 
 
-def log_course(path: str | Path) -> Course:
-    """The quadrotor's log while it flies; the pause between its flights is cut out.
+def log_data(path: str | Path) -> DataSet:
+    """Data set of the quadrotor's log in flight, without the pause between its flights.
 
     Args:
         path: The log, `log16.csv.gz`.
@@ -187,7 +187,7 @@ def log_course(path: str | Path) -> Course:
     table = in_flight(read_table(path, crazyflie_mapping()))
     kinds: dict[str, Sequence[int]] = {"dense": HIDDEN, "linear": ()}
     step = float(np.median(np.diff(table.time)))
-    return Course(
+    return DataSet(
         name="crazyflie",
         title="A real log: the Crazyflie quadrotor",
         note="Motor commands and angular rates in, vertical specific force out, at 1 kHz: two "

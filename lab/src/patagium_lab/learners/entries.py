@@ -1,8 +1,8 @@
-"""Who takes part: our learners and other programs', and what of each may be chosen.
+"""Entries of the comparison: our learners and those of other programs, and their free settings.
 
-Every row of the page is an `Entry`: a learner, its network, and the numbers a search may
-choose within spans that are the same for all. An entry that is the same filter as another to
-rounding, or the same in single precision, takes what was chosen for its twin.
+Every row of the page is an `Entry`: a learner, its network, and the settings that a search may
+choose within ranges that are the same for all. An entry that is the same filter as another to
+rounding, or the same filter in single precision, takes the settings of its twin.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import LowRank, NoiseEstimation
-from patagium_lab.learners.data_sets import Course
+from patagium_lab.learners.data_sets import DataSet
 
 Array = NDArray[np.float64]
-Setting = Mapping[str, float]
+Settings = Mapping[str, float]
 
 RANK = 10
 FEATURES = 100
@@ -40,29 +40,31 @@ SPANS = {
     "wander": (1e-4, 0.1),
     "gain": (0.05, 2.0),
 }
-"""What may be chosen, on a logarithmic scale: deviation of the weights beforehand (times
-1/sqrt(fan-in)); deviation of the measurement, in scales of the output; samples remembered;
-spread of the points in deviations; step of the gradient; wandering of a weight between two
-samples, in its prior deviations; factor on pytagi's own prior."""
+"""Ranges of the free settings, searched on a logarithmic scale.
+
+prior: prior standard deviation of the weights, times 1/sqrt(fan-in); noise: measurement standard
+deviation over the scale of the output; memory [samples]; spread: spread of the points [standard
+deviations]; rate: step size of the gradient; wander: process standard deviation of a weight
+between two samples over its prior; gain: factor on pytagi's own prior."""
 
 
-class Entrant(Protocol):
-    """A learner at work."""
+class AnyLearner(Protocol):
+    """A learner of any program."""
 
     def update(self, x: Array, y: Array) -> object:
         """Learn one sample, x (n_x,), y (n_y,)."""
         ...
 
     def predict(self, x: Array) -> Array:
-        """y of many x by what is known now, (N, n_y)."""
+        """Predicted y of many x, (N, n_y) [as y]."""
         ...
 
     def std(self, x: Array) -> Array:
-        """Predicted standard deviation of a measurement at x, (n_y,); nan for none."""
+        """Predicted standard deviation of a measurement at x, (n_y,) [as y], or NaN."""
         ...
 
 
-class OurEntrant:
+class OurLearner:
     """A learner of ours.
 
     Args:
@@ -74,38 +76,38 @@ class OurEntrant:
         self.update = learner.update
 
     def predict(self, x: Array) -> Array:
-        """y of many x by the present weights, (N, n_y)."""
+        """Predicted y of many x by the present weights, (N, n_y) [as y]."""
         return self.learner.network.evaluate(x, self.learner.weights)
 
     def std(self, x: Array) -> Array:
-        """Predicted standard deviation of a measurement at x, (n_y,)."""
+        """Predicted standard deviation of a measurement at x, (n_y,) [as y]."""
         return np.sqrt(np.diagonal(self.learner.predict(x)[1]))
 
 
 class HeldSample:
-    """Persistence: the last used sample, held.
+    """Persistence: the last used sample is the prediction.
 
     Args:
-        outputs: n_y.
+        outputs: Number of outputs, n_y.
     """
 
     def __init__(self, outputs: int) -> None:
         self._held = np.zeros(outputs)
 
     def update(self, x: Array, y: Array) -> None:
-        """Hold y."""
+        """Keep y as the prediction."""
         self._held = y
 
     def predict(self, x: Array) -> Array:
-        """The held sample, (N, n_y)."""
+        """The last used sample for each x, (N, n_y) [as y]."""
         return np.tile(self._held, (len(x), 1))
 
     def std(self, x: Array) -> Array:
-        """None."""
+        """NaN, because there is no interval, (n_y,)."""
         return np.full(len(self._held), np.nan)
 
 
-Build = Callable[[Course, Setting, int], Entrant]
+Build = Callable[[DataSet, Settings, int], AnyLearner]
 
 
 @dataclass(frozen=True)
@@ -114,13 +116,13 @@ class Entry:
 
     Attributes:
         key: Short name.
-        title: What it is called.
-        build: Makes it for a course, from what was chosen and a seed.
-        network: Key of the course's network; empty without one.
-        knobs: What may be chosen, of `SPANS`.
-        package: Distribution it is from.
-        module: Module that must be there.
-        twin: Entry whose setting it takes; empty if it has its own.
+        title: Name on the page.
+        build: Gives the learner for a data set, settings and a seed.
+        network: Key of the network of the data set; empty without one.
+        knobs: Free settings, keys of `SPANS`.
+        package: Distribution of the program.
+        module: Module that must be importable.
+        twin: Key of the entry whose settings it takes; empty if it has its own.
     """
 
     key: str
@@ -132,127 +134,125 @@ class Entry:
     module: str = "patagium"
     twin: str = ""
 
-    def weights(self, course: Course) -> int:
-        """Number of weights it learns.
+    def weights(self, data: DataSet) -> int:
+        """Number of weights that are learned.
 
         Args:
-            course: Where.
+            data: Data set.
         """
         if self.key == "features":
-            return (FEATURES + 1) * len(course.scale)
-        return course.network(self.network).size if self.network else 0
+            return (FEATURES + 1) * len(data.scale)
+        return data.network(self.network).size if self.network else 0
 
     @property
     def installed(self) -> bool:
-        """Whether its program is there."""
+        """Whether the program is installed."""
         return find_spec(self.module) is not None
 
     @property
     def same(self) -> bool:
-        """Whether it is the same filter as its twin to rounding, by another program."""
+        """Whether it is the filter of its twin to rounding, by another program."""
         return bool(self.twin) and (self.package != "patagium" or self.key == "algorithm1")
 
     @property
     def program(self) -> str:
-        """Its distribution and version."""
+        """Distribution and version of the program."""
         try:
             return f"{self.package} {version(self.package)}"
         except PackageNotFoundError:
             return self.package
 
 
-def _assumed(course: Course, setting: Setting) -> dict[str, Any]:
-    """Prior, noise and memory as filters take them."""
+def _assumed(data: DataSet, settings: Settings) -> dict[str, Any]:
+    """Prior, noise and forgetting factor of a filter."""
     return {
-        "prior_std": setting["prior"],
-        "measurement_std": setting["noise"] * course.scale,
-        "forgetting_factor": exp(-1.0 / setting["memory"]),
+        "prior_std": settings["prior"],
+        "measurement_std": settings["noise"] * data.scale,
+        "forgetting_factor": exp(-1.0 / settings["memory"]),
     }
 
 
 def _cubature(network: str = "dense", **fixed: Any) -> Build:
-    def build(course: Course, setting: Setting, seed: int) -> Entrant:
-        chosen = {**_assumed(course, setting), "spread": setting.get("spread"), "seed": seed}
-        return OurEntrant(CubatureLearner(course.network(network), **{**chosen, **fixed}))
+    def build(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+        chosen = {**_assumed(data, settings), "spread": settings.get("spread"), "seed": seed}
+        return OurLearner(CubatureLearner(data.network(network), **{**chosen, **fixed}))
 
     return build
 
 
 def _bounded(**fixed: Any) -> Build:
-    """By neuron, its prior mixed in before each sample in place of forgetting."""
+    """One block a neuron, with the prior mixed in before each sample instead of forgetting."""
 
-    def build(course: Course, setting: Setting, seed: int) -> Entrant:
-        share = 1.0 / setting["memory"]
+    def build(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+        share = 1.0 / settings["memory"]
         node = _cubature(covariance="node", forgetting_factor=1.0, prior_share=share, **fixed)
-        return node(course, setting, seed)
+        return node(data, settings, seed)
 
     return build
 
 
-def _extended(course: Course, setting: Setting, seed: int) -> Entrant:
-    return OurEntrant(
-        ExtendedLearner(course.network("dense"), seed=seed, **_assumed(course, setting))
-    )
+def _extended(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+    return OurLearner(ExtendedLearner(data.network("dense"), seed=seed, **_assumed(data, settings)))
 
 
 def _gradient(replay: int) -> Build:
-    def build(course: Course, setting: Setting, seed: int) -> Entrant:
-        rate, network = setting["rate"], course.network("dense")
-        return OurEntrant(GradientLearner(network, learning_rate=rate, replay=replay, seed=seed))
+    def build(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+        rate, network = settings["rate"], data.network("dense")
+        return OurLearner(GradientLearner(network, learning_rate=rate, replay=replay, seed=seed))
 
     return build
 
 
 def _linear(features: int) -> Build:
-    def build(course: Course, setting: Setting, seed: int) -> Entrant:
-        network: Any = course.network("linear")
-        assumed = _assumed(course, setting)
-        return OurEntrant(LinearLearner(network, features=features, seed=seed, **assumed))
+    def build(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+        network: Any = data.network("linear")
+        assumed = _assumed(data, settings)
+        return OurLearner(LinearLearner(network, features=features, seed=seed, **assumed))
 
     return build
 
 
-def _persistence(course: Course, setting: Setting, seed: int) -> Entrant:
-    return HeldSample(course.y.shape[1])
+def _persistence(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+    return HeldSample(data.y.shape[1])
 
 
-def _filterpy(course: Course, setting: Setting, seed: int) -> Entrant:
+def _filterpy(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     from patagium_lab.rivals.filterpy_cubature import FilterpyCubature
 
-    return FilterpyCubature(course.network("dense"), seed=seed, **_assumed(course, setting))
+    return FilterpyCubature(data.network("dense"), seed=seed, **_assumed(data, settings))
 
 
-def _stonesoup(course: Course, setting: Setting, seed: int) -> Entrant:
+def _stonesoup(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     from patagium_lab.rivals.stonesoup_cubature import StoneSoupCubature
 
-    return StoneSoupCubature(course.network("dense"), seed=seed, **_assumed(course, setting))
+    return StoneSoupCubature(data.network("dense"), seed=seed, **_assumed(data, settings))
 
 
-def _dynamax(course: Course, setting: Setting, seed: int) -> Entrant:
+def _dynamax(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     from patagium_lab.rivals.dynamax_extended import DynamaxExtended
 
-    return DynamaxExtended(course.network("dense"), seed=seed, **_assumed(course, setting))
+    return DynamaxExtended(data.network("dense"), seed=seed, **_assumed(data, settings))
 
 
-def _rebayes(course: Course, setting: Setting, seed: int) -> Entrant:
+def _rebayes(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     from patagium_lab.rivals.rebayes_low_rank import RebayesLowRank
 
     return RebayesLowRank(
-        course.network("dense"),
+        data.network("dense"),
         rank=RANK,
-        prior_std=setting["prior"],
-        measurement_std=setting["noise"] * course.scale,
-        wandering=setting["wander"],
+        prior_std=settings["prior"],
+        measurement_std=settings["noise"] * data.scale,
+        wandering=settings["wander"],
         seed=seed,
     )
 
 
-def _pytagi(course: Course, setting: Setting, seed: int) -> Entrant:
+def _pytagi(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     from patagium_lab.rivals.pytagi_network import PytagiNetwork
 
-    network: Any = course.network("dense")
-    noise = setting["noise"] * course.scale
-    return PytagiNetwork(network, gain=setting["gain"], measurement_std=noise, seed=seed)
+    network: Any = data.network("dense")
+    noise = settings["noise"] * data.scale
+    return PytagiNetwork(network, gain=settings["gain"], measurement_std=noise, seed=seed)
 
 
 _FILTER = ("prior", "noise", "memory")
@@ -304,22 +304,22 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("pytagi", "TAGI, one sample a step", _pytagi, package="pytagi", module="pytagi",
           knobs=("gain", "noise")),
 )  # fmt: skip
-"""Everybody, in the order of the page."""
+"""Every entry, in the order of the page."""
 
 
-def entries_of(course: Course) -> tuple[Entry, ...]:
-    """Who can take part in a course: a quadrotor has no strips.
+def entries_of(data: DataSet) -> tuple[Entry, ...]:
+    """Entries that can learn a data set; a quadrotor has no strips.
 
     Args:
-        course: The course.
+        data: Data set.
     """
-    return tuple(e for e in ENTRIES if not e.network or e.network in course.networks)
+    return tuple(e for e in ENTRIES if not e.network or e.network in data.networks)
 
 
 def entry(key: str) -> Entry:
-    """The entry of a key.
+    """Entry of a key.
 
     Args:
-        key: Of `ENTRIES`.
+        key: Key of an entry.
     """
     return next(one for one in ENTRIES if one.key == key)

@@ -1,224 +1,174 @@
-"""The bench of learners: everybody tuned alike, raced alike, timed in turns.
+"""Run of the comparison of learners: settings searched alike, errors and times measured alike.
 
-First every entry with something to choose has its setting searched on the first part of a
-course and then runs along it; those that take a twin's setting follow. Both go on in worker
-processes. Last, in one process on one core with nothing else of ours running, updates of all
-are timed in turns. Neglected: several starts of the weights.
+First the settings of every entry are searched on the first part of a data set, and the entry learns
+the whole data set with the best of them. Entries that take a twin's settings follow. Both run in
+worker processes. Last, in one process on one core with none of our other processes, updates of all
+entries are timed in turns. Neglected: several starts of the weights.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 
-from patagium.errors import ParameterError
-from patagium_lab.bench.result import Progress
 from patagium_lab.conditions import conditions, load_average
-from patagium_lab.jobs import WORKERS, Job, run_jobs
-from patagium_lab.learners.data_sets import Course, load_course
-from patagium_lab.learners.entries import ENTRIES, Entry, entries_of, entry
-from patagium_lab.learners.race import RacePlan, race, search
+from patagium_lab.jobs import Job, run_jobs
+from patagium_lab.learners.data_sets import DataSet, flight_data, load_data, log_data
+from patagium_lab.learners.entries import Entry, entry
+from patagium_lab.learners.plan import LearnersPlan
+from patagium_lab.learners.trial import run_trial, search_settings
+from patagium_lab.study import Stages
 from patagium_lab.timing import one_core
 
 ROUNDS = 7
-"""Times everybody's turn comes."""
+"""Number of turns of each entry when updates are timed."""
 TURN = 0.05
-"""A turn lasts about so long, one update at least [s]."""
+"""Duration of a turn, which has one update at least [s]."""
 WARM = 5
 """Updates before the first turn."""
 _COST = {"extended": 200.0, "low_rank": 100.0, "replay": 50.0, "rebayes": 40.0}
-_PARTS = {"tuned": 0.6, "twins": 0.9, "timed": 1.0}
-Keyed = dict[tuple[str, str], dict[str, Any]]
+Key = tuple[str, str]
+"""Name of a data set and key of an entry."""
+Chosen = tuple[dict[str, float], float]
+"""Settings of an entry, and the factor on its standard deviations."""
 
 
-def run_learners(
-    courses: Sequence[Course],
-    plan: RacePlan,
-    only: Sequence[str] | None = None,
-    progress: Progress | None = None,
-    workers: int = WORKERS,
-) -> dict[str, Any]:
-    """Everybody on every course.
+def run(plan: LearnersPlan, stages: Stages) -> dict[str, Any]:
+    """Results of every entry on both flights and on the log, if there is one.
 
     Args:
-        courses: Where.
-        plan: How much.
-        only: Keys of entries; all by default.
-        progress: Told the stage and the part of all done.
-        workers: Number of processes; 0: all in this one.
+        plan: What is compared.
+        stages: Receives progress.
 
     Returns:
-        `conditions`: what the figures depend on; `courses`: of each its key, title, note,
-        horizons and rows, one row an entry: key, title, program, weights, setting,
-        microseconds, errors, factor, coverage, scaled, samples, outcome.
-
-    Raises:
-        ParameterError: If there is no entry of a key.
+        See `compare`.
     """
-    known = [one.key for one in ENTRIES]
-    for key in only or ():
-        if key not in known:
-            raise ParameterError("entry", f"one of {', '.join(known)}", key)
-    tell, before = progress or (lambda stage, part: None), load_average()
-    chosen = {c.name: [e for e in entries_of(c) if not only or e.key in only] for c in courses}
-    with tempfile.TemporaryDirectory() as folder:
-        paths = {course.name: course.save(Path(folder)) for course in courses}
-        found = _first(paths, chosen, plan, workers, tell)
-        found |= _twins(paths, chosen, plan, workers, tell, found)
-        _time(paths, chosen, plan, min(workers, 1), tell, found)
-    tell("done", 1.0)
-    return {
-        "conditions": {
-            "load average at the start": before,
-            **conditions(),
-        },
-        "plan": {"after": plan.after, "tuning": plan.tuning, "draws": plan.draws,
-                 "limit": plan.limit, "twin_limit": plan.twin_limit},
-        "courses": [_course(c, chosen[c.name], found) for c in courses],
-    }  # fmt: skip
+    with stages.stage("flown", 0.0, 0.0):
+        data = [flight_data(name, plan.after[-1]) for name in ("published", "corrected")]
+        data += [] if plan.log is None else [log_data(plan.log)]
+    return compare(data, plan, stages)
 
 
-def _first(
-    paths: dict[str, Path],
-    chosen: dict[str, list[Entry]],
-    plan: RacePlan,
-    workers: int,
-    tell: Progress,
-) -> Keyed:
-    """Those with a setting of their own, and twins whose sibling is not there."""
-    keys = [(n, e.key) for n, all_ in chosen.items() for e in all_ if e.installed and not e.twin]
-    missing = {
-        (name, one.twin)
-        for name, all_ in chosen.items()
-        for one in all_
-        if one.installed and one.twin and (name, one.twin) not in keys
-    }
-    return _run(sorted(missing) + keys, tuned, paths, plan, workers, tell, "tuned", {})
-
-
-def _twins(
-    paths: dict[str, Path],
-    chosen: dict[str, list[Entry]],
-    plan: RacePlan,
-    workers: int,
-    tell: Progress,
-    found: Keyed,
-) -> Keyed:
-    keys = [(n, e.key) for n, all_ in chosen.items() for e in all_ if e.installed and e.twin]
-    settings = {(n, k): _chosen(found[n, entry(k).twin]) for n, k in keys}
-    return _run(keys, raced, paths, plan, workers, tell, "twins", settings)
-
-
-def _run(
-    keys: list[tuple[str, str]],
-    function: Any,
-    paths: dict[str, Path],
-    plan: RacePlan,
-    workers: int,
-    tell: Progress,
-    stage: str,
-    settings: dict[tuple[str, str], Any],
-) -> Keyed:
-    stages = list(_PARTS)
-    begin = 0.0 if stage == stages[0] else _PARTS[stages[stages.index(stage) - 1]]
-    tell(stage, begin)
-    jobs = [
-        Job(function, (paths[n], k, plan, settings.get((n, k))), _COST.get(k, 10.0))
-        for n, k in keys
-    ]
-    along = partial(_between, tell, stage, begin, _PARTS[stage])
-    return dict(zip(keys, _done(jobs, along, workers), strict=True))
-
-
-def _done(jobs: list[Job], along: Any, workers: int) -> list[Any]:
-    if workers and jobs:
-        return run_jobs(jobs, along, workers)
-    return [job.function(*job.arguments) for job in jobs]
-
-
-def _between(tell: Progress, stage: str, begin: float, end: float, part: float) -> None:
-    tell(stage, begin + part * (end - begin))
-
-
-def tuned(path: Path, key: str, plan: RacePlan, _: None = None) -> dict[str, Any]:
-    """An entry's setting searched, and its race with it.
+def compare(data: Sequence[DataSet], plan: LearnersPlan, stages: Stages) -> dict[str, Any]:
+    """Results of every entry on every data set.
 
     Args:
-        path: Of the course.
-        key: Of the entry.
-        plan: How much.
+        data: Data sets.
+        plan: What is compared.
+        stages: Receives progress.
+
+    Returns:
+        `conditions` that the figures depend on; `plan`; and `courses`, for each data set its
+        key, title, note, horizons and rows. The row of an entry has the keys key, title, program,
+        weights, setting, microseconds, errors, factor, coverage, scaled, samples, outcome.
     """
-    return raced(path, key, plan, search(entry(key), load_course(path), plan))
+    before = load_average()
+    entries = {one.name: plan.entries(one) for one in data}
+    there = [(name, e) for name, all_ in entries.items() for e in all_ if e.installed]
+    own = [(name, e.key) for name, e in there if not e.twin]
+    own = sorted({(name, e.twin) for name, e in there if e.twin} - set(own)) + own
+    twins = [(name, e.key) for name, e in there if e.twin]
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {one.name: one.save(Path(folder)) for one in data}
+        with stages.stage("tuned", 0.0, 0.6) as tell:
+            found = _learn(own, paths, plan, tell, {})
+        with stages.stage("twins", 0.6, 0.9) as tell:
+            chosen = {(n, k): _chosen(found[n, entry(k).twin]) for n, k in twins}
+            found |= _learn(twins, paths, plan, tell, chosen)
+        with stages.stage("timed", 0.9, 1.0):
+            _time(paths, entries, plan, found)
+    stages.tell("done", 1.0)
+    return {
+        "conditions": {"load average at the start": before, **conditions()},
+        "plan": plan.describe(),
+        "courses": [_data_set(one, entries[one.name], found) for one in data],
+    }
 
 
-def _chosen(result: dict[str, Any]) -> tuple[dict[str, float], float]:
+def _learn(
+    keys: Sequence[Key],
+    paths: Mapping[str, Path],
+    plan: LearnersPlan,
+    tell: Callable[[float], None],
+    chosen: Mapping[Key, Chosen],
+) -> dict[Key, dict[str, Any]]:
+    """Result of each entry on its data set."""
+    jobs = [
+        Job(learn, (paths[name], key, plan, chosen.get((name, key))), _COST.get(key, 10.0))
+        for name, key in keys
+    ]
+    return dict(zip(keys, run_jobs(jobs, tell, plan.workers), strict=True))
+
+
+def learn(path: Path, key: str, plan: LearnersPlan, chosen: Chosen | None = None) -> dict[str, Any]:
+    """Result of an entry on a data set, with the best of many settings or with those given.
+
+    Args:
+        path: File of the data set.
+        key: Key of the entry.
+        plan: What is compared.
+        chosen: Settings, and the factor on the standard deviations; None: they are searched.
+    """
+    data = load_data(path)
+    settings, factor = chosen or search_settings(entry(key), data, plan)
+    found = run_trial(entry(key), data, settings, factor, plan)
+    return {"setting": settings, "factor": factor, **found}
+
+
+def _chosen(result: Mapping[str, Any]) -> Chosen:
     return result["setting"], result["factor"]
 
 
-def raced(
-    path: Path, key: str, plan: RacePlan, chosen: tuple[dict[str, float], float]
-) -> dict[str, Any]:
-    """An entry's race with a setting.
-
-    Args:
-        path: Of the course.
-        key: Of the entry.
-        plan: How much.
-        chosen: The setting, and the factor on its deviations.
-    """
-    setting, factor = chosen
-    found = race(entry(key), load_course(path), setting, factor, plan)
-    return {"setting": setting, "factor": factor, **found}
-
-
 def _time(
-    paths: dict[str, Path],
-    chosen: dict[str, list[Entry]],
-    plan: RacePlan,
-    workers: int,
-    tell: Progress,
-    found: Keyed,
+    paths: Mapping[str, Path],
+    entries: Mapping[str, Sequence[Entry]],
+    plan: LearnersPlan,
+    found: dict[Key, dict[str, Any]],
 ) -> None:
-    tell("timed", _PARTS["twins"])
+    """Write the time of an update into the results."""
     jobs = []
-    for name, entries in chosen.items():
-        own = [e.key for e in entries if e.installed and e.key != "persistence"]
-        settings = {key: found[name, key]["setting"] for key in own}
-        jobs.append(Job(timed, (paths[name], settings, plan.seed), 10.0))
-    for name, times in zip(chosen, _done(jobs, None, workers), strict=True):
-        for key, microseconds in times.items():
+    for name, all_ in entries.items():
+        keys = [e.key for e in all_ if e.installed and e.key != "persistence"]
+        settings = {key: found[name, key]["setting"] for key in keys}
+        jobs.append(Job(update_times, (paths[name], settings, plan.seed), 10.0))
+    times = run_jobs(jobs, None, min(plan.workers, 1))
+    for name, of_entries in zip(entries, times, strict=True):
+        for key, microseconds in of_entries.items():
             found[name, key]["microseconds"] = microseconds
 
 
-def timed(path: Path, settings: dict[str, dict[str, float]], seed: int) -> dict[str, float]:
-    """Median time of an update of each, in turns, on one core [us].
+def update_times(
+    path: Path, settings: Mapping[str, Mapping[str, float]], seed: int
+) -> dict[str, float]:
+    """Median time of an update of each entry, in turns, on one core [us].
 
     Args:
-        path: Of the course.
-        settings: Entry to what was chosen for it.
-        seed: Of the weights to start from.
+        path: File of the data set.
+        settings: Settings of each entry.
+        seed: Seed of the first weights.
     """
-    course, durations = load_course(path), {key: [] for key in settings}  # type: ignore[var-annotated]
+    data = load_data(path)
+    durations: dict[str, list[int]] = {key: [] for key in settings}
     with one_core(), np.errstate(all="ignore"):
-        entrants = {key: entry(key).build(course, one, seed) for key, one in settings.items()}
-        clocks = {key: _Turn(course, entrant) for key, entrant in entrants.items()}
+        turns = {
+            key: _Turn(data, entry(key).build(data, one, seed)) for key, one in settings.items()
+        }
         for _ in range(ROUNDS):
-            for key, turn in clocks.items():
+            for key, turn in turns.items():
                 durations[key] += turn.take()
     return {key: float(np.median(all_)) * 1e-3 for key, all_ in durations.items()}
 
 
 class _Turn:
-    """Updates of one entry along the start of a course, again and again."""
+    """Updates of one learner along the start of a data set, again and again."""
 
-    def __init__(self, course: Course, entrant: Any) -> None:
-        self._course, self._entrant, self._next = course, entrant, 0
+    def __init__(self, data: DataSet, learner: Any) -> None:
+        self._data, self._learner, self._next = data, learner, 0
         for _ in range(2):
             self._update()
         self._count = int(np.clip(TURN / (self._update() * 1e-9), 1, 300))
@@ -230,32 +180,34 @@ class _Turn:
         return [self._update() for _ in range(self._count)]
 
     def _update(self) -> int:
-        course = self._course
-        index = self._next = (self._next + course.every) % min(len(course.clock), 5_000)
-        x, y = course.x[index], course.y[index]
+        data = self._data
+        index = self._next = (self._next + data.every) % min(len(data.clock), 5_000)
+        x, y = data.x[index], data.y[index]
         started = perf_counter_ns()
-        self._entrant.update(x, y)
+        self._learner.update(x, y)
         return perf_counter_ns() - started
 
 
-def _course(course: Course, entries: Sequence[Entry], found: Keyed) -> dict[str, Any]:
+def _data_set(
+    data: DataSet, entries: Sequence[Entry], found: Mapping[Key, Mapping[str, Any]]
+) -> dict[str, Any]:
     return {
-        "key": course.name,
-        "title": course.title,
-        "note": course.note,
-        "beat_name": course.beat_name,
-        "beat": course.beat,
-        "hold": course.every * course.step,
-        "rows": [_row(course, one, found.get((course.name, one.key))) for one in entries],
+        "key": data.name,
+        "title": data.title,
+        "note": data.note,
+        "beat_name": data.beat_name,
+        "beat": data.beat,
+        "hold": data.every * data.step,
+        "rows": [_row(data, one, found.get((data.name, one.key))) for one in entries],
     }
 
 
-def _row(course: Course, one: Entry, result: dict[str, Any] | None) -> dict[str, Any]:
+def _row(data: DataSet, one: Entry, result: Mapping[str, Any] | None) -> dict[str, Any]:
     row: dict[str, Any] = {
         "key": one.key,
         "title": one.title,
         "program": one.program if one.package != "patagium" else "patagium",
-        "weights": one.weights(course),
+        "weights": one.weights(data),
         "twin": one.twin,
         "setting": {},
         "microseconds": None,

@@ -18,17 +18,17 @@ EXAMPLES = (
 )
 
 
-class Subject(StrEnum):
-    """What is put to the test."""
+class Topic(StrEnum):
+    """Topics of the bench."""
 
     SPEED = "speed"
     LEARNERS = "learners"
 
 
 def bench(
-    subject: Annotated[
-        Subject, typer.Argument(help="Times of the compiled functions, or learners.")
-    ] = Subject.SPEED,
+    topic: Annotated[
+        Topic, typer.Argument(help="Times of the compiled functions, or learners.")
+    ] = Topic.SPEED,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the figures there too.")
     ] = None,
@@ -56,7 +56,7 @@ def bench(
     on the published flight, the corrected flight and a log, each tuned by the same search. A
     rival that is missing is named, with the reason.
     """
-    if subject is Subject.LEARNERS:
+    if topic is Topic.LEARNERS:
         _learners(output or Path("learners.md"), json_file, quick, only, log)
     else:
         _speed(output or Path("benchmarks.md"), json_file, quick, only)
@@ -64,20 +64,22 @@ def bench(
 
 def _speed(output: Path, json_file: Path | None, quick: bool, only: list[str] | None) -> None:
     from patagium.cli.words import json_text, show_table, stage_bar
-    from patagium.report import Table
     from patagium.whole_file import write_whole
-    from patagium_lab.bench.page import write_benchmark
-    from patagium_lab.bench.run import QUICK, run_benchmark
+    from patagium_lab.bench.page import page
+    from patagium_lab.bench.plan import GROUPS, QUICK, BenchPlan
+    from patagium_lab.bench.run import run
+    from patagium_lab.study import Stages, table_of
 
-    chosen = only or (QUICK if quick else None)
+    chosen = tuple(group for group in GROUPS if group in only) if only else GROUPS
+    unknown = tuple(name for name in only or () if name not in GROUPS)
+    plan = BenchPlan(unknown or (QUICK if quick and not only else chosen))
     with stage_bar("Timing") as progress:
-        figures = run_benchmark(chosen, progress)
+        rows = run(plan, Stages(progress))
     heads = ("name", "value", "unit", "against", "against_value", "ratio", "note")
-    rows = [[figure[head] for head in heads] for figure in figures]
-    show_table(Table([head.replace("_", " ") for head in heads], rows))
-    typer.echo(f"Written to {write_benchmark(output, figures)}", err=True)
+    show_table(table_of({head.replace("_", " "): head for head in heads}, rows))
+    typer.echo(f"Written to {page(rows).write(output)}", err=True)
     if json_file is not None:
-        write_whole(json_file, json_text(figures) + "\n")
+        write_whole(json_file, json_text(rows) + "\n")
         typer.echo(f"Written to {json_file}", err=True)
 
 
@@ -86,19 +88,15 @@ def _learners(
 ) -> None:
     from patagium.cli.words import existing, json_text, stage_bar
     from patagium.whole_file import write_whole
-    from patagium_lab.learners.data_sets import flight_course, log_course
-    from patagium_lab.learners.page import write_learners
-    from patagium_lab.learners.race import QUICK, RacePlan
-    from patagium_lab.learners.run import run_learners
+    from patagium_lab.learners import run as study
+    from patagium_lab.learners.page import page
+    from patagium_lab.learners.plan import LearnersPlan
+    from patagium_lab.study import Stages
 
-    plan = QUICK if quick else RacePlan()
-    path = None if log is None else existing(log)
-    with stage_bar("Racing") as progress:
-        progress("flown", 0.0)
-        courses = [flight_course(name, plan.after[-1]) for name in ("published", "corrected")]
-        courses += [] if path is None else [log_course(path)]
-        found = run_learners(courses, plan, only, progress)
-    typer.echo(f"Written to {write_learners(output, found)}", err=True)
+    plan = LearnersPlan(only=tuple(only or ()), log=None if log is None else existing(log))
+    with stage_bar("Comparing") as progress:
+        results = study.run(plan.quick() if quick else plan, Stages(progress))
+    typer.echo(f"Written to {page(results).write(output)}", err=True)
     if json_file is not None:
-        write_whole(json_file, json_text(found) + "\n")
+        write_whole(json_file, json_text(results) + "\n")
         typer.echo(f"Written to {json_file}", err=True)
