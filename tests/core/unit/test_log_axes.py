@@ -7,9 +7,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from patagium.sensing.logs.axes import (
     attitude_in_ours,
     axes_of,
-    conjugate,
-    from_angles,
-    multiply,
     rotate,
     slerp,
     turning_rate,
@@ -60,14 +57,16 @@ def test_orders_and_the_way_back_agree(rng: np.random.Generator) -> None:
     q, eye = quaternions(10, rng), np.eye(3)
     one = matrix(attitude_in_ours(q, "wxyz", eye, eye))
     np.testing.assert_allclose(matrix(attitude_in_ours(q[:, [1, 2, 3, 0]], "xyzw", eye, eye)), one)
-    back = attitude_in_ours(3.0 * conjugate(q), "wxyz", eye, eye, inverted=True)
+    back = attitude_in_ours(3.0 * q * [1, -1, -1, -1], "wxyz", eye, eye, inverted=True)
     np.testing.assert_allclose(matrix(back), one, atol=1e-14)
 
 
 def test_roll_pitch_yaw_turn_about_z_then_y_then_x(rng: np.random.Generator) -> None:
     angles = rng.uniform(-1.5, 1.5, (10, 3))
     expected = Rotation.from_euler("ZYX", angles[:, ::-1]).as_matrix()
-    np.testing.assert_allclose(matrix(from_angles(angles)), expected, atol=1e-14)
+    np.testing.assert_allclose(
+        matrix(attitude_in_ours(angles, "rpy", np.eye(3), np.eye(3))), expected, atol=1e-14
+    )
 
 
 def test_slerp_is_that_of_scipy(rng: np.random.Generator) -> None:
@@ -85,6 +84,16 @@ def test_a_steady_turn_has_its_rate(rate: float, axis: int) -> None:
     turns = np.column_stack(
         [np.cos(rate * times / 2), np.sin(rate * times / 2)[:, None] * np.eye(3)[axis]]
     )
-    start = np.array([[0.5, 0.5, -0.5, 0.5]])
-    found = turning_rate(times, multiply(start, turns))
+    start = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
+    turned = start * Rotation.from_quat(turns[:, [1, 2, 3, 0]])
+    found = turning_rate(times, turned.as_quat()[:, [3, 0, 1, 2]])
     np.testing.assert_allclose(found, np.broadcast_to(omega, found.shape), atol=1e-9)
+
+
+def test_what_gives_no_rotation_is_missing(rng: np.random.Generator) -> None:
+    q, eye = quaternions(6, rng), np.eye(3)
+    q[[1, 3, 4]] = [[0.0] * 4, [np.nan, 1.0, 0.0, 0.0], [1e300, 1e300, 0.0, 0.0]]
+    found = attitude_in_ours(q, "wxyz", eye, eye)
+    assert np.isnan(found).all(axis=1).tolist() == [False, True, False, True, True, False]
+    assert np.isnan(attitude_in_ours(np.zeros((2, 4)), "xyzw", eye, eye)).all()
+    np.testing.assert_array_equal(attitude_in_ours(np.zeros((1, 3)), "rpy", eye, eye)[0, 0], 1.0)

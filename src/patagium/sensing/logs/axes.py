@@ -1,8 +1,8 @@
-"""Axes of other programs to ours: x forward, y left, z up, of world and body alike.
+"""Conversion from the axes of other programs to ours: x forward, y left, z up in world and body.
 
 Aerospace axes (z down) and those of maps (x east) appear here and nowhere below. Attitudes are
 unit quaternions [w, x, y, z] that turn components in the body into components in the world.
-Neglected: origins; a position stays relative to the point it was measured from.
+Origins are not moved: a position stays relative to the point from which it was measured.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 Array = NDArray[np.float64]
 
@@ -22,16 +23,16 @@ NAMED = {
     "enu": "y, -x, z",
     "rfu": "y, -x, z",
 }
-"""Our axes in terms of those of a name: forward, left, up; north, west, up; and so on."""
+"""Our axes in terms of named ones: forward, left, up; north, west, up; and so on."""
 AXES_WORDS = f"{', '.join(NAMED)}, or ours in terms of them such as 'x, -y, -z'"
 _SIGNED = re.compile(r"([+-]?)([xyz])")
 
 
 def axes_of(words: str) -> Array | None:
-    """The rotation from axes to ours, (3, 3); None if the words name none.
+    """Rotation from named axes to ours, (3, 3) [-]; None if the words name no axes.
 
     Args:
-        words: A name, or our x, y, z in terms of theirs.
+        words: Name of the axes, or our x, y, z in terms of theirs.
     """
     parts = [part.strip() for part in NAMED.get(words.strip().lower(), words).split(",")]
     found = [_SIGNED.fullmatch(part) for part in parts]
@@ -47,91 +48,53 @@ def axes_of(words: str) -> Array | None:
 def attitude_in_ours(
     components: Array, order: str, world: Array, body: Array, *, inverted: bool = False
 ) -> Array:
-    """An attitude in other axes as our quaternion; R = W R' B^T, scaled to norm one.
+    """Attitude in other axes as a quaternion in ours, R = W R' B^T.
 
     Args:
-        components: Quaternion, (N, 4) [-], or roll, pitch, yaw, (N, 3) [rad].
+        components: Quaternion of any length, (N, 4) [-], or roll, pitch, yaw, (N, 3) [rad].
         order: "wxyz", "xyzw" or "rpy".
-        world: Rotation of their world axes to ours, (3, 3).
-        body: Rotation of their body axes to ours, (3, 3).
-        inverted: Whether it turns components in the world into the body's.
+        world: Rotation W of their world axes to ours, (3, 3) [-].
+        body: Rotation B of their body axes to ours, (3, 3) [-].
+        inverted: Whether the attitude turns components in the world into the body's.
 
     Returns:
-        Quaternions, (N, 4) [-], w >= 0 at the first and no jump of sign after it; NaN where
-        there is no direction.
+        Quaternions w, x, y, z, (N, 4) [-], w >= 0 at the first and no jump of sign after it; NaN
+        where the components give no rotation.
     """
-    q = from_angles(components) if order == "rpy" else components
-    if order == "xyzw":
-        q = q[:, [3, 0, 1, 2]]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    found = np.full((len(components), 4), np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(components, axis=1)
+    valid = np.isfinite(length) & ((length > 0) | (order == "rpy"))
+    if not valid.any():
+        return found
+    chosen = components[valid]
+    if order == "rpy":
+        theirs = Rotation.from_euler("ZYX", chosen[:, ::-1])
+    else:
+        chosen = chosen / length[valid, None]
+        theirs = Rotation.from_quat(chosen if order == "xyzw" else chosen[:, [1, 2, 3, 0]])
     if inverted:
-        q = conjugate(q)
-    q = multiply(multiply(of_matrix(world)[None], q), conjugate(of_matrix(body)[None]))
-    return continuous(q)
-
-
-def from_angles(angles: Array) -> Array:
-    """Quaternion of roll, pitch, yaw: about z, then y, then x.
-
-    Args:
-        angles: (N, 3) [rad].
-
-    Returns:
-        (N, 4) [-].
-    """
-    half = angles / 2.0
-    (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-    return np.column_stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    )
-
-
-def of_matrix(rotation: Array) -> Array:
-    """Quaternion of a rotation of right angles, (3, 3) -> (4,) [-]."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
-    return np.array([w, x, y, z])
-
-
-def multiply(a: Array, b: Array) -> Array:
-    """Product of quaternions, (N, 4) [-]."""
-    aw, ax, ay, az = a.T
-    bw, bx, by, bz = b.T
-    return np.column_stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ]
-    )
-
-
-def conjugate(q: Array) -> Array:
-    """The turn back, (N, 4) [-]."""
-    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+        theirs = theirs.inv()
+    ours = Rotation.from_matrix(world) * theirs * Rotation.from_matrix(body).inv()
+    found[valid] = ours.as_quat()[:, [3, 0, 1, 2]]
+    return continuous(found)
 
 
 def rotate(q: Array, vector: Array) -> Array:
     """Vectors in body axes as vectors in world axes.
 
     Args:
-        q: Attitudes, (N, 4) [-].
-        vector: (N, 3), in any unit.
+        q: Attitudes w, x, y, z, (N, 4) [-].
+        vector: Vectors in body axes, (N, 3) [any unit].
+
+    Returns:
+        Vectors in world axes, (N, 3), in the unit of `vector`.
     """
-    pure = np.column_stack([np.zeros(len(vector)), vector])
-    return np.asarray(multiply(multiply(q, pure), conjugate(q))[:, 1:])
+    return np.asarray(_rotation(q).apply(vector))
 
 
 def continuous(q: Array) -> Array:
-    """The same attitudes, each with the sign nearer to the one before it, (N, 4) [-]."""
+    """Quaternions of the same attitudes without jumps of sign, (N, 4) [-]."""
     if not len(q):
         return q
     flips = np.where(np.einsum("nk,nk->n", q[1:], q[:-1]) < 0, -1.0, 1.0)
@@ -143,43 +106,30 @@ def slerp(stamps: Array, q: Array, wanted: Array) -> Array:
     """Attitudes between attitudes, turning at a constant rate about one axis.
 
     Args:
-        stamps: Increasing, (N,) [s].
-        q: Continuous attitudes at them, (N, 4) [-].
-        wanted: Within the stamps, (K,) [s].
+        stamps: Increasing times of the attitudes, (N,) [s].
+        q: Attitudes w, x, y, z without jumps of sign, (N, 4) [-].
+        wanted: Times within those of the attitudes, (K,) [s].
 
     Returns:
-        (K, 4) [-].
+        Attitudes at the wanted times, (K, 4) [-].
     """
-    left = np.clip(np.searchsorted(stamps, wanted, side="right") - 1, 0, max(0, len(stamps) - 2))
-    right = np.minimum(left + 1, len(stamps) - 1)
-    span = np.where(right > left, stamps[right] - stamps[left], 1.0)
-    share = ((wanted - stamps[left]) / span)[:, None]
-    a, b = q[left], q[right]
-    cosine = np.clip(np.einsum("nk,nk->n", a, b), -1.0, 1.0)[:, None]
-    b = np.where(cosine < 0, -b, b)
-    angle = np.arccos(np.abs(cosine))
-    sine = np.sin(angle)
-    near = sine < 1e-8  # there the chord is the arc to rounding
-    safe = np.where(near, 1.0, sine)
-    wa = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
-    wb = np.where(near, share, np.sin(share * angle) / safe)
-    mixed = wa * a + wb * b
-    return np.asarray(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+    if len(stamps) == 1:
+        return np.repeat(q, len(wanted), axis=0)
+    between = Slerp(stamps, _rotation(q))(wanted)
+    return np.asarray(between.as_quat()[:, [3, 0, 1, 2]])
 
 
 def turning_rate(stamps: Array, q: Array) -> Array:
-    """Mean angular velocity between attitudes one apart, body axes.
+    """Mean angular velocity in body axes between consecutive attitudes, (N - 1, 3) [rad/s].
 
     Args:
-        stamps: Increasing, (N,) [s].
-        q: (N, 4) [-].
-
-    Returns:
-        (N - 1, 3) [rad/s].
+        stamps: Increasing times of the attitudes, (N,) [s].
+        q: Attitudes w, x, y, z, (N, 4) [-].
     """
-    turn = multiply(conjugate(q[:-1]), q[1:])
-    turn = np.where(turn[:, :1] < 0, -turn, turn)
-    sine = np.linalg.norm(turn[:, 1:], axis=1)
-    angle = 2.0 * np.arctan2(sine, turn[:, 0])
-    scale = np.where(sine > 0, angle / np.where(sine > 0, sine, 1.0), 2.0)
-    return np.asarray(turn[:, 1:] * (scale / np.diff(stamps))[:, None])
+    attitude = _rotation(q)
+    turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
+    return np.asarray(turn / np.diff(stamps)[:, None])
+
+
+def _rotation(q: Array) -> Rotation:
+    return Rotation.from_quat(q[:, [1, 2, 3, 0]])
