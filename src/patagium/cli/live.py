@@ -61,21 +61,6 @@ class Shown(NamedTuple):
     rhythms: tuple[Rhythm, ...] = ()
 
 
-class Several(NamedTuple):
-    """Sinks as one.
-
-    Attributes:
-        sinks: Each takes everything.
-    """
-
-    sinks: tuple[Sink, ...]
-
-    def append(self, packets: Any, records: Any) -> None:
-        """Give them to each."""
-        for sink in self.sinks:
-            sink.append(packets, records)
-
-
 @contextmanager
 def live_stream(
     live: bool, address: str | None, pipeline: Pipeline, status: Status, intake: Intake

@@ -21,7 +21,7 @@ from patagium.cli.learner_options import (
     winged_network,
     with_learner_options,
 )
-from patagium.cli.live import LiveAddressOption, LiveOption, Several, Shown, live_stream
+from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 
 if TYPE_CHECKING:
     from patagium.live.loop import Rhythm, Status
@@ -143,9 +143,9 @@ def _learn(
     ):
         reader = start_reading(source, queue, stop)
         often = (Rhythm(_LINE_PERIOD, show), *beside.rhythms)
-        sinks = Several((*beside.sinks, *([] if sink is None else [sink])))
+        sinks = [*beside.sinks, *([] if sink is None else [sink])]
         try:
-            follow(queue, pipeline, status, stop, sink=sinks, rhythms=often, most=samples)
+            follow(queue, pipeline, status, stop, sinks=sinks, rhythms=often, most=samples)
         except (PatagiumError, OSError) as error:
             problem = error
         stop.set()

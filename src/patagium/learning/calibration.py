@@ -1,4 +1,4 @@
-"""Calibration of a learner: intervals, normalized innovations, and their correlation in time.
+"""Calibration of a filter: normalized innovations and their correlation in time.
 
 A filter that is right has innovations that are white, with e' P_yy^-1 e chi-square distributed.
 All scores follow from sums that can go on. Neglected: correlation between outputs, beyond lag
@@ -11,81 +11,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import gammaincinv, ndtri
+from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
-from patagium.errors import ShapeError
-from patagium.learning.scores import INTERVAL
+from patagium.learning.scores import NOMINAL, IntervalSums
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
-
-NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-"""Probabilities of the predicted intervals that are held against what happened."""
-_REACH = np.append(ndtri((1 + np.array(NOMINAL)) / 2), np.inf)
-
-
-class IntervalSums:
-    """Counts of errors inside predicted intervals.
-
-    Args:
-        outputs: Number of outputs n_y.
-
-    Attributes:
-        counts: Errors, those in the 95 % interval, then those in the interval of each of
-            `NOMINAL` and in any, (3 + len(NOMINAL), n_y).
-        unknown: Number of standard deviations that are not finite.
-    """
-
-    def __init__(self, outputs: int) -> None:
-        self.counts = np.zeros((2 + len(_REACH), outputs))
-        self.unknown = 0
-
-    def add(self, error: Array, std: Array, keep: float = 1.0) -> None:
-        """Count errors.
-
-        Args:
-            error: y - yhat, (M, n_y) [unit of y]; NaN where it does not count.
-            std: Predicted standard deviation, (M, n_y) [unit of y].
-            keep: Factor on all that was counted from each error to the next: 1 to forget
-                nothing.
-        """
-        size, weight = np.abs(error), keep ** np.arange(len(error) - 1, -1, -1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = size / std
-        reach = np.where(np.isfinite(reach), reach, np.nan)
-        inside = [np.isfinite(error), size <= INTERVAL * std, *(reach <= z for z in _REACH)]
-        self.counts *= keep ** len(error)
-        self.counts += [weight @ part for part in inside]
-        self.unknown += int((~np.isfinite(std)).sum())
-
-    def coverage(self, heard: ArrayLike | None = None) -> Array:
-        """Share of errors in the 95 % interval, (n_y,); NaN where there is none.
-
-        Args:
-            heard: Outputs to score, (n_y,) of bool; the others are NaN. None: all.
-        """
-        count, inside = self.counts[:2]
-        chosen = (count > 0) & (True if heard is None else np.asarray(heard, bool))
-        if self.unknown:
-            chosen[:] = False
-        return np.where(chosen, inside / np.where(count > 0, count, 1.0), np.nan)
-
-    @property
-    def coverage_in_all(self) -> float:
-        """Share of errors of all outputs in their 95 % interval; NaN before any."""
-        count, inside = self.counts[:2].sum(axis=1)
-        return float(inside / count) if count else float("nan")
-
-    def reliability(self, heard: ArrayLike | None = None) -> Array:
-        """Share of errors in the interval of each of `NOMINAL`, (len(NOMINAL),); NaN before any.
-
-        Args:
-            heard: Outputs that count, (n_y,) of bool; None: all.
-        """
-        chosen = slice(None) if heard is None else np.asarray(heard, bool)
-        *inside, count = self.counts[2:, chosen].sum(axis=1)
-        return np.array(inside) / count if count else np.full(len(NOMINAL), np.nan)
 
 
 class InnovationSums:
@@ -144,43 +76,6 @@ class InnovationSums:
         }
 
 
-def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -> Array:
-    """Share of errors inside the predicted 95 % interval, for each output.
-
-    |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
-
-    Args:
-        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
-        std: Predicted standard deviation, (M, n_y) [unit of y], same unit.
-        heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
-
-    Returns:
-        Share, (n_y,) [-].
-
-    Raises:
-        ShapeError: If the arrays are not (M, n_y).
-    """
-    return _intervals(error, std).coverage(heard)
-
-
-def reliability(error: ArrayLike, std: ArrayLike) -> Array:
-    """Share of errors inside the predicted central interval of each nominal probability.
-
-    |y - yhat| <= sigma Phi^-1((1 + p) / 2) for p in `NOMINAL`; a calibrated Gaussian gives p.
-
-    Args:
-        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
-        std: Predicted standard deviation sigma, (M, n_y) [unit of y].
-
-    Returns:
-        Share over all samples and outputs, (len(NOMINAL),); NaN where there is no error.
-
-    Raises:
-        ShapeError: If the arrays are not (M, n_y).
-    """
-    return _intervals(error, std).reliability()
-
-
 def calibration_scores(
     innovation: Array, std: Array, nis: Array, names: Sequence[str]
 ) -> dict[str, Any]:
@@ -221,16 +116,6 @@ def interval_scores(
         "coverage_by_output": dict(zip(names, each.tolist(), strict=True)),
         "reliability": dict(zip(map(str, NOMINAL), whole.reliability(heard), strict=True)),
     }
-
-
-def _intervals(error: ArrayLike, std: ArrayLike) -> IntervalSums:
-    miss, sigma = np.asarray(error, float), np.asarray(std, float)
-    for name, array in (("error", miss), ("std", sigma)):
-        if array.ndim != 2:
-            raise ShapeError(name, "(N, n_y)", array.shape)
-    sums = IntervalSums(miss.shape[1])
-    sums.add(miss, sigma)
-    return sums
 
 
 def _mean(values: Array) -> float:

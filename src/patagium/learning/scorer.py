@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.calibration import InnovationSums, IntervalSums, interval_scores
-from patagium.learning.scores import ErrorSums, span_scores
+from patagium.learning.calibration import InnovationSums, interval_scores
+from patagium.learning.scores import ErrorSums, IntervalSums, span_scores
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]

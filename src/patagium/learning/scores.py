@@ -1,4 +1,4 @@
-"""Errors of a prediction over the variance of what is predicted, from sums that can go on.
+"""Errors of predictions and coverage of their intervals, from sums that can go on.
 
 Normalized mean square error (NMSE) = mean square error / variance of the output over the same
 span, for each output. Neglected: correlation of errors in time, weights on outputs.
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
 
 from patagium.errors import ShapeError
 
@@ -22,6 +23,11 @@ SILENT_RATIO = 1e-9
 
 INTERVAL = 1.959963985
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
+
+
+NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
+"""Probabilities of the predicted intervals that are held against what happened."""
+_REACH = np.append(ndtri((1 + np.array(NOMINAL)) / 2), np.inf)
 
 
 class ErrorSums:
@@ -110,6 +116,69 @@ class ErrorSums:
         return np.where(silent, np.nan, error / np.where(silent, 1.0, square))
 
 
+class IntervalSums:
+    """Counts of errors inside predicted intervals.
+
+    Args:
+        outputs: Number of outputs n_y.
+
+    Attributes:
+        counts: Errors, those in the 95 % interval, then those in the interval of each of
+            `NOMINAL` and in any, (3 + len(NOMINAL), n_y).
+        unknown: Number of standard deviations that are not finite.
+    """
+
+    def __init__(self, outputs: int) -> None:
+        self.counts = np.zeros((2 + len(_REACH), outputs))
+        self.unknown = 0
+
+    def add(self, error: Array, std: Array, keep: float = 1.0) -> None:
+        """Count errors.
+
+        Args:
+            error: y - yhat, (M, n_y) [unit of y]; NaN where it does not count.
+            std: Predicted standard deviation, (M, n_y) [unit of y].
+            keep: Factor on all that was counted from each error to the next: 1 to forget
+                nothing.
+        """
+        size, weight = np.abs(error), keep ** np.arange(len(error) - 1, -1, -1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = size / std
+        reach = np.where(np.isfinite(reach), reach, np.nan)
+        inside = [np.isfinite(error), size <= INTERVAL * std, *(reach <= z for z in _REACH)]
+        self.counts *= keep ** len(error)
+        self.counts += [weight @ part for part in inside]
+        self.unknown += int((~np.isfinite(std)).sum())
+
+    def coverage(self, heard: ArrayLike | None = None) -> Array:
+        """Share of errors in the 95 % interval, (n_y,); NaN where there is none.
+
+        Args:
+            heard: Outputs to score, (n_y,) of bool; the others are NaN. None: all.
+        """
+        count, inside = self.counts[:2]
+        chosen = (count > 0) & (True if heard is None else np.asarray(heard, bool))
+        if self.unknown:
+            chosen[:] = False
+        return np.where(chosen, inside / np.where(count > 0, count, 1.0), np.nan)
+
+    @property
+    def coverage_in_all(self) -> float:
+        """Share of errors of all outputs in their 95 % interval; NaN before any."""
+        count, inside = self.counts[:2].sum(axis=1)
+        return float(inside / count) if count else float("nan")
+
+    def reliability(self, heard: ArrayLike | None = None) -> Array:
+        """Share of errors in the interval of each of `NOMINAL`, (len(NOMINAL),); NaN before any.
+
+        Args:
+            heard: Outputs that count, (n_y,) of bool; None: all.
+        """
+        chosen = slice(None) if heard is None else np.asarray(heard, bool)
+        *inside, count = self.counts[2:, chosen].sum(axis=1)
+        return np.array(inside) / count if count else np.full(len(NOMINAL), np.nan)
+
+
 def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
     """Outputs that never move: their variance is zero up to rounding.
 
@@ -172,6 +241,43 @@ def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | Non
     return np.asarray(held)
 
 
+def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -> Array:
+    """Share of errors inside the predicted 95 % interval, for each output.
+
+    |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
+
+    Args:
+        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
+        std: Predicted standard deviation, (M, n_y) [unit of y], same unit.
+        heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
+
+    Returns:
+        Share, (n_y,) [-].
+
+    Raises:
+        ShapeError: If the arrays are not (M, n_y).
+    """
+    return _intervals(error, std).coverage(heard)
+
+
+def reliability(error: ArrayLike, std: ArrayLike) -> Array:
+    """Share of errors inside the predicted central interval of each nominal probability.
+
+    |y - yhat| <= sigma Phi^-1((1 + p) / 2) for p in `NOMINAL`; a calibrated Gaussian gives p.
+
+    Args:
+        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
+        std: Predicted standard deviation sigma, (M, n_y) [unit of y].
+
+    Returns:
+        Share over all samples and outputs, (len(NOMINAL),); NaN where there is no error.
+
+    Raises:
+        ShapeError: If the arrays are not (M, n_y).
+    """
+    return _intervals(error, std).reliability()
+
+
 def error_scores(
     measurement: ArrayLike, prediction: ArrayLike, names: Sequence[str], prefix: str = "nmse"
 ) -> dict[str, Any]:
@@ -229,6 +335,13 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value
+
+
+def _intervals(error: ArrayLike, std: ArrayLike) -> IntervalSums:
+    miss, sigma = _table("error", error), _table("std", std)
+    sums = IntervalSums(miss.shape[1])
+    sums.add(miss, sigma)
+    return sums
 
 
 def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:

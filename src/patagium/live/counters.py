@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.calibration import IntervalSums
-from patagium.learning.scores import ErrorSums
+from patagium.learning.scores import ErrorSums, IntervalSums
 from patagium.live.pipeline import Records
 
 Array = NDArray[np.float64]

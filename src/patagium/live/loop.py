@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -84,7 +84,7 @@ def follow(
     status: Status,
     stop: threading.Event,
     *,
-    sink: Sink | None = None,
+    sinks: Sequence[Sink] = (),
     rhythms: tuple[Rhythm, ...] = (),
     most: int | None = None,
 ) -> None:
@@ -95,7 +95,7 @@ def follow(
         pipeline: What they go through.
         status: Progress, kept up to date.
         stop: Ends the loop, once what waits is learned or dropped.
-        sink: Keeps packets and records.
+        sinks: Each keeps packets and records.
         rhythms: Actions between two calls, each at its period.
         most: Packets to learn at most; None: all.
 
@@ -114,7 +114,7 @@ def follow(
             clock.start()
             records = pipeline.run(packets)
             clock.count(packets, records)
-            if sink is not None:
+            for sink in sinks:
                 sink.append(packets, records)
         now = time.monotonic()
         for number, rhythm in enumerate(rhythms):

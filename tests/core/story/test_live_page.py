@@ -57,13 +57,13 @@ def learned(packets: Any, pipeline: Pipeline, view: Any = None, at_half: Any = N
     queue = PacketQueue(len(packets), packets.shape[1], intake)
     queue.put(packets, waits=False)
     queue.close()
-    sink, rhythms = None, ()
+    sinks, rhythms = (), ()
     if view is not None:
         shown = live_words.beside_stream(view, pipeline, status, intake)
-        sink, rhythms = live_words.Several(shown.sinks), shown.rhythms
+        sinks, rhythms = shown.sinks, shown.rhythms
     if at_half is not None:
         rhythms = (*rhythms, Rhythm(0.0, at_half))
-    follow(queue, pipeline, status, threading.Event(), sink=sink, rhythms=rhythms)
+    follow(queue, pipeline, status, threading.Event(), sinks=sinks, rhythms=rhythms)
     return summary(status, queue, pipeline)
 
 

@@ -71,11 +71,11 @@ def text_of(packets):
     return ("\n".join(lines) + "\n").encode()
 
 
-def learned_from(source, pipeline, sink=None, rhythms=(), most=None, room=COUNT):
+def learned_from(source, pipeline, sinks=(), rhythms=(), most=None, room=COUNT):
     queue, stop = PacketQueue(room, 57, Intake()), threading.Event()
     status = Status(Counters(14, 500.0))
     reader = start_reading(source, queue, stop)
-    follow(queue, pipeline, status, stop, sink=sink, rhythms=rhythms, most=most)
+    follow(queue, pipeline, status, stop, sinks=sinks, rhythms=rhythms, most=most)
     stop.set()
     queue.close()
     reader.join(5.0)
@@ -110,7 +110,7 @@ def test_every_packet_over_loopback_is_learned_or_counted(packets, pipeline, tmp
     sender, shown = threading.Thread(target=send), []
     sender.start()
     sink = StreamFile(tmp_path / "stream.nc", pipeline)
-    facts = learned_from(source, pipeline, sink, (Rhythm(0.0, lambda: shown.append(1)),))
+    facts = learned_from(source, pipeline, [sink], (Rhythm(0.0, lambda: shown.append(1)),))
     sender.join()
     sink.close(facts)
     lost = (len(missing) - 16) // (57 * 8)

@@ -7,7 +7,8 @@ import pytest
 
 import patagium as pt
 from patagium.learning import stream
-from patagium.learning.calibration import NOMINAL, calibration_scores, reliability
+from patagium.learning.calibration import calibration_scores
+from patagium.learning.scores import NOMINAL, reliability
 
 
 def test_gaussian_errors_are_on_the_diagonal(rng):

@@ -7,9 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from patagium.learning.calibration import calibration_scores, coverage, reliability
+from patagium.learning.calibration import calibration_scores
 from patagium.learning.scorer import Scorer
-from patagium.learning.scores import ErrorSums, error_scores, normalized_error
+from patagium.learning.scores import (
+    ErrorSums,
+    coverage,
+    error_scores,
+    normalized_error,
+    reliability,
+)
 
 NAMES = ("lift", "far", "still")
 COUNT = 900

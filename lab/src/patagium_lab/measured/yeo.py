@@ -18,13 +18,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
-from patagium.learning.calibration import coverage
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.record import check
-from patagium.learning.scores import normalized_error
+from patagium.learning.scores import coverage, normalized_error
 from patagium.report import PageSection, Table, picture
 from patagium.report.figures import comparison, learning_curves
 from patagium.robot import Robot, load_robot

@@ -14,9 +14,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.learning import load_learner
-from patagium.learning.calibration import coverage
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import normalized_error, silent_outputs
+from patagium.learning.scores import coverage, normalized_error, silent_outputs
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
 from patagium_lab.rig.learning import LogResult, SourceResult

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.calibration import NOMINAL
+from patagium.learning.scores import NOMINAL
 from patagium.report import Block, PageSection, Picture, Table, picture
 from patagium.report.figures import curves
 from patagium_lab.conditions import conditions
