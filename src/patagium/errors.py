@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions that carry the evidence.
+"""Exceptions of patagium, which carry their evidence.
 
 Every exception of patagium is a `PatagiumError`, and also the builtin a caller
 would catch by habit. Inside compiled numerics nothing is raised: an `Outcome`
@@ -85,7 +85,7 @@ class RobotFileError(PatagiumError, ValueError):
 
 
 class RobotFileWarning(UserWarning):
-    """Something a robot file says that a robot cannot represent, and what becomes of it."""
+    """Warning: a robot file has something that a robot cannot represent."""
 
 
 class PathError(PatagiumError, ValueError):
@@ -143,7 +143,7 @@ class FlightError(PatagiumError, ValueError):
 
 
 class Outcome(IntEnum):
-    """How a compiled computation ended; the integers are those of the C kernels."""
+    """Outcome of a compiled computation; the integers are those of the C kernels."""
 
     COMPLETED = 0
     NOT_FINITE = 1
@@ -157,7 +157,7 @@ class Outcome(IntEnum):
 
     @property
     def remedy(self) -> str:
-        """What a user can do about it."""
+        """Advice to the user."""
         return {
             Outcome.COMPLETED: "nothing to mend",
             Outcome.NOT_FINITE: "reduce the time step, or check gait, mount and initial state",

@@ -1,4 +1,4 @@
-"""How air pushes: wind and gusts, local flow of the strips, models of their loads."""
+"""Aerodynamics: wind and gusts, local flow of the strips, models of their loads."""
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.air import Air

@@ -1,4 +1,4 @@
-"""Added mass of the wings: inertia of the air that moves with them.
+"""Added mass of the wings: inertia of the air carried along.
 
 Each strip carries a cylinder of air normal to its chord; the strips of a body add up to a
 constant apparent inertia, and Kirchhoff's equations give the force, implicit in the
@@ -78,11 +78,11 @@ class AddedMass:
         return np.array([self.air.density, self.factor])
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make it again, as JSON-able values."""
+        """Description that makes the added mass again for a robot, as JSON-able values."""
         return {"air": self.air.describe(), "factor": self.factor}
 
     def inertia(self, robot: Robot, wind: ca.SX, parameters: ca.SX) -> BodyAddedMass:
-        """What the bodies carry along.
+        """Added mass of the bodies.
 
         Args:
             robot: The model's robot, its numbers floats or symbols.
@@ -127,7 +127,7 @@ class AddedMass:
     def circulation_force(
         self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> ca.SX:
-        """What circulation takes back of the ideal flow's force, generalized, (n, 1) [N, N m].
+        """Generalized force that circulation takes back of the ideal flow's, (n, 1) [N, N m].
 
         Args:
             robot: The model's robot, its numbers floats or symbols.
@@ -181,7 +181,7 @@ class AddedMass:
         return self._force("added_mass_force", wind, q=q, v=v, a=a)
 
     def circulatory_force(self, q: ArrayLike, v: ArrayLike, wind: ArrayLike | None = None) -> Array:
-        """What circulation takes back of it, (n,) [N, N m]; arguments as above."""
+        """Force that circulation takes back, (n,) [N, N m]; arguments of `generalized_force`."""
         return self._force("circulation_force", wind, q=q, v=v)
 
     def _force(self, name: str, wind: ArrayLike | None, **arguments: ArrayLike) -> Array:

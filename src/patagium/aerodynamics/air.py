@@ -84,7 +84,7 @@ class Air:
         return wind + self.traveling.velocity_at(np.asarray(time, float))
 
     def uniform_wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
-        """What of the air's velocity is the same everywhere, world axes, (N, 3) [m/s].
+        """Part of the air's velocity that is the same everywhere, world axes, (N, 3) [m/s].
 
         Args:
             time: Times, (N,) [s].
@@ -101,7 +101,7 @@ class Air:
         return wind + self.gust.velocity_at(times)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {
             "density": self.density,
             "wind": list(self.wind),

@@ -108,7 +108,7 @@ class DeLaurier(Aerodynamics):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         return self.name
 
     @property
@@ -122,7 +122,7 @@ class DeLaurier(Aerodynamics):
         return np.array([self.air.density, *(getattr(self, name) for name in NUMBERS)])
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make the model again, as JSON-able values."""
+        """Description that makes the model again for a robot, as JSON-able values."""
         numbers = {name: getattr(self, name) for name in NUMBERS}
         return {"model": self.name, "air": self.air.describe(), **numbers}
 

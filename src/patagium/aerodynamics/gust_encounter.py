@@ -1,4 +1,4 @@
-"""When strips meet a gust that travels, and the wind each one answers to, as expressions.
+"""Encounter of strips with a traveling gust: delays and effective winds, as expressions.
 
 Where a chord is in the gust depends on the state; what is there is looked up between the two
 (`traveling.gusts_at_strips`). Neglected: strips are points along the span.
@@ -20,7 +20,7 @@ GUST = 6
 
 
 def strip_delays(robot: Robot, q: ca.SX, v: ca.SX, gust: ca.SX) -> ca.SX:
-    """How much later than its origin strips meet a gust, (4, n_strips).
+    """Delays of strips behind a gust's origin, and their rates, (4, n_strips) [s, s, 1, 1].
 
     With slowness s = n/c: s . (p - p0) of mid-chord [s], how much later than that the leading
     edge is [s], and the rates of both [1].

@@ -33,7 +33,7 @@ class Gust(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         ...
 
 
@@ -221,7 +221,7 @@ class DrydenGust:
         return np.asarray(self.step * places)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {"name": self.name, **_listed(asdict(self))}
 
     def _unit(

@@ -91,7 +91,7 @@ class Indicial:
         return self._transfer(reduced_frequency, self.circulation)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {
             "rate": list(self.rate),
             "lift": list(self.lift),

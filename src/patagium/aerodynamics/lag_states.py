@@ -1,4 +1,4 @@
-"""Lag states of strips: the memory of the wake shed across the span, and one step of it.
+"""Lag states of strips: the memory of the wake shed across the span.
 
 Each strip carries a few normalwashes that follow the effective one late, dz/dt = rate (target - z).
 Neglected: what `lifting_line` neglects.
@@ -67,7 +67,7 @@ class Relaxation:
         """dz/dt, (n_z, 1), in the unit of z a second [1/s].
 
         Args:
-            state: z, (n_z, 1).
+            state: z, (n_z, 1), in the unit of the target.
         """
         return self.rate * (self.target - state)
 
@@ -95,7 +95,7 @@ def lag_step(state: ca.SX, step: Any, before: Relaxation, after: Relaxation) -> 
     and a weighted mean at any step, 0 < e <= 1.
 
     Args:
-        state: z at the beginning, (n_z, 1).
+        state: z at the beginning, (n_z, 1), in the unit of the target.
         step: Length of the step [s].
         before: What z follows at its beginning.
         after: The same at its end.

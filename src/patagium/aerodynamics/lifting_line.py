@@ -118,7 +118,7 @@ class LiftingLine(Aerodynamics):
 
     @property
     def chains(self) -> tuple[StripChain, ...]:
-        """Which strips share trailing vortices."""
+        """Chains of strips that share trailing vortices."""
         return strip_chains(self.robot)
 
     @property
@@ -132,7 +132,7 @@ class LiftingLine(Aerodynamics):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         delay = " stall_delay" if self.stall_delay else ""
         return f"{self.name} lags={self.lags.size} {self.section.structure} {self.chains}{delay}"
 
@@ -153,7 +153,7 @@ class LiftingLine(Aerodynamics):
         return np.concatenate([first, *lags, self.section.parameters, delays])
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make the model again, as JSON-able values."""
+        """Description that makes the model again for a robot, as JSON-able values."""
         return {
             "model": self.name,
             "air": self.air.describe(),

@@ -1,4 +1,4 @@
-"""How each strip of wing moves through the air.
+"""Motion of each strip of wing relative to the air.
 
 The velocity of a strip is that of the wing *relative to the air*, in strip axes:
 forward (along the chord to the leading edge), spanwise (normal x forward),
@@ -142,7 +142,7 @@ def normalwash(motion: StripMotion) -> Any:
 
 
 def collocation(motion: StripMotion) -> Any:
-    """Where the normalwash is taken, ahead of the quarter chord [m]."""
+    """Distance of the collocation point ahead of the quarter chord [m]."""
     return -(1.0 + smooth_sign(motion.forward)) * (motion.strip.chord / 4)
 
 
@@ -219,7 +219,7 @@ class LocalFlow:
     def batch(
         self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
     ) -> NDArray[np.float64]:
-        """The same over many states, (N, n_strips, 3) [m/s]; arguments with a leading axis N."""
+        """Velocities of the strips at many states, (N, n_strips, 3) [m/s]."""
         flow = self._flow.batch(q, v, wind, chord_fraction, self._parameters)
         return np.swapaxes(np.asarray(flow).reshape(len(flow), 3, -1), 1, 2)
 

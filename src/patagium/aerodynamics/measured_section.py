@@ -47,7 +47,7 @@ class MeasuredSection:
         lift_slope: Of attached flow, two-dimensional [1/rad].
         zero_lift_angle: Incidence of no lift [rad].
         profile_drag: Drag coefficient of attached flow.
-        separated: Share of separated flow in steady flow at the angles of `stalled`, (n,).
+        separated: Share of separated flow in steady flow at the angles of `stalled`, (n,) [-].
         stalled: Coefficients of separated flow.
 
     Raises:
@@ -74,7 +74,7 @@ class MeasuredSection:
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside."""
+        """Text of all that shapes the equations, numbers aside."""
         return f"measured section stalled={self.stalled.structure}"
 
     @property
@@ -108,7 +108,7 @@ class MeasuredSection:
         return table_values(angle, polar[:count], parameters[first : first + count])
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {
             **numbers,
@@ -127,8 +127,8 @@ def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> Meas
 
     Args:
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
-        lift: C_L, (n,).
-        drag: C_D, (n,).
+        lift: C_L, (n,) [-].
+        drag: C_D, (n,) [-].
 
     Raises:
         ParameterError: If the polar is impossible, or its lift does not pass through zero

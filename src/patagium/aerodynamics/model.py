@@ -1,4 +1,4 @@
-"""What every model of the air has in common: the protocol and its compiled methods.
+"""Protocol of the models of the air, and their compiled methods.
 
 A model writes its equations as expressions; the protocol compiles them and adds
 the methods a user calls with arrays. The robot's and the model's parameters stay
@@ -43,7 +43,7 @@ class Aerodynamics(Protocol):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         ...
 
     @property
@@ -57,7 +57,7 @@ class Aerodynamics(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make the model again, as JSON-able values."""
+        """Description that makes the model again for a robot, as JSON-able values."""
         ...
 
     def expressions(
@@ -69,10 +69,10 @@ class Aerodynamics(Protocol):
             robot: The model's robot, its numbers floats or symbols.
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
-            state: The model's own states, (n_z,).
+            state: The model's own states, (n_z,) [m/s, -].
             wind: Velocity of the air, world axes, one for all strips, (3,), or one a strip,
                 (3, n_strips) [m/s].
-            parameters: The model's parameters, (n_c,).
+            parameters: The model's parameters, (n_c,) [SI].
         """
         ...
 
@@ -84,7 +84,7 @@ class Aerodynamics(Protocol):
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
-            state: The model's own states, (n_z,); zero by default.
+            state: The model's own states, (n_z,) [m/s, -]; zero by default.
             wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0
                 by default.
 
@@ -96,7 +96,7 @@ class Aerodynamics(Protocol):
     def strips(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
-        """What each strip meets and makes; arguments as for `generalized_force`.
+        """Flow and load of each strip; arguments as for `generalized_force`.
 
         Returns:
             strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
@@ -113,7 +113,7 @@ class Aerodynamics(Protocol):
 
     @cached_property
     def batch(self) -> CompiledAero:
-        """The same three methods over many states: every array has a leading axis N.
+        """Methods of the model over many states: every array has a leading axis N.
 
         An argument without it (a wind, a state) holds for all.
         """
@@ -148,7 +148,7 @@ class CompiledAero:
     def strips(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
-        """What each strip meets and makes, each ([N,] ...); names and units as in the protocol."""
+        """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
         force, point, incidence, speed, power, circulation, downwash = self._call(
             "strips", q, v, state, wind
         )
@@ -209,7 +209,7 @@ def compile_aero(model: Aerodynamics) -> dict[str, NativeFunction]:
 
 
 def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
-    """The same as CasADi functions, not compiled."""
+    """CasADi functions generalized_force, strips and state_derivative of a model."""
     robot, robot_parameters = model.robot.symbolic()
     inputs = {
         "q": ca.SX.sym("q", robot.coordinate_count),

@@ -63,7 +63,7 @@ class Polar(Protocol):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside."""
+        """Text of all that shapes the equations, numbers aside."""
         return self.name
 
     @property
@@ -89,7 +89,7 @@ class Polar(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         values = zip(self.parameter_names, self.parameters.tolist(), strict=True)
         return {"name": self.name, **dict(values)}
 
@@ -190,15 +190,15 @@ class SmoothPolar(Polar):
 
 @dataclass(frozen=True)
 class TablePolar(Polar):
-    """A polar given point by point, as a wind tunnel or a panel code gives it.
+    """Polar from a table of points, such as those of a wind tunnel or a panel code.
 
     Between its points as `tables` has it: smooth, and drag that is nowhere negative.
     A section that moves backward is its mirror image.
 
     Args:
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
-        lift: C_L at each, (n,).
-        drag: C_D at each, (n,).
+        lift: C_L at each, (n,) [-].
+        drag: C_D at each, (n,) [-].
 
     Raises:
         ParameterError: If they differ in length, are fewer than two, out of order or
@@ -226,7 +226,7 @@ class TablePolar(Polar):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside."""
+        """Text of all that shapes the equations, numbers aside."""
         return f"{self.name} {len(self.angle)}"
 
     @property
@@ -246,7 +246,7 @@ class TablePolar(Polar):
         return flow.forward_sign * lift, drag
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {"name": self.name, **{column: [*getattr(self, column)] for column in _COLUMNS}}
 
 

@@ -69,7 +69,7 @@ class QuasiSteady(Aerodynamics):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         return f"{self.name} {self.polar.structure} rotational={self.rotational}"
 
     @property
@@ -85,7 +85,7 @@ class QuasiSteady(Aerodynamics):
         return np.array([self.air.density, *self.polar.parameters, *rotational])
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make the model again, as JSON-able values."""
+        """Description that makes the model again for a robot, as JSON-able values."""
         return {
             "model": self.name,
             "air": self.air.describe(),

@@ -34,7 +34,7 @@ _NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag", "stall_begins", "st
 
 
 class StripSection(Protocol):
-    """What a lifting line asks of a section; its numbers are run-time inputs."""
+    """Protocol of a section of a lifting line; its numbers are run-time inputs."""
 
     @property
     def stalled(self) -> Polar:
@@ -43,7 +43,7 @@ class StripSection(Protocol):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside."""
+        """Text of all that shapes the equations, numbers aside."""
         ...
 
     @property
@@ -73,7 +73,7 @@ class StripSection(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         ...
 
 
@@ -123,7 +123,7 @@ class Section:
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside."""
+        """Text of all that shapes the equations, numbers aside."""
         return f"section stalled={self.stalled.structure}"
 
     @property
@@ -154,7 +154,7 @@ class Section:
         return smooth_step((sine_square - begins) / (complete - begins))
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {**numbers, "stalled": self.stalled.describe()}
 

@@ -61,5 +61,5 @@ def smooth_step(x: Any) -> Any:
 
 
 def hard_sign(x: Any) -> Any:
-    """Sign of x with 1 at zero: a jump, as the published experiment has it."""
+    """Sign of x with 1 at zero: a jump, as in the published experiment."""
     return ca.if_else(x >= 0, 1.0, -1.0)

@@ -50,7 +50,7 @@ class StallDelay:
                 raise ParameterError(f"stall delay {name}", "a positive number", value)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {name: getattr(self, name) for name in DELAYS}
 
 

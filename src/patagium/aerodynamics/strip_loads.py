@@ -22,7 +22,7 @@ from patagium.robot.model import Robot
 
 @dataclass(frozen=True)
 class AeroExpressions:
-    """What the air does to a robot, as CasADi expressions.
+    """Forces of the air on a robot, as CasADi expressions.
 
     Attributes:
         generalized_force: Q = sum_i (dp_i/dq)^T f_i, (n, 1) [N, N m].
@@ -33,7 +33,7 @@ class AeroExpressions:
             (n_strips, 1) [m/s].
         power: Sum of force times velocity of its point relative to the air, scalar [W];
             in still air the power of the air on the robot.
-        state_derivative: Rate of the model's own states, (n_z, 1).
+        state_derivative: Rate of the model's own states, (n_z, 1) [m/s^2, 1/s].
         circulation: Of each strip, positive where it lifts a wing that moves forward,
             (n_strips, 1) [m^2/s]; zero in models without.
         downwash: Normal velocity that the wings induce at each strip, against its normal,
@@ -91,7 +91,7 @@ def assemble(
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         loads: One load a strip, in the order of `robot.strips`.
-        state_derivative: Rate of the model's own states, (n_z, 1).
+        state_derivative: Rate of the model's own states, (n_z, 1) [m/s^2, 1/s].
         memory: What they follow.
     """
     poses = body_poses(robot, q)

@@ -1,4 +1,4 @@
-"""Exact unsteady flow about a flat section: the functions every model is measured by.
+"""Exact unsteady flow about a flat section: Wagner, Theodorsen, Sears and Kussner.
 
 Incompressible potential flow, small motion about a straight path, flat wake
 (Wagner, Theodorsen, Kussner). Neglected: thickness, viscosity, wake roll-up.

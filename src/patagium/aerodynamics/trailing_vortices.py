@@ -58,12 +58,12 @@ class StripChain:
 
     @property
     def reverse(self) -> StripChain:
-        """The same chain from its other end."""
+        """Chain seen from its other end."""
         return StripChain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
 
 
 def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
-    """Which strips share legs: those whose ends meet with all coordinates at zero.
+    """Chains of strips that share legs: their ends meet with all coordinates at zero.
 
     Strips of a wing follow each other; wings that meet (left and right at a root) join.
 
@@ -131,18 +131,18 @@ def _end(robot: Robot, poses: Sequence[Pose], index: int, right: int) -> Array:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Where strips and legs are, in the axes of the floating body (or the world's).
+    """Places of strips and legs, in the axes of the floating body (or the world's).
 
     Strips in the order of `robot.strips`, legs in that of the chains.
 
     Attributes:
         points: Quarter-chord points, (3, n) [m].
-        normals: Unit vectors out of the upper surface, (3, n).
-        forwards: Unit vectors to the leading edge, (3, n).
+        normals: Unit vectors out of the upper surface, (3, n) [-].
+        forwards: Unit vectors to the leading edge, (3, n) [-].
         edges: Where legs begin, (3, m) [m].
-        directions: Where they go, (3, m); of unit length but near rest.
+        directions: Directions of the legs, (3, m) [-]; of unit length but near rest.
         core_squares: Squared core radii, (m, 1) [m^2].
-        shares: Length of each bound vortex, from leg to leg, over the strip's width, (n, 1).
+        shares: Length of each bound vortex, from leg to leg, over the strip's width, (n, 1) [-].
     """
 
     points: ca.SX
@@ -203,7 +203,7 @@ def _shares(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
 
 
 def _inset(strip: Strip) -> Any:
-    """How far a leg at a free end starts inside of it: of a wide strip half a chord [m]."""
+    """Distance of a leg inside of a free end: half a chord for a wide strip [m]."""
     ratio = strip.width / (4 * strip.chord)
     return INSET * strip.width / ca.sqrt(1.0 + ratio * ratio)
 
@@ -233,7 +233,7 @@ def _legs(
 
 
 def _end_offsets(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
-    """Where the legs of a strip begin, body axes, (3, 1) each [m].
+    """Beginnings of the legs of a strip, body axes, (3, 1) each [m].
 
     On the line through the quarter chords of neighbors on the same body, which goes on
     beyond the last of them; inside of a free end.

@@ -48,7 +48,7 @@ class CubicPieces:
 
     @property
     def anchors(self) -> Array:
-        """Where the time of each piece begins, (K + 1,) [s]."""
+        """Times from which each piece counts, (K + 1,) [s]."""
         return np.append(self.knots[0], self.knots)
 
 
@@ -66,7 +66,7 @@ class TravelingGust:
 
     Args:
         profile: The gust g as the origin meets it.
-        direction: Where it goes, any length, world axes, (3,).
+        direction: Direction of travel, any length, world axes, (3,) [-].
         speed: How fast, relative to the ground, c [m/s]; that of the wind if the air carries it.
         origin: Point p0 that meets it at the profile's own time, world axes, (3,) [m].
 
@@ -142,7 +142,7 @@ class TravelingGust:
         return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make it again, as JSON-able values."""
+        """Description from which the object can be made again, as JSON-able values."""
         return {
             "name": "traveling",
             "profile": self.profile.describe(),
@@ -168,7 +168,7 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
 
 
 def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
-    """What strips meet of a gust, (N, 9, n): mean, first moment, rate, world axes.
+    """Gust at the strips, (N, 9, n): mean, first moment [m/s] and rate [m/s^2], world axes.
 
     With g what the points of a chord meet, y = cos(theta) from -1 at the trailing to 1 at the
     leading edge: mean 1/pi int g dtheta [m/s], first moment 1/pi int g y dtheta [m/s], and
@@ -226,14 +226,14 @@ def _integrals(y: Array) -> Array:
 def _moments(
     coefficients: Array, offset: Array, slope: Array, rates: Array, between: Array
 ) -> Array:
-    """What a part of the chord adds, (N, 3, 3): mean, first moment and rate.
+    """Contribution of a part of the chord to mean, first moment and rate, (N, 3, 3).
 
     Args:
-        coefficients: a, (N, 4, 3), of g = sum_m a_m (offset + slope y)^m.
+        coefficients: a, (N, 4, 3) [m/s, m/s^2, ...], of g = sum_m a_m (offset + slope y)^m.
         offset: (N,) [s].
         slope: (N,) [s].
         rates: Of offset and slope, (2, N).
-        between: Integrals of y^k over the part, (6, N).
+        between: Integrals of y^k over the part, (6, N) [-].
     """
     powers = np.zeros((4, 4, len(offset)))  # of y, in (offset + slope y)^m
     powers[0, 0] = 1.0

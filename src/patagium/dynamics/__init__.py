@@ -1,4 +1,4 @@
-"""How mass moves: equations of motion as expressions and as compiled functions."""
+"""Dynamics: equations of motion as expressions and as compiled functions."""
 
 from patagium.dynamics.dynamics import Dynamics, Point
 

@@ -25,7 +25,7 @@ from patagium.robot.model import Robot
 
 @dataclass(frozen=True)
 class BodyAddedMass:
-    """What the bodies carry along of the fluid, and how the fluid moves.
+    """Added mass of the bodies in a fluid that moves.
 
     Attributes:
         matrices: For a body's index its apparent inertia about the body's origin, (6, 6)
@@ -52,7 +52,7 @@ class CompositeAddedMass:
     A v + B w, angular momentum B^T v + C w.
 
     Args:
-        matrix: (6, 6), symmetric.
+        matrix: Added mass, (6, 6), symmetric [kg, kg m, kg m^2].
     """
 
     def __init__(self, matrix: ca.SX) -> None:
@@ -67,16 +67,16 @@ class CompositeAddedMass:
         self.a, self.b, self.c = self.a + other.a, self.b + other.b, self.c + other.c
 
     def turn(self, turned: Turn) -> None:
-        """The same in the axes before a turn."""
+        """Turn the blocks to the axes before a turn."""
         self.a, self.c = turned.inward_inertia(self.a), turned.inward_inertia(self.c)
         self.b = turned.matrix @ self.b @ turned.matrix.T
 
     def turn_fixed(self, matrix: ca.SX) -> None:
-        """The same in other axes."""
+        """Turn the blocks to other axes."""
         self.a, self.b, self.c = (matrix @ block @ matrix.T for block in (self.a, self.b, self.c))
 
     def shift(self, offset: ca.SX) -> None:
-        """The same about an origin from which the old one is at `offset`."""
+        """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m]."""
         arm = ca.skew(offset)
         moved = self.b - self.a @ arm
         self.c = self.c + arm @ moved - self.b.T @ arm
@@ -91,7 +91,7 @@ def kirchhoff_wrench(
     With p = A v + B w and h = B^T v + C w: dp/dt + w x p and dh/dt + w x h + v x p.
 
     Args:
-        matrix: Apparent inertia, (6, 6).
+        matrix: Added mass, (6, 6) [kg, kg m, kg m^2].
         v: Velocity of the origin relative to the fluid, body axes, (3, 1) [m/s].
         w: Angular velocity, body axes, (3, 1) [rad/s].
         acceleration: Of the origin, an observer's, in body axes, (3, 1) [m/s^2].

@@ -107,7 +107,7 @@ class Turn:
     for any other axis the full matrix is applied.
 
     Args:
-        axis: Unit axis, (3,).
+        axis: Unit axis, (3,) [-].
         angle: Angle, scalar [rad].
     """
 
@@ -156,7 +156,7 @@ class QuaternionTurn(Turn):
     stage has left the unit sphere by a little.
 
     Args:
-        quaternion: qw, qx, qy, qz, (4, 1).
+        quaternion: qw, qx, qy, qz, (4, 1) [-].
     """
 
     def __init__(self, quaternion: ca.SX) -> None:

@@ -84,7 +84,7 @@ class _Composite:
             self.fluid.turn_fixed(matrix)
 
     def shift(self, offset: ca.SX) -> None:
-        """The same about an origin from which the old one is at `offset`."""
+        """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m]."""
         twice = self.first + offset * (self.mass / 2)
         self.inertia = self.inertia + _shift(twice, offset) + _shift(offset, twice)
         self.first = self.first + offset * self.mass

@@ -134,7 +134,7 @@ class _Methods:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
-            a_actuated: Accelerations of the actuated coordinates, (n_a,).
+            a_actuated: Accelerations of the actuated coordinates, (n_a,) [m/s^2, rad/s^2].
             f: Aerodynamic, damping and other given forces, (n,) [N, N m].
 
         Returns:
@@ -266,7 +266,7 @@ class Dynamics(_Methods):
 
 
 class Point:
-    """A point fixed to a body: where it is, how it moves, what moves it.
+    """Point fixed to a body: its position, velocity and Jacobian.
 
     Args:
         robot: The machine.

@@ -106,8 +106,8 @@ def forward_prescribed(
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
-        a_prescribed: Accelerations of the prescribed coordinates, (n_a,).
-        f: Every generalized force but inertia, gravity and the constraint's, (n,).
+        a_prescribed: Accelerations of the prescribed coordinates, (n_a,) [m/s^2, rad/s^2].
+        f: Every generalized force but inertia, gravity and the constraint's, (n,) [N, N m].
         prescribed: Indices of the prescribed coordinates; the actuated ones by default.
         added: Fluid that moves with the bodies; None for a vacuum.
 

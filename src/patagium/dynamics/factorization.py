@@ -15,8 +15,8 @@ def solve(matrix: ca.SX, right: ca.SX, parents: Sequence[int]) -> ca.SX:
     """Solution of D x = b with the sparsity of a tree.
 
     Args:
-        matrix: D, (m, m), symmetric positive definite.
-        right: b, (m, 1).
+        matrix: D, (m, m), symmetric positive definite [kg, kg m, kg m^2].
+        right: b, (m, 1) [N, N m].
         parents: For each row the row before it on the way to the root, -1 at the
             root; D[i, j] is zero unless one is an ancestor of the other.
 

@@ -1,4 +1,4 @@
-"""Where every body is and how it moves, as CasADi expressions.
+"""Kinematics: poses and velocities of all bodies, as CasADi expressions.
 
 Poses in world axes, velocities in body axes, points, Jacobians, and the
 transposed Jacobian that maps forces on bodies to generalized ones. dq/dt = N(q) v is
@@ -26,11 +26,11 @@ from patagium.robot.model import Robot
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a body is.
+    """Pose of a body.
 
     Attributes:
         position: Origin in world axes, (3, 1) [m].
-        rotation: Body axes to world axes, (3, 3).
+        rotation: Body axes to world axes, (3, 3) [-].
     """
 
     position: ca.SX
@@ -39,7 +39,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Twist:
-    """How a body moves, in its own axes.
+    """Velocity and angular velocity of a body, in its own axes.
 
     Attributes:
         linear: Velocity of the origin, (3, 1) [m/s].
@@ -146,7 +146,7 @@ def in_body_axes(robot: Robot, q: ca.SX, direction: ca.SX) -> list[ca.SX]:
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
-        direction: The vector in world axes, (3, 1).
+        direction: The vector in world axes, (3, 1), in any unit of its own.
     """
     turned: list[ca.SX] = []
     for body in robot.bodies:

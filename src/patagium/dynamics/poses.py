@@ -1,4 +1,4 @@
-"""Where every body is at many states at once: the kinematics, compiled."""
+"""Poses of all bodies at many states at once, compiled."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
 
 
 class Poses:
-    """The same of one robot again and again.
+    """Compiled poses of one robot, for repeated calls.
 
     Args:
         robot: The machine.
@@ -46,7 +46,7 @@ class Poses:
         self._parameters = robot.parameters
 
     def __call__(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Origin and axes of every body, as `poses_at` gives them.
+        """Origins (N, n_bodies, 3) [m] and axes (N, n_bodies, 3, 3) of all bodies in the world.
 
         Args:
             q: Generalized coordinates, (N, n_q) [m, rad, 1].

@@ -129,7 +129,7 @@ def _writable(folder: Path) -> Path:
 
 
 def cache_folder() -> Path:
-    """Where builds are kept; made when missing."""
+    """Folder of the cache, created when it is missing."""
     chosen = os.environ.get("PATAGIUM_CACHE")
     if chosen:
         folder = Path(chosen)
@@ -144,7 +144,7 @@ def cache_folder() -> Path:
 
 @functools.cache
 def machine_identity(path: str) -> str:
-    """What a binary depends on beside its source: compiler and processor."""
+    """Text that identifies compiler and processor, on which a binary depends beside its source."""
     status = os.stat(path)
     text = f"{os.path.realpath(path)} {status.st_size} {status.st_mtime_ns} {platform.machine()}"
     cpu = Path("/proc/cpuinfo")
@@ -156,7 +156,7 @@ def machine_identity(path: str) -> str:
 
 @contextmanager
 def build_lock(name: str) -> Iterator[None]:
-    """Other processes that would make the same entry of the cache wait until it is there.
+    """Lock of a cache entry: other processes that would build it wait until it exists.
 
     Where files cannot be locked nobody waits, and the same may be made twice.
 

@@ -142,7 +142,7 @@ class _Graph:
         ]
 
     def angle_levels(self) -> list[list[int]]:
-        """Angles of all sines and cosines, by how many such calls precede them."""
+        """Angles of all sines and cosines, grouped by the number of such calls before."""
         level = [0] * len(self.nodes)
         angles: dict[int, int] = {}
         for k, node in enumerate(self.nodes):

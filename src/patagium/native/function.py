@@ -40,7 +40,7 @@ class Signature:
     sizes_out: tuple[Shape, ...]
 
     def as_list(self) -> list[Any]:
-        """The same as JSON-able lists."""
+        """Signature as JSON-able lists."""
         return [self.name, self.names_in, self.sizes_in, self.names_out, self.sizes_out]
 
     @classmethod

@@ -117,7 +117,7 @@ def _cached_folder(name: str) -> Path | None:
 
 
 def _built_folder(path: str, name: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
-    """Folder of the cache with a library that is compiled now, and the index that names it."""
+    """Folder of the cache with a library that is compiled now and named by an index."""
     units = texts()
     long = max(map(len, units.values())) > LONG
     spared = [flag for flag in SPARED if long and compiler_accepts(path, flag)]

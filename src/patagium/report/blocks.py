@@ -1,4 +1,4 @@
-"""What a page is made of: prose, tables, pictures, remarks and links in titled sections.
+"""Blocks of a page: prose, tables, pictures, remarks and links in titled sections.
 
 Neglected: how it is set; `page` writes HTML or Markdown of it.
 """

@@ -49,16 +49,16 @@ def comparison(
     std: ArrayLike | None = None,
     columns: int = 1,
 ) -> Figure:
-    """Quantities over time, a panel each: the truth and what was estimated of it.
+    """Figure of quantities over time, a panel each: the truth and its estimates.
 
     Args:
         time: Time, (N,) [s].
-        truth: Actual values, (N, k).
-        estimates: Estimated values by name, each (N, k).
+        truth: Actual values, (N, k) [units].
+        estimates: Estimated values by name, each (N, k) [units].
         names: Names of the k quantities.
         units: Units of the k quantities.
         truth_name: What the truth is called: "actual", "measured".
-        std: Predicted standard deviation of the first estimate, (N, k): a
+        std: Predicted standard deviation of the first estimate, (N, k) [units]: a
             band of 1.96 deviations, the predicted 95 % interval.
         columns: Panels side by side.
 
@@ -95,7 +95,7 @@ def histories(
 
     Args:
         time: Time, (N,) [s].
-        values: Title of a panel -> (unit, signals by name, each (N,)).
+        values: Title of a panel -> (unit, signals by name, each (N,) [unit]).
         columns: Panels side by side.
     """
     t = np.asarray(time, float)
@@ -121,7 +121,7 @@ def innovation_and_covariance(
     units: Sequence[str],
     expected_std: ArrayLike | None = None,
 ) -> Figure:
-    """What each update learned, and how sure the filter became.
+    """Figure of the innovation of each update and of the largest variance of a weight.
 
     Args:
         time: Time of each update, (U,) [s].
@@ -170,7 +170,7 @@ def paths(
         time: Of each estimate, (U,) [s].
         value: Estimates, (U, k).
         std: Their standard deviations, (U, k); nan draws no band.
-        prior: Values before any, (k,).
+        prior: Values before any, (k,) [units].
         names: Of the k numbers.
         units: Of the k numbers.
 
@@ -203,7 +203,7 @@ def learning_curves(
 
     Args:
         time: Time, (N,) [s].
-        errors: Squared or normalized error by learner, each (N,).
+        errors: Squared or normalized error by learner, each (N,), in the unit of the label.
         label: The ordinate, with its unit.
         span: Running mean over this long [s]; None draws the errors as they are.
 
@@ -232,12 +232,12 @@ def curves(
     abscissa: str,
     ordinate: str,
 ) -> Figure:
-    """What was expected and what was found, over anything.
+    """Figure of expected and found values over any abscissa.
 
     Args:
-        x: Abscissa, (N,).
-        expected: (N,).
-        found: By name, each (N,).
+        x: Abscissa, (N,), in the unit of its name.
+        expected: Expected values, (N,), in the unit of the ordinate.
+        found: Found values by name, each (N,), in the unit of the ordinate.
         abscissa: Its name and unit.
         ordinate: Its name and unit.
 
@@ -268,7 +268,7 @@ def score_bars(
 
     Args:
         names: Names of the k quantities.
-        scores: Score of each quantity by method, each (k,); nan leaves a gap.
+        scores: Score of each quantity by method, each (k,) [-]; nan leaves a gap.
         label: The abscissa, with its unit.
 
     Raises:
@@ -360,7 +360,7 @@ def _band(panel: Axes, time: Vectors, middle: Vectors, half_width: Vectors) -> N
 
 
 def _fit_to(panel: Axes, truth: Vectors) -> None:
-    """Limits from the truth, so that an estimate that ran away does not flatten it."""
+    """Limits from the truth alone: a diverged estimate does not flatten the curve."""
     finite = truth[np.isfinite(truth)]
     if finite.size == 0 or np.ptp(finite) == 0.0:
         return

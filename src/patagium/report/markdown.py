@@ -95,7 +95,7 @@ def _cell(text: str) -> str:
 
 
 def _image(picture: Picture) -> tuple[str, bytes]:
-    """Kind of a picture's file, and what is in it."""
+    """Kind of a picture's file, and its bytes."""
     head, data = picture.source.split(",", 1)
     kind = "svg" if "svg" in head else "png"
     return kind, base64.b64decode(data)

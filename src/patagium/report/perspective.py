@@ -24,7 +24,7 @@ _AROUND, _ALONG = 28, 18  # faces around and along what is round
 
 
 class Camera(NamedTuple):
-    """Where the picture is taken from.
+    """Camera of a picture.
 
     Attributes:
         eye: In the world, (3,) [m].
@@ -83,7 +83,7 @@ class Painting:
         self._edge.append(to_rgba(color, alpha if alpha == 1.0 else 0.0))  # closes seams
 
     def lit(self, faces: Array, color: Any, under: Any = None, *, nearer: float = 0.0) -> None:
-        """Faces in the light of a sun, darker where they are turned from it.
+        """Add faces in sunlight, darker on the side turned away from the sun.
 
         Args:
             faces: Corners in order around each, (m, k, 3) [m].
@@ -176,7 +176,7 @@ def parted(corners: Array, times: int) -> Array:
     """A quadrangle cut into times x times smaller ones, (times^2, 4, 3).
 
     Args:
-        corners: In order around it, (4, 3).
+        corners: Corners in order around it, (4, 3) [m].
         times: Along each edge.
     """
     a, b, c, d = corners
@@ -193,7 +193,7 @@ def solid_faces(kind: str, center: Sequence[float], axis: Sequence[float], size:
     Args:
         kind: "cylinder", "capsule", "box" or "ellipsoid"; see `robot.solids.Solid`.
         center: (3,) [m].
-        axis: Unit vector along a cylinder or capsule, (3,).
+        axis: Unit vector along a cylinder or capsule, (3,) [-].
         size: As there [m].
     """
     if kind == "box":

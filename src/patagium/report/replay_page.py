@@ -1,4 +1,4 @@
-"""A flight as one HTML page that moves: bodies, wings, forces, path, and plots linked to it.
+"""Replay of a flight as one HTML page: bodies, wings, forces, path and linked plots.
 
 Everything is inline, three.js too, so that the file opens from disk, offline. Numbers
 travel as base64 of little-endian floats: origins in double, all else in single precision

@@ -36,7 +36,7 @@ def draw_still(
     Args:
         replay: What is to be shown.
         frame: Which of its times.
-        seen_from: Direction from the robot to the eye, (3,).
+        seen_from: Direction from the robot to the eye, (3,) [-].
     """
     bodies = _Bodies(replay, frame)
     points = bodies.points()

@@ -1,4 +1,4 @@
-"""How every figure looks: one type, colors told apart by every eye, a size for where it goes.
+"""Style of all figures: one type face, colors for every eye, a size for each use.
 
 Colors are those of Okabe and Ito; the truth is black, an estimate is colored, wherever it is
 shown: on a page, in print or on a wall.
@@ -47,7 +47,7 @@ SCENE = {
 
 @dataclass(frozen=True)
 class Look:
-    """Where figures go, and how large things are there.
+    """Sizes in figures for one use: a page, a paper or slides.
 
     Attributes:
         width: Of a figure [inch].
@@ -90,12 +90,12 @@ def drawn_for(where: str) -> Iterator[None]:
 
 
 def width() -> float:
-    """Of a figure where it goes [inch]."""
+    """Width of a figure in its present use [inch]."""
     return _look.get().width
 
 
 def height(rows: float) -> float:
-    """Of what is this high on a page [inch], where it goes: as its letters grow."""
+    """Height in the present use of something so high on a page [inch]; letters scale it."""
     return rows * _look.get().letters
 
 
@@ -141,7 +141,7 @@ Result = TypeVar("Result")
 
 
 def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """A drawing function under the common style, which it leaves as it found it."""
+    """Drawing function that runs under the common style and restores the former one."""
 
     @wraps(function)
     def draw(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -214,8 +214,8 @@ def envelope(
     Each run of samples gives its smallest and its largest, in the order they came.
 
     Args:
-        time: Abscissa, (N,).
-        values: Signal, (N,).
+        time: Abscissa, (N,) [s].
+        values: Signal, (N,), in any unit of its own.
         limit: Points to keep, about.
 
     Returns:

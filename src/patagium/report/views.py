@@ -88,7 +88,7 @@ def flight_overview(flight: Any) -> Figure:
     """A flight at a glance: path, attitude, joints, the air's force and the energies.
 
     Args:
-        flight: Dataset with `q`, `v`, `aero_force` (time, dof; with a quaternion q is (time,
+        flight: Dataset [SI] with `q`, `v`, `aero_force` (time, dof; with a quaternion q is (time,
             coordinate)), `kinetic_energy`, `potential_energy` and `energy_residual` (time).
 
     Raises:

@@ -1,4 +1,4 @@
-"""What the machine is: bodies, joints, wings and linkages as validated, frozen models."""
+"""Robots: bodies, joints, wings and linkages as validated, frozen models."""
 
 from patagium.robot.files import (
     load_robot,

@@ -1,4 +1,4 @@
-"""What was changed of a robot, written into its file's text.
+"""Changes of a robot, written into the text of its file.
 
 A robot's source travels with every flight, so a calibrated or damaged robot has
 to say in it what differs: in the block `parameters`, which is applied last. So does

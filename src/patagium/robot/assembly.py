@@ -311,7 +311,7 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
 
 
 def _check_wing_names(file: RobotFile) -> None:
-    """A wing on a mirrored body has to be mirrored with it."""
+    """Refuse a wing that is not mirrored together with its body."""
     for mirror in file.mirror:
         for i, wing in enumerate(file.wings):
             on_mirrored = any(k.body.startswith(mirror.source) for k in wing.segments)

@@ -1,4 +1,4 @@
-"""Where the entries of q stand beside those of v.
+"""Places of the entries of q beside those of v.
 
 Each degree of freedom has its place in v and its coordinate in q, in the same order; a
 quaternion is one coordinate more than the three rates it goes with. Its qx, qy, qz stand where

@@ -99,7 +99,7 @@ def load_urdf_text(
 
 
 def load_robot_text(text: str, name: str = "robot text") -> Robot:
-    """Robot from the text of a robot file, as a flight carries it.
+    """Robot from the text of a robot file, such as a flight carries.
 
     Args:
         text: YAML.

@@ -19,7 +19,7 @@ def cylinder(mass: float, axis: NDArray[np.float64], radius: float, length: floa
 
     Args:
         mass: Mass m [kg].
-        axis: Unit vector u along the cylinder, (3,), body axes.
+        axis: Unit vector u along the cylinder, (3,) [-], body axes.
         radius: Radius r [m].
         length: Length l [m].
 

@@ -31,7 +31,7 @@ _REFERENCE = -np.pi / 4  # angles of the wing are within half a turn of it
 
 @dataclass(frozen=True)
 class LinkageMotion:
-    """Angles of the wing over the crank's phase, and their derivatives by it.
+    """Angles of the wing over the crank's phase, and their derivatives by the phase.
 
     Multiply a rate by the crank's speed [rad/s], an acceleration by its square.
 

@@ -233,12 +233,12 @@ class Robot:
 
     @property
     def structure(self) -> str:
-        """Everything the generated equations depend on but the parameters' values."""
+        """Text of all that the generated equations depend on, values of the parameters aside."""
         same = _with_values(self, dict.fromkeys(self.parameter_names, 1.0))
         return repr(replace(same, name="", lower=(), upper=()))
 
     def symbolic(self) -> tuple[Robot, ca.SX]:
-        """The same robot with a symbol for each run-time parameter, and the symbols (n_p,)."""
+        """Copy of the robot with a symbol for each run-time parameter, and the symbols (n_p,)."""
         names = self.parameter_names
         symbols = ca.SX.sym("p", len(names))
         return _with_values(self, dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
@@ -263,7 +263,7 @@ class Robot:
         return replace(_with_values(self, values), source=source)
 
     def with_attitude(self, attitude: Attitude) -> Robot:
-        """The same robot with its floating body's attitude in other coordinates.
+        """Copy of the robot with its floating body's attitude in other coordinates.
 
         A quaternion has no singularity: loops, rolls and vertical climbs go through. Its
         source says so too.
@@ -348,7 +348,7 @@ class Robot:
         orientation: Axis = (0.0, 0.0, 0.0),
         prefix: str = "arm_",
     ) -> Robot:
-        """This robot fixed to a body of another: one tree, one dynamics.
+        """Robot that is fixed to a body of another: one tree, one dynamics.
 
         Its floating base becomes a body without coordinates of its own (their damping
         goes with them); joints, wings, limits and damping stay. Gravity is this robot's.

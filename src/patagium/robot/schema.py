@@ -1,4 +1,4 @@
-"""What a robot file may say: its keys, units and ranges, and nothing else.
+"""Schema of a robot file: keys, units and ranges.
 
 Mirrors the file, not the machine: `patagium.robot.assembly` turns it into a
 `Robot`. All numbers are SI here already. Neglected: springs, flexible bodies,
@@ -310,7 +310,7 @@ class BodyPart(_Part):
 
 
 class Station(_Part):
-    """Where a wing's outline is known: a span position and the two edges along x."""
+    """Station of a wing's outline: a span position and the two edges along x."""
 
     span: Length
     leading: Length

@@ -1,4 +1,4 @@
-"""Bodies as solids to be looked at: their shapes where the robot file gives them.
+"""Solids of bodies for pictures: shapes from the robot file, else bones.
 
 A body with a shape is drawn as it; a plate that carries strips is left to the strips.
 A body without is a bone: capsules from its origin to the joints it carries, or along its
@@ -34,7 +34,7 @@ class Solid(NamedTuple):
         body: Index of the body.
         kind: "cylinder", "capsule", "box" or "ellipsoid".
         center: In body axes, (3,) [m].
-        axis: Unit vector along a cylinder or capsule, body axes, (3,).
+        axis: Unit vector along a cylinder or capsule, body axes, (3,) [-].
         size: Radius and length of a cylinder; radius and distance of the ends' centers of a
             capsule; edges of a box; semi-axes of an ellipsoid [m].
     """
@@ -47,7 +47,7 @@ class Solid(NamedTuple):
 
 
 def solids(robot: Robot) -> list[Solid]:
-    """What the bodies of a robot look like, one solid or more each.
+    """Solids of the bodies of a robot, one or more each.
 
     Args:
         robot: The machine, with numbers for parameters.
@@ -83,7 +83,7 @@ def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
 
 
 def carried_body(robot: Robot) -> int:
-    """First body of what an arm carries (`Robot.mounted_on`); 0 where no arm does.
+    """First body of a robot that an arm carries (`Robot.mounted_on`); 0 without an arm.
 
     Args:
         robot: The machine; bodies of the arm come first.

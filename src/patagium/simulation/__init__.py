@@ -1,4 +1,4 @@
-"""What happens next: gaits, mounts, integration, and the record of a flight."""
+"""Simulation: gaits, mounts, integration, and the record of a flight."""
 
 from patagium.simulation import gaits, mounts, paths
 from patagium.simulation.arm_reconstruction import carrier_of

@@ -1,4 +1,4 @@
-"""Where an arm's tool is, how its joints move it, and what torques that takes.
+"""Kinematics of an arm's tool, and the torques of its joints.
 
 The tool is a frame fixed to a body of the arm. Many states at a time, compiled. Neglected:
 the load on the tool; elasticity and friction of the joints.
@@ -151,7 +151,7 @@ def rotation_vector(matrix: Array) -> Array:
     """Axis times angle of rotations, (N, 3) [rad]; of a half turn one of its two axes.
 
     Args:
-        matrix: Rotations, (N, 3, 3).
+        matrix: Rotations, (N, 3, 3) [-].
     """
     skew = np.stack(
         [

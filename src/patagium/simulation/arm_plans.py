@@ -1,4 +1,4 @@
-"""What the joints of an arm do so that its tool follows a path, and whether they can.
+"""Joint motion of an arm whose tool follows a path, planned within the arm's limits.
 
 Inverse kinematics by Newton's method on the compiled Jacobian: along the path from one
 knot to the next on the same branch, then at any time from a spline through the knots, so
@@ -91,7 +91,7 @@ class ArmPlan:
         return self.tool.follow(_closed(self.tool, guess, target.position, turned, 6), target)
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "name": self.arm.name,
             "source": self.arm.source,
@@ -103,7 +103,7 @@ class ArmPlan:
         }
 
     def demands(self) -> dict[str, dict[str, float]]:
-        """Of each joint: least and greatest position, speed, acceleration and torque [SI]."""
+        """Least and greatest position, speed, acceleration and torque of each joint [SI]."""
         motion = self.motion(np.linspace(0.0, self.time[-1], 4 * len(self.time)))
         torque = self.tool.torque(motion)
         return {
@@ -205,7 +205,7 @@ class CarriedGait:
         )
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "kind": "carried",
             "joints": list(self.joints),

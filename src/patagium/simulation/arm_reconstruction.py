@@ -67,7 +67,7 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
 
 
 def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
-    """Where the robot's floating body is, (N, 3) [m], and its rotation, (N, 3, 3)."""
+    """Position of the floating body, (N, 3) [m], and its rotation to the world, (N, 3, 3)."""
     robot = robot_of(flight)
     position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
     held = next(k for k, body in enumerate(robot.bodies) if body.floating_dofs is not None)

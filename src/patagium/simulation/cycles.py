@@ -1,4 +1,4 @@
-"""What a load-cell lab reports of a flapping robot: cycles, averaged phase by phase.
+"""Cycle statistics of a flapping robot, in the form that load-cell laboratories report.
 
 Whole wingbeats of a flight are laid on top of each other. Neglected: sensors (the values
 of a flight are the true ones) and drift within a wingbeat: each is taken as it is.
@@ -117,7 +117,7 @@ def _variables(name: str, cycles: Array) -> list[tuple[str, tuple[str, Array, di
 
 
 def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
-    """What is averaged, (N,) each."""
+    """Signals to be averaged, (N,) each [N, W]."""
     forward = _forward(flight, robot)
     air = _air_force(flight, robot, time)
     signals = {"lift": air[:, 2], "thrust": air @ forward}

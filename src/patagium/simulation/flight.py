@@ -129,7 +129,7 @@ ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outc
 
 @dataclass(frozen=True)
 class FlightOrigin:
-    """What a flight was flown with.
+    """Robot, air, gait, mount and integrator of a flight.
 
     Attributes:
         robot: The machine.
@@ -196,7 +196,7 @@ def flight_record(
 
 
 def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
-    """Largest residuals of a flight, as its attributes hold them.
+    """Largest residuals of a flight, stored among its attributes.
 
     Args:
         flight: The flight.
@@ -252,7 +252,7 @@ def robot_of(flight: xr.Dataset) -> Robot:
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:
-    """The aerodynamic model a flight was flown with.
+    """Aerodynamic model of a flight.
 
     Raises:
         FlightError: If the flight does not carry it.

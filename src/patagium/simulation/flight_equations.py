@@ -235,7 +235,7 @@ def external_force(machine: Robot, force: ca.SX) -> ca.SX:
 
     Args:
         machine: A machine with a floating body.
-        force: Generalized force of all that is not inertia, weight or a joint, (n, 1).
+        force: Generalized force of all but inertia, weight and joints, (n, 1) [N, N m].
     """
     total = ca.vertcat(0, 0, -total_mass(machine) * machine.gravity)
     for body in machine.bodies:

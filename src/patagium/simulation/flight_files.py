@@ -24,7 +24,7 @@ from patagium.whole_file import whole_file
 
 
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
-    """Write a flight as netCDF4; an interrupted write leaves what was there.
+    """Write a flight as netCDF4; an interrupted write leaves the former file.
 
     Args:
         flight: The flight.
@@ -46,7 +46,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
 
 
 def load_flight(path: str | Path) -> xr.Dataset:
-    """Read a flight and check it.
+    """Flight from a netCDF4 file, read and checked.
 
     Args:
         path: A netCDF4 file written by `save_flight`.

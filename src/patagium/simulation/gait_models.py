@@ -21,7 +21,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PrescribedMotion:
-    """What the actuated joints do, each (N, n_actuated) in the order of `Robot.actuated`.
+    """Motion of prescribed coordinates, (N, n) each: actuated joints, or a path's coordinates.
 
     Attributes:
         position: Joint positions [rad, m].
@@ -42,7 +42,7 @@ class PrescribedMotion:
 
 
 class Gait(Protocol):
-    """What `simulate` asks of a gait."""
+    """Protocol of a gait."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ class Gait(Protocol):
         """Joint motion at the times asked for, (N,) [s]."""
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it; travels with every flight."""
+        """Description, as JSON-able values; it travels with every flight."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class FourierGait:
         )
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "kind": "fourier",
             "joints": list(self.joints),
@@ -141,7 +141,7 @@ class LinkageGait:
         )
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "kind": "linkage",
             "joints": list(self.joints),
@@ -186,7 +186,7 @@ class TableGait:
         return PrescribedMotion(spline(phase), spline(phase, 1), spline(phase, 2))
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "kind": "table",
             "joints": list(self.joints),
@@ -221,5 +221,5 @@ class SuperposedGait:
         return reduce(add, [part.motion(time) for part in self.parts])
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {"kind": "superposed", "parts": [part.describe() for part in self.parts]}

@@ -133,7 +133,7 @@ def _joint_unit(robot: Robot, name: str) -> str:
 
 
 def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
-    """What turns a column into SI.
+    """Factor that converts a column to SI.
 
     Args:
         path: The file, for the message.

@@ -1,4 +1,4 @@
-"""How the actuated joints move: position, velocity and acceleration at any time.
+"""Gaits: position, velocity and acceleration of the actuated joints at any time.
 
 A gait prescribes its joints exactly; the torques that this takes come out of the
 dynamics. A name such as `plunge` addresses `left_plunge` and `right_plunge`

@@ -1,4 +1,4 @@
-"""A gust that travels, as the march looks it up: between the state and what depends on it.
+"""Traveling gust as the integrator looks it up, between the state and its rate.
 
 Where strips are in the gust is a function of state and row; what is there ends the row.
 Neglected: what `aerodynamics.traveling_gust` neglects.
@@ -22,10 +22,10 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GustField:
-    """A gust that travels, and when strips meet it.
+    """Traveling gust and the delays with which strips meet the gust.
 
     Attributes:
-        meet: Delays of the strips, (4, n), of (state, row, robot and aero parameters).
+        meet: Delays of the strips, (4, n) [s, -], of (state, row, robot and aero parameters).
         constants: Robot and aero parameters.
         pieces: The gust from one time to another.
         slowness: Of the gust, the inverse of its speed [s/m].
@@ -47,8 +47,8 @@ class GustField:
         """All of the gust that can be met in a stretch of time.
 
         Args:
-            states: At its beginning, or at all times of it, (N, size).
-            rows: What is prescribed then, (N, row_size).
+            states: States at its beginning, or at all times of it, (N, size) [SI].
+            rows: Prescribed rows then, (N, row_size) [SI].
             first: Where it begins [s].
             last: Where it ends [s].
         """
@@ -61,8 +61,8 @@ class GustField:
         """Rows with what strips meet, (N, row_size + 9 n).
 
         Args:
-            states: (N, size).
-            rows: What is prescribed, (N, row_size).
+            states: States, (N, size) [SI].
+            rows: Prescribed rows, (N, row_size) [SI].
             times: (N,) [s].
             pieces: All of the gust that is met.
         """
@@ -80,7 +80,7 @@ class GustField:
 
 
 def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
-    """What strips meet, strip after strip, (N, 9 n), from delays (N, n, 4)."""
+    """Gust at the strips, strip after strip, (N, 9 n), from delays (N, n, 4)."""
     library, (count, strips, _) = load_kernel("march"), delays.shape
     if library is None:
         met = gusts_at_strips(pieces, times, delays.swapaxes(1, 2))

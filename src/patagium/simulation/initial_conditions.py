@@ -1,4 +1,4 @@
-"""What a run is started from, and whether its parts are of one robot."""
+"""Initial conditions of a flight, and checks that its parts are of one robot."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class InternalLoadCell:
             object.__setattr__(self, name, tuple(float(k) for k in values))
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {"at": self.at, "position": self.position, "orientation": self.orientation}
 
 
@@ -80,7 +80,7 @@ def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> 
 
 
 def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
-    """The same machine with a massless link of six coordinates at each cell; they come first.
+    """Machine with a massless link of six coordinates, which come first, at each cell.
 
     Args:
         robot: The machine; numbers or symbols.

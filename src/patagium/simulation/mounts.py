@@ -1,4 +1,4 @@
-"""What holds the robot: nothing, a rigid stand, or an arm that carries it along a path.
+"""Mounts of a robot: none, a rigid stand, or an arm that carries it along a path.
 
 A mount prescribes the floating coordinates; the force that this takes is the mount's
 force on the robot. A robot without a floating body is always fixed: its equations are
@@ -31,7 +31,7 @@ _UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @dataclass(frozen=True)
 class Mount:
-    """How the robot is held.
+    """Mount of a robot.
 
     Attributes:
         kind: "free" in the air, "fixed" where it starts, "carried" along a path, or so by
@@ -148,7 +148,7 @@ def floating_coordinates(robot: Robot) -> tuple[int, ...]:
 
 
 def on_massless_mount(robot: Robot) -> Robot:
-    """The same machine on a massless floating body, whose six coordinates come first.
+    """Machine on a massless floating body, whose six coordinates come first.
 
     Args:
         robot: A robot without a floating body; numbers or symbols.

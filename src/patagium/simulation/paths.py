@@ -1,4 +1,4 @@
-"""Where a carried robot goes: position and attitude of its mounting over time.
+"""Paths of a carried robot: position and attitude of its mounting over time.
 
 A path is the motion of x, y, z, roll, pitch and yaw in the world, with exact
 velocity and acceleration; the last is continuous everywhere. Periodic ones repeat for
@@ -79,7 +79,7 @@ class SplinePath:
         )
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         return {
             "kind": "spline",
             "joints": list(self.joints),
@@ -121,7 +121,7 @@ def circle(
         radius: Radius [m].
         speed: Along the path [m/s]; or
         frequency: Turns a second [Hz].
-        normal: Of the plane, world axes, (3,).
+        normal: Normal of the plane, world axes, (3,) [-].
         attitude: Roll, pitch, yaw, (3,) [rad].
 
     Raises:
@@ -153,8 +153,8 @@ def figure_of_eight(
         width: Across [m].
         speed: The greatest, at the crossing [m/s]; or
         frequency: Eights a second f [Hz].
-        along: Direction of its length, world axes, (3,).
-        across: Direction of its width, square to it, (3,).
+        along: Direction of its length, world axes, (3,) [-].
+        across: Direction of its width, square to it, (3,) [-].
         attitude: Roll, pitch, yaw, (3,) [rad].
 
     Raises:

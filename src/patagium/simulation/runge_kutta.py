@@ -31,7 +31,7 @@ CHUNK = 1000
 
 @dataclass(frozen=True)
 class Equations:
-    """What the march integrates; all functions of (state, row, robot and aero parameters).
+    """Equations to be integrated; all functions of (state, row, robot and aero parameters).
 
     Attributes:
         rate: Rate of the state.
@@ -39,8 +39,8 @@ class Equations:
         prepare: State where a step begins, from the state where the last one ended;
             None to leave it.
         recorded: Names of what `record` gives, in order.
-        robot_parameters: The robot's, (n_p,).
-        aero_parameters: The aerodynamic model's, (n_c,).
+        robot_parameters: Parameters of the robot, (n_p,) [SI].
+        aero_parameters: Parameters of the aerodynamic model, (n_c,) [SI].
         lower: Where each entry of the state must stay above, (size,).
         upper: Where each entry of the state must stay below, (size,).
         field: What rows end with, or None.
@@ -58,7 +58,7 @@ class Equations:
 
     @property
     def constants(self) -> tuple[Array, Array]:
-        """What all functions take after state and row."""
+        """Parameters that all functions take after state and row."""
         return self.robot_parameters, self.aero_parameters
 
 
@@ -82,12 +82,12 @@ class IntegrationResult:
 
 
 class Integration:
-    """An integration that goes on as far as it is asked to.
+    """Integration that goes on in pieces of any length.
 
     Args:
         equations: What to integrate.
         state: Initial state, (size,).
-        rows: Table rows at given times, (N,) to (N, row_size).
+        rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         steps: Steps to take at most.
         time_step: Step [s].
         began: Time of the initial state [s].
@@ -118,7 +118,7 @@ class Integration:
 
     @property
     def run(self) -> IntegrationResult:
-        """What was integrated so far."""
+        """Result of the integration so far."""
         if not self._recorded:
             self._chunk(0)
         kept = {name: values[: self.done + 1] for name, values in self._samples.items()}
@@ -175,7 +175,7 @@ def integrate(
     Args:
         equations: What to integrate.
         state: Initial state, (size,).
-        rows: Table rows at given times, (N,) to (N, row_size).
+        rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         steps: Steps to take.
         time_step: Step [s].
         progress: Told the steps done and to do, after every chunk.

@@ -140,7 +140,7 @@ class Simulator:
 
     @property
     def run(self) -> IntegrationResult:
-        """What was recorded so far."""
+        """Result of the integration so far."""
         return self._integration.run
 
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
@@ -160,7 +160,7 @@ class Simulator:
 
     @property
     def outcome(self) -> Outcome:
-        """How it goes: COMPLETED while all is well."""
+        """Outcome of the flight so far: COMPLETED while all is well."""
         return self._integration.outcome if self._cause is None else Outcome.STEP_TOO_LONG
 
     def steer(self, gait: Gait) -> None:
@@ -185,7 +185,7 @@ class Simulator:
         self._gait = gait
 
     def message(self) -> str:
-        """How it went so far, in words."""
+        """Outcome of the flight so far, in words."""
         run, names, singular = self.run, self._layout.state_names, self._singular
         steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
         time_step, cause = self._time_step, self._cause
@@ -200,7 +200,7 @@ class Simulator:
         return flight_record(origin, time, run.samples, self.outcome, self.message())
 
     def _why(self) -> StepTooLong | None:
-        """Why it broke, if the step was too long."""
+        """Cause of the failure where the step was too long; else None."""
         run = self.run
         return diagnose_step(
             self._equations, self._layout.state_of_sample, run.samples, self._rows, run.steps,
@@ -280,7 +280,7 @@ def check_keywords(given: Mapping[str, Any], known: type) -> None:
 
 
 class _BaseMotion(Protocol):
-    """What a mount makes the floating body's coordinates do."""
+    """Protocol of the motion that a mount prescribes for the floating body."""
 
     def motion(self, time: Array) -> PrescribedMotion: ...
 

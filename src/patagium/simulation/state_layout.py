@@ -1,4 +1,4 @@
-"""Layout of the flat state that a flight integrates, and of the table rows beside it.
+"""Layout of the flat state that a flight integrates, and of the table rows.
 
     state = [q passive, v passive, lag states, works (4, 5 with added mass), impulse (3)]
     row = [q, v, a of the prescribed coordinates, wind (3), gust at the strips (9 a strip)]
@@ -121,7 +121,7 @@ class StateLayout:
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """What each entry of the state is, for messages."""
+        """Names of the entries of the state, for messages."""
         names = [self.machine.coordinate_names[i] for i in self.passive_coordinates]
         rates = [f"velocity of {self.machine.dof_names[i]}" for i in self.passive]
         lags = [f"lag state {k}" for k in range(self.lags)]

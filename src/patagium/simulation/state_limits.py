@@ -1,4 +1,4 @@
-"""Where a run may go, and what is said when it goes elsewhere.
+"""Limits of the state in a flight, and messages about a violation.
 
 Beyond these bounds the equations still give numbers, but not of this machine:
 Euler angles are singular at a pitch of 90 degrees, joints have stops that are not
@@ -34,7 +34,7 @@ PITCH_MARGIN = 0.02
 def limits(
     machine: Robot, coordinates: tuple[int, ...], passive: tuple[int, ...], state: Array
 ) -> tuple[Array, Array]:
-    """Where a state [q passive, v passive, ...] must stay.
+    """Limits of a state [q passive, v passive, ...].
 
     Args:
         machine: The machine.
@@ -105,7 +105,7 @@ def message_of(
     singular: tuple[int, ...] = (),
     cause: StepTooLong | None = None,
 ) -> str:
-    """How a run ended, in words: when, which quantity, what to do.
+    """Message about the end of a run: time, quantity and advice.
 
     Args:
         run: The run.

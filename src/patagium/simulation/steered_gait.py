@@ -47,7 +47,7 @@ class _Answer:
         return self.target + fading * p0, fading * p1, fading * p2
 
     def integral(self, time: Array) -> Array:
-        """Its integral from where it began, t after that."""
+        """Integral of the response from its beginning to t."""
         k, (c0, c1, c2) = self.sharpness, self.c
         whole = c0 / k + c1 / k**2 + 2 * c2 / k**3
         left = whole + (c1 / k + 2 * c2 / k**2) * time + c2 / k * time**2
@@ -63,7 +63,7 @@ class _Answer:
 
 @dataclass(frozen=True)
 class _Piece:
-    """What is asked for from a time on."""
+    """Command that holds from a time on."""
 
     time: float
     phase: float
@@ -109,7 +109,7 @@ class SteeredGait:
         return PrescribedMotion(*parts)
 
     def asked(self, time: float, frequency: float, amplitude: float) -> SteeredGait:
-        """The same up to a time, from then on on its way to another frequency and amplitude.
+        """Gait that goes to another frequency and amplitude from a time on.
 
         Args:
             time: When it is asked for, not before the last time [s].
@@ -144,7 +144,7 @@ class SteeredGait:
         return rate / (self.gait.period or 1.0), amplitude
 
     def describe(self) -> dict[str, Any]:
-        """What it is, as JSON can hold it."""
+        """Description, as JSON-able values."""
         own = self.gait.period or 1.0
         asked = [(k.time, k.rate.target / own, k.amplitude.target) for k in self.pieces]
         names = ("time", "frequency", "amplitude")
@@ -190,7 +190,7 @@ def steered(gait: Gait) -> SteeredGait:
 
 
 def largest_amplitude(robot: Robot, gait: SteeredGait) -> float:
-    """How large the excursions over the gait's own may be for all joints to keep their limits.
+    """Largest amplitude, over the gait's own, at which all joints keep their limits.
 
     Args:
         robot: The machine.

@@ -56,13 +56,13 @@ def diagnose_step(
     steps: int,
     time_step: float,
 ) -> StepTooLong | None:
-    """What made the step too long, or None where the motion itself left its bounds.
+    """Cause that made the step too long; None where the motion itself left its bounds.
 
     Args:
         equations: What was integrated.
         state_of: State at a sample of a run, (size,).
         samples: Those of the run.
-        rows: Table rows at given times, (N,) to (N, row_size).
+        rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         broken: Steps completed before the one that broke.
         steps: Steps that were to be taken.
         time_step: Step [s].
@@ -89,7 +89,7 @@ def diagnose_step(
 
 
 def _spread(first: int, last: int) -> NDArray[np.int64]:
-    """Some samples of a stretch, both ends among them."""
+    """Numbers of some samples from the first to the last, both included."""
     return np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
 
 

@@ -37,7 +37,7 @@ class CarryingArm(NamedTuple):
 def arm_under(
     robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]
 ) -> CarryingArm | None:
-    """What carries the robot of a flight; None if nothing does.
+    """Arm under the robot of a flight; None if there is no arm.
 
     Of a robot composed with its arm only the foot: its links are bodies of the robot.
 

@@ -73,7 +73,7 @@ def _strips(flight: xr.Dataset) -> Figure:
 
 
 def _forces(flight: xr.Dataset, model: Trained) -> Figure:
-    """Every generalized force of the air that moves, and what the model makes of it."""
+    """Figure of every generalized force of the air that varies, and of its prediction."""
     record = evaluate(flight, model).prediction
     truth, learned = record["measurement"].values, record["prediction"].values
     moving = [k for k in range(truth.shape[1]) if np.ptp(truth[:, k]) > 0.0]

@@ -27,7 +27,7 @@ from patagium.viewer import still
 
 @dataclass(frozen=True)
 class Exhibit:
-    """How a robot of the gallery flies.
+    """Flight of a robot of the gallery.
 
     Attributes:
         gait: Of `gaits.sinusoidal`; empty: joints held still.
@@ -112,7 +112,7 @@ def on_an_arm(duration: float) -> xr.Dataset:
 
 
 def draw_gallery(folder: Path) -> Iterator[Path]:
-    """Pictures of all robots, one after the other as they are made.
+    """Files of the pictures of all robots, one after the other.
 
     Args:
         folder: Where they go; made if missing.
@@ -124,7 +124,7 @@ def draw_gallery(folder: Path) -> Iterator[Path]:
 
 
 def kept(picture: Figure, folder: Path, name: str) -> Path:
-    """A picture in a file, with few colors, which it is content with: a page loads all of them.
+    """File of a picture, reduced to 96 colors because a page loads all pictures.
 
     Args:
         picture: The picture.

@@ -41,7 +41,7 @@ _SHARE = 0.8  # of the time that integration leaves, for learning
 
 
 def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subject:
-    """What the page of a simulation shows.
+    """Subject of the page of a simulation.
 
     Args:
         robot: The machine.
@@ -60,7 +60,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
 
 
 class LiveFlight:
-    """A flight that goes as the clock does.
+    """Flight in real time.
 
     Args:
         start: Begins a flight with a gait.
@@ -169,7 +169,7 @@ class LiveFlight:
         self._flying.steer(self._gait)
 
     def _steps_due(self) -> int:
-        """Steps to take now for the flight to be where the clock is."""
+        """Number of steps by which the flight is behind the clock."""
         if not self._sound:
             return 0
         now, flown = time.monotonic(), self._flying.time

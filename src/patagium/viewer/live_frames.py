@@ -1,4 +1,4 @@
-"""What travels from a learner or a simulation to its page, thirty times a second or so.
+"""Frames that a learner or a simulation sends to its page, about thirty a second.
 
 A frame is the last sample, the scores so far, and the forces since the frame before, thinned,
 so that a wingbeat can be plotted although only few of its pictures are drawn. Making one copies
@@ -42,7 +42,7 @@ COMMAND = (
 
 @dataclass(frozen=True)
 class Steering:
-    """What a page may ask of a gait.
+    """Range of commands that a page may give to a gait.
 
     Attributes:
         frequency: Beats a second at first [Hz].
@@ -59,7 +59,7 @@ class Steering:
 
 @dataclass(frozen=True)
 class Subject:
-    """What a page shows, told once.
+    """Subject of a page: what does not change from frame to frame.
 
     Attributes:
         robot: The machine.
@@ -172,7 +172,7 @@ def unlearned(packets: Array, force: Array) -> Records:
     """Records of samples that nobody learned from.
 
     Args:
-        packets: (N, 1 + n_q + 3 n).
+        packets: Samples, (N, 1 + n_q + 3 n) [SI].
         force: Force of the air, (N, m) [N, N m].
 
     Raises:
@@ -187,7 +187,7 @@ def unlearned(packets: Array, force: Array) -> Records:
 
 
 def command_of(values: Mapping[str, Any]) -> dict[str, Any]:
-    """A command as a mailbox takes it.
+    """Command as a letter for a mailbox.
 
     Args:
         values: By field of `COMMAND`.

@@ -19,7 +19,7 @@ Letter = Any
 
 
 class Mailbox:
-    """A ring of letters; it travels to a process that is spawned, as an argument of it.
+    """Ring of letters between a process and one that it spawns.
 
     A slot's number is taken away while it is written and given when it is whole, so that a
     letter half written is never taken for one.
@@ -49,7 +49,7 @@ class Mailbox:
         return int(self._count[0])
 
     def put(self, letter: Mapping[str, Any]) -> None:
-        """Send a letter; the oldest one makes room for it.
+        """Send a letter in place of the oldest one.
 
         Args:
             letter: Values by field; those not named are zero.
@@ -65,7 +65,7 @@ class Mailbox:
         self._count[0] = number
 
     def take(self) -> list[Letter]:
-        """Letters that came since the last look, oldest first, as far as they are still there."""
+        """Letters that came since the last call and are not overwritten, oldest first."""
         last = self.sent
         first = max(self._seen, last - len(self._slots)) + 1
         found = []

@@ -19,7 +19,7 @@ _STYLE = (
 
 
 def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
-    """How it flies.
+    """Rows about the flight.
 
     Args:
         letter: The last frame.
@@ -42,7 +42,7 @@ def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
 
 
 def learner_rows(letter: Any, rate: float) -> list[Row]:
-    """How it learns.
+    """Rows about the learner.
 
     Args:
         letter: The last frame.
@@ -65,7 +65,7 @@ def learner_rows(letter: Any, rate: float) -> list[Row]:
 
 
 def picture_rows(drawn: int, sent: int, meters_per_newton: float) -> list[Row]:
-    """How it is shown.
+    """Rows about the picture.
 
     Args:
         drawn: Frames drawn.
@@ -79,7 +79,7 @@ def picture_rows(drawn: int, sent: int, meters_per_newton: float) -> list[Row]:
 
 
 def table(*groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any) -> str:
-    """Groups of rows as HTML, what is said over them, and the key of the colors under them.
+    """Groups of rows as HTML, with a message above them and the key of the colors below.
 
     Args:
         *groups: Names and values.

@@ -29,7 +29,7 @@ _PLOTS = 0.12  # s between two plots
 
 
 class LivePage:
-    """What a browser sees.
+    """Page in a browser.
 
     Args:
         subject: What is shown.
@@ -59,7 +59,7 @@ class LivePage:
         self._build()
 
     def show(self, letters: Sequence[Any], sent: int) -> None:
-        """What has come: the last frame is drawn, all are plotted.
+        """Draw the last frame and plot all frames that have come.
 
         Args:
             letters: Frames, oldest first.
@@ -178,7 +178,7 @@ class LivePage:
         self._scene.show_forces("predicted", predicted, guess, std)
 
     def _total(self, force: Array) -> Array | None:
-        """Its part along x, y and z, (3,); None where a part is not measured."""
+        """Force along x, y and z, (3,) [N]; None where a component is not measured."""
         places = [self._measured.get(name) for name in "xyz"]
         if None in places:
             return None

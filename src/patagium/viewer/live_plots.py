@@ -67,7 +67,7 @@ class LivePlots:
         self._trace, self._scores = self._trace[:0], self._scores[:0]
 
     def draw(self) -> None:
-        """Show what there is."""
+        """Draw all plots."""
         if len(self._trace) < 2:
             return
         for name, plot in zip(self._shown, self._plots, strict=True):

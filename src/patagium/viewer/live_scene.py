@@ -38,7 +38,7 @@ def rgb(color: str) -> tuple[int, int, int]:
 
 
 def arrow_rgb(color: str) -> tuple[int, int, int]:
-    """The same for arrows, whose colors viser takes as linear light."""
+    """Color of an arrow from 0 to 255 as linear light, which viser expects for arrows."""
     parts = np.array(rgb(color)) / 255.0
     linear = np.where(parts > 0.04045, ((parts + 0.055) / 1.055) ** 2.4, parts / 12.92)
     red, green, blue = (int(part) for part in np.round(255.0 * linear))
@@ -46,7 +46,7 @@ def arrow_rgb(color: str) -> tuple[int, int, int]:
 
 
 class LiveScene:
-    """What is in front of the camera.
+    """Scene in front of the camera.
 
     Args:
         scene: viser's.
@@ -77,7 +77,7 @@ class LiveScene:
 
     @property
     def camera(self) -> tuple[Array, Array]:
-        """Where a camera is at first, and what it looks at, (3,) each [m]."""
+        """First position of the camera and of its target, (3,) each [m]."""
         toward = np.array(_BEHIND) / np.linalg.norm(_BEHIND)
         return _AWAY * self.reach * toward, np.zeros(3)
 
@@ -90,7 +90,7 @@ class LiveScene:
 
         Args:
             time: [s].
-            q: Generalized coordinates, (n_q,).
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         position, rotation = self._poses(q[None])
         origin = position[0, 0]

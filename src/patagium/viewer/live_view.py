@@ -60,25 +60,25 @@ class LiveView:
 
     @property
     def address(self) -> str:
-        """Where a browser finds it."""
+        """Address for a browser."""
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
         return f"http://{f'[{host}]' if ':' in host and host[0] != '[' else host}:{self.port}"
 
     @property
     def loopback(self) -> bool:
-        """Whether this machine alone can reach it."""
+        """Whether only this machine can reach the page."""
         return self.host == "localhost" or self.host.startswith("127.") or self.host == "::1"
 
     @property
     def command(self) -> Any:
-        """What was asked for last on the page, a record of `COMMAND`; None before."""
+        """Last command from the page, a record of `COMMAND`; None before the first."""
         found = self._commands.take()
         if found:
             self._command = found[-1]
         return self._command
 
     def problem(self) -> str | None:
-        """Why it ended, once; None while it runs or when that was told."""
+        """Reason why the page ended, given once; None while it runs."""
         if self._told or self._process.is_alive():
             return None
         self._told = True

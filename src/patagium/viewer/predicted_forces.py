@@ -1,4 +1,4 @@
-"""What a learned model, or an identification, says of the forces of a flight.
+"""Predicted forces of a flight, by a learned model or by an identification.
 
 A model with frozen weights is asked at every time; an identification is replayed as it
 was, each force predicted before its sample was used. A network of strips says the force on
@@ -96,7 +96,7 @@ def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Predict
 
 
 def _checked(record: xr.Dataset, time: Array) -> Array | None:
-    """Predicted deviations between the times at which an identification kept them."""
+    """Predicted standard deviations, interpolated between the times that were kept."""
     checks = np.asarray(record["check_time"].values, float)
     kept = np.asarray(record["predicted_std"].transpose("check_time", "output").values, float)
     return _between(checks, kept, time)
@@ -145,7 +145,7 @@ def _check(network: Any, robot: Robot) -> None:
 
 
 def _measuring(network: Network, measured: Any) -> StripNetwork:
-    """The same strip network, its weights too, seen through other measurements."""
+    """Strip network with the same weights and other measurements."""
     return StripNetwork.from_description(network.describe() | {"measured": measured})
 
 
@@ -160,7 +160,7 @@ def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> A
 
 
 def strip_measuring(network: Network, robot: Robot) -> StripNetwork | None:
-    """The same network, its weights too, seen through the force on each strip.
+    """Network with the same weights whose outputs are the forces on the strips.
 
     Args:
         network: Any; of strips or not.

@@ -83,7 +83,7 @@ def shown_of(
     start: float | None = None,
     end: float | None = None,
 ) -> Replay:
-    """What a page or a picture of a flight shows; see `replay` for arguments and errors."""
+    """Content of a page or a picture of a flight; see `replay` for arguments and errors."""
     robot = robot_of(flight)
     time = np.asarray(flight["time"].values, float)
     period = _period(flight)
@@ -142,7 +142,7 @@ def quaternions(rotation: Array) -> Array:
     """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis.
 
     Args:
-        rotation: Proper, (N, n_bodies, 3, 3).
+        rotation: Proper rotations, (N, n_bodies, 3, 3) [-].
     """
     from scipy.spatial.transform import Rotation
 
@@ -233,7 +233,7 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
     Args:
         robot: The machine, with numbers for parameters.
         position: Origins of its bodies, (N, n_bodies, 3) [m].
-        rotation: Their axes, (N, n_bodies, 3, 3).
+        rotation: Axes of its bodies, (N, n_bodies, 3, 3) [-].
     """
     mass = np.array([float(body.mass) for body in robot.bodies])
     mass[: carried_body(robot)] = 0.0
@@ -285,7 +285,7 @@ def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | Non
 
 
 def _wind(shown: xr.Dataset) -> list[str]:
-    """What is said of air that moves."""
+    """Note about the wind; none in still air."""
     wind = np.asarray(shown["wind"].values, float)
     if not wind.any():
         return []

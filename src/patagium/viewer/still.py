@@ -28,7 +28,7 @@ def still(
         flight: The flight.
         time: When [s]; None: in the middle of the flight.
         predicted: A learner or model, or the identification of this flight; see `replay`.
-        seen_from: Direction from the robot to the eye, world axes, (3,).
+        seen_from: Direction from the robot to the eye, world axes, (3,) [-].
 
     Returns:
         A figure, to be saved as .png, .svg or .pdf.

@@ -60,8 +60,8 @@ def total_force(
         robot: The machine.
         names: Coordinates whose force is known, k.
         generalized: That force, (N, k) [N, N m].
-        q: Coordinates, (N, n_q).
-        rotation: Of the floating body, to world axes, (N, 3, 3).
+        q: Coordinates, (N, n_q) [m, rad, 1].
+        rotation: Floating body's axes to world axes, (N, 3, 3) [-].
         arm: Center of mass from the floating body's origin, world axes, (N, 3) [m].
     """
     floating = floating_body(robot)
