@@ -17,7 +17,7 @@ from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
 from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import DickinsonPolar, SmoothPolar, TablePolar
+from patagium.aerodynamics.polars import DickinsonPolar, Polar, SectionFlow, SmoothPolar, TablePolar
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.aerodynamics.stall_delay import StallDelay
@@ -41,9 +41,11 @@ __all__ = [
     "LocalFlow",
     "MeasuredSection",
     "OneMinusCosineGust",
+    "Polar",
     "QuasiSteady",
     "RampGust",
     "Section",
+    "SectionFlow",
     "SmoothPolar",
     "StallDelay",
     "StateSpace",

@@ -89,7 +89,7 @@ def test_blocks_of_a_page_run_one_after_the_other(
     names = {"__name__": "__main__", **_stage(page)}
     for language, block in BLOCK.findall((DOCS / page).read_text("utf-8")):
         if language == "python":
-            exec(compile(_shortened(block), page, "exec"), names)
+            exec(compile(_shortened(block), page, "exec", dont_inherit=True), names)
         else:
             for line in filter(None, _shortened(block).splitlines()):
                 _said(line, capsys)

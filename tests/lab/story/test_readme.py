@@ -31,7 +31,7 @@ def test_python_blocks_run_one_after_the_other(
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in blocks("python"):
-        exec(compile(shortened(block), "README.md", "exec"), names)
+        exec(compile(shortened(block), "README.md", "exec", dont_inherit=True), names)
     assert (tmp_path / "report.html").stat().st_size > 10_000
     assert names["flight"].attrs["outcome"] == "COMPLETED"  # type: ignore[attr-defined]
     residual = names["D"] @ names["a"] + names["h"] - names["f"]  # type: ignore[operator]

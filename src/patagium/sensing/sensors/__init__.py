@@ -11,7 +11,7 @@ from patagium.sensing.sensors.motion_capture import (
     from_quaternion,
 )
 from patagium.sensing.sensors.sense import SensorLog, sense
-from patagium.sensing.sensors.sensor import Sensor
+from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, limited, noise, stepped
 
 __all__ = [
     "Encoder",
@@ -19,12 +19,17 @@ __all__ = [
     "LoadCell",
     "MotionCapture",
     "MotorCurrent",
+    "Reading",
     "Sensor",
     "SensorLog",
+    "Signal",
     "as_quaternion",
     "from_quaternion",
+    "limited",
     "load_sensor_log",
+    "noise",
     "presets",
     "save_sensor_log",
     "sense",
+    "stepped",
 ]
