@@ -26,6 +26,7 @@ from patagium.aerodynamics import (
     TravelingGust,
     fitted_indicial,
     measured_section,
+    register_polar,
 )
 
 __all__ = [
@@ -51,4 +52,5 @@ __all__ = [
     "TravelingGust",
     "fitted_indicial",
     "measured_section",
+    "register_polar",
 ]

@@ -17,7 +17,14 @@ from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
 from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import DickinsonPolar, Polar, SectionFlow, SmoothPolar, TablePolar
+from patagium.aerodynamics.polars import (
+    DickinsonPolar,
+    Polar,
+    SectionFlow,
+    SmoothPolar,
+    TablePolar,
+    register_polar,
+)
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.aerodynamics.stall_delay import StallDelay
@@ -56,6 +63,7 @@ __all__ = [
     "aero_from_description",
     "fitted_indicial",
     "measured_section",
+    "register_polar",
     "strip_flow",
     "strip_points",
 ]

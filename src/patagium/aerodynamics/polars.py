@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import isfinite, pi, radians
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -51,6 +51,9 @@ def section_flow(forward: Any, normal: Any) -> SectionFlow:
     """Flow of a section from its two components of velocity relative to the air [m/s]."""
     speed = smooth_norm(forward * forward + normal * normal)
     return SectionFlow(forward, normal, speed, smooth_sign(forward))
+
+
+_Kind = TypeVar("_Kind", bound="Polar")
 
 
 class Polar(Protocol):
@@ -253,12 +256,34 @@ class TablePolar(Polar):
 _COLUMNS = ("angle", "lift", "drag")
 
 
+_KINDS: list[type[Polar]] = [DickinsonPolar, SmoothPolar, TablePolar]
+
+
+def register_polar(kind: type[_Kind]) -> type[_Kind]:
+    """Class decorator that lets flights flown with an own polar be read again.
+
+    Args:
+        kind: Frozen dataclass derived from `Polar`, with a `name` of its own.
+
+    Raises:
+        ParameterError: If a polar of another class has the name.
+    """
+    for known in [known for known in _KINDS if known.name == kind.name]:
+        if known.__qualname__ != kind.__qualname__:
+            raise ParameterError("name of the polar", "one of its own", kind.name)
+        _KINDS.remove(known)  # the same class, defined once more
+    _KINDS.append(kind)
+    return kind
+
+
 def polar_from_description(description: Mapping[str, Any]) -> Polar:
-    """The polar of `describe()`.
+    """Polar of `describe()`.
+
+    Args:
+        description: Name of a known or registered polar, and its parameters.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds = DickinsonPolar, SmoothPolar, TablePolar
-    polar: Polar = from_named_description("polar", kinds, description)
+    polar: Polar = from_named_description("polar", tuple(_KINDS), description)
     return polar

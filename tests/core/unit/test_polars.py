@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from patagium.aerodynamics.polars import (
+    _KINDS,
     DickinsonPolar,
+    Polar,
     SmoothPolar,
     polar_from_description,
+    register_polar,
     section_flow,
 )
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
@@ -102,3 +108,23 @@ def test_polar_survives_its_description(polar: object) -> None:
 def test_impossible_polars_are_refused(wrong: object) -> None:
     with pytest.raises(ParameterError, match="polar"):
         wrong()  # type: ignore[operator]
+
+
+def test_a_registered_polar_is_read_again_and_keeps_its_name() -> None:
+    @dataclass(frozen=True)
+    class Constant(Polar):
+        name: ClassVar = "constant for a test"
+        drag: float = 1.0
+
+        def coefficients(self, flow, parameters):
+            return 0.0, parameters[0]
+
+    register_polar(register_polar(Constant))  # twice, as in a notebook
+    assert polar_from_description(Constant(2.0).describe()) == Constant(2.0)
+
+    class Other(Constant):
+        pass
+
+    with pytest.raises(ParameterError, match="one of its own"):
+        register_polar(Other)
+    _KINDS.remove(Constant)
