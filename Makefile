@@ -55,7 +55,7 @@ lint: $(STAMP)
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
-	@$(BIN)/codespell src lab tests docs README.md CHANGELOG.md
+	@$(BIN)/codespell src lab tests docs README.md CHANGELOG.md CONTRIBUTING.md
 
 check: lint test
 
@@ -67,6 +67,7 @@ bench: $(STAMP)
 	@$(BIN)/patagium bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
 
 pages: $(STAMP)
+	@$(BIN)/python docs/draw_architecture.py
 	@$(BIN)/patagium validate -o docs/validation.md
 	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json
 	@$(BIN)/patagium reproduce --out $(OUT)/demo --page docs/results.md

@@ -10,7 +10,7 @@ import shlex
 import subprocess
 import sys
 from html.parser import HTMLParser
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -166,6 +166,18 @@ def test_every_public_name_is_on_a_page_of_names() -> None:
     shown = re.findall(r"^\.\. auto\w+:: patagium\.(?:\w+\.)*(\w+)$", pages, re.MULTILINE)
     assert {name.split(".")[-1] for name in _top_names()} - {*shown} == set()
     assert len(shown) == len({*shown})
+
+
+def test_the_picture_of_the_architecture_is_the_drawn_one(tmp_path: Path) -> None:
+    spec = spec_from_file_location("draw_architecture", DOCS / "draw_architecture.py")
+    assert spec is not None and spec.loader is not None
+    program = module_from_spec(spec)
+    sys.modules[spec.name] = program
+    spec.loader.exec_module(program)
+    drawn = program.write(tmp_path / "architecture.svg").read_text("utf-8")
+    assert (DOCS / "architecture.svg").read_text("utf-8") == drawn, "make pages draws it anew"
+    folders = {p.name for p in (ROOT / "src" / "patagium").iterdir() if p.is_dir()}
+    assert {*program.LAYERS} == {name for name in folders if not name.startswith("_")}
 
 
 def test_functions_the_physics_names_are_there() -> None:
