@@ -11,7 +11,7 @@ from patagium.sensing.sensors.motion_capture import (
     from_quaternion,
 )
 from patagium.sensing.sensors.sense import SensorLog, sense
-from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, limited, noise, stepped
+from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, noise, stepped
 
 __all__ = [
     "Encoder",
@@ -25,7 +25,6 @@ __all__ = [
     "Signal",
     "as_quaternion",
     "from_quaternion",
-    "limited",
     "load_sensor_log",
     "noise",
     "presets",
