@@ -1,4 +1,4 @@
-"""Verb `patagium inspect`: content of a log of another program, and findings about it."""
+"""Verb `patagium inspect`: content of a log of another program, with findings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def inspect(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:
-    """Show the topics, rates, gaps and ranges of a log, and suspicious facts about it.
+    """Show the topics, rates, gaps and ranges of a log, and suspicious facts.
 
     Topics and fields are named as a mapping for `patagium import` names them.
     """

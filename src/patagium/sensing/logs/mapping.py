@@ -1,8 +1,7 @@
-"""The words of a mapping file: which column or field of a log is what, in which unit and axes.
+"""Mapping file of a log: the meaning, unit and axes of its columns or fields.
 
-A mapping is a YAML file that a person writes beside a log. Units scale, axes turn; there are
-no other expressions: a quantity that has to be computed belongs to the program that wrote
-the log. `docs/logs.md` has an example for each kind of file.
+A mapping is a YAML file that a person writes beside a log. Units scale and axes turn; there are
+no other expressions. `docs/logs.md` has an example for each kind of file.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _DERIVED = {
     "kg m^2/s^3": "W",
     "kg/m/s^2": "Pa",
 }
-"""How a person writes the SI units of mechanics."""
+"""Usual names of the SI units of mechanics."""
 
 
 class _Words(BaseModel):
@@ -34,17 +33,17 @@ class _Words(BaseModel):
 
 
 class TimeColumn(_Words):
-    """What stamps the samples, and the time base they are brought to.
+    """Source of the stamps, and the time base of the import.
 
     Attributes:
         column: Name of the column or field with stamps; empty for the stamps of messages.
-        unit: Its unit, a time.
-        base: Stamps of messages: those in their `header` or when they were `received`; None:
-            the header's where there is one.
-        rate: Samples of the common time base a second, such as "200 Hz".
+        unit: Unit of the stamps, a time.
+        base: Stamps of messages: those in their `header`, or the times at which they were
+            `received`; None takes the header's where there is one.
+        rate: Rate of the common time base, such as "200 Hz".
         like: Topic whose stamps are the common time base.
-        start: What comes before is left out, from the first sample [s].
-        end: What comes after is left out, from the first sample [s].
+        start: Time from the first sample before which samples are left out [s].
+        end: Time from the first sample after which samples are left out [s].
     """
 
     column: str = ""
@@ -65,24 +64,24 @@ class TimeColumn(_Words):
 
 
 class ValueColumn(_Words):
-    """A quantity of the log: a number, a vector (with `frame`) or an attitude (with `order`).
+    """Quantity of the log: a number, a vector (with `frame`) or an attitude (with `order`).
 
     Attributes:
-        column: Its name in a table, or the three or four of its components.
-        topic: Topic of a message that holds it.
-        field: Dotted path in the message, such as `position[2]`, or those of its components.
-        stamp: Field with its stamps, where it is not that of `time`.
-        name: Its name in results; the column's or field's name when left out.
+        column: Name of the column in a table, or the names of the three or four components.
+        topic: Topic of the messages that hold the quantity.
+        field: Dotted path in the message, such as `position[2]`, or the paths of the components.
+        stamp: Field with its stamps, if it is not that of `time`.
+        name: Name in results; the name of the column or field if left out.
         unit: Unit of the numbers in the log; "1" for plain numbers.
-        as_unit: Unit the model shall see (key `as`); SI when left out.
-        offset: Subtracted first, in the unit of the log (a sensor's zero).
-        range: Lowest and highest value to expect, in the unit of the log. The network
-            scales by it, so that it need not look ahead in the log.
-        frame: Axes of a vector, or the world's of an attitude: flu, nwu (ours), frd, ned, enu,
+        as_unit: Unit that the model sees (key `as`); SI if left out.
+        offset: Zero of the sensor, subtracted first, in the unit of the log.
+        range: Lowest and highest expected value, in the unit of the log. The network scales its
+            inputs and outputs by it.
+        frame: Axes of a vector, or world axes of an attitude: flu, nwu (ours), frd, ned, enu,
             rfu, or ours in terms of them such as "x, -y, -z".
-        body: The body's axes of an attitude.
+        body: Body axes of an attitude.
         order: Components of an attitude: wxyz, xyzw, or rpy (roll, pitch, yaw).
-        inverted: Whether an attitude is of the world in the body instead.
+        inverted: Whether the attitude is that of the world in the body.
     """
 
     column: str | tuple[str, ...] = ""
@@ -132,12 +131,12 @@ class ValueColumn(_Words):
 
     @property
     def source(self) -> str | tuple[str, ...]:
-        """Name of the column or path of the field; those of its components where listed."""
+        """Name of the column or path of the field, or those of its components."""
         return self.column or self.field
 
     @property
     def size(self) -> int:
-        """Numbers it has in the log: 1, 3 or 4."""
+        """Number of components in the log: 1, 3 or 4."""
         if self.order is not None:
             return 3 if self.order == "rpy" else 4
         return 1 if self.frame is None else 3
@@ -160,11 +159,11 @@ class ValueColumn(_Words):
 
 
 class AirWords(_Words):
-    """The air of a flight, for networks that compute the flow at the wings.
+    """Air of a flight, for networks that compute the flow at the wings.
 
     Attributes:
-        density: [kg/m^3].
-        wind: World axes (ours), (3,) [m/s].
+        density: Air density [kg/m^3].
+        wind: Wind velocity in our world axes, (3,) [m/s].
     """
 
     density: Annotated[float, Field(gt=0.0)] = 1.225
@@ -172,18 +171,18 @@ class AirWords(_Words):
 
 
 class TableMapping(_Words):
-    """What the columns of a table, or the fields of a log, mean.
+    """Meaning of the columns of a table or the fields of a log.
 
     Attributes:
-        about: What the log is, where it comes from, its licence; in words.
-        time: What stamps the samples, and the time base they are brought to.
-        inputs: What the network sees, in order.
-        outputs: What it predicts, in order.
-        channels: What else to keep; `q.roll`, `v.roll`, `a.roll`, `u1.roll` ... of every
-            coordinate make it a flight of the robot.
-        robot: Robot, a preset or a file, of a flight.
-        air: Its air.
-        gap: A time step longer than this many medians is a gap.
+        about: Description of the log, its origin and its licence.
+        time: Source of the stamps, and the time base of the import.
+        inputs: Inputs of the network, in order.
+        outputs: Outputs of the network, in order.
+        channels: Further quantities to keep; `q.roll`, `v.roll`, `a.roll`, `u1.roll` ... of every
+            coordinate make the log a flight of the robot.
+        robot: Robot of a flight, a preset or a file.
+        air: Air of a flight.
+        gap: Length from which a time step is a gap, in median steps.
     """
 
     about: str = ""
@@ -213,7 +212,7 @@ class TableMapping(_Words):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it names columns of one table, number by number, stamps as they are."""
+        """Whether the mapping only names columns of one table with numbers and their stamps."""
         time = self.time
         asked = (time.base, time.rate, time.like, time.start, time.end, self.robot)
         plain = all(c.column and c.size == 1 and not c.stamp for c in self.columns)
@@ -221,13 +220,13 @@ class TableMapping(_Words):
 
 
 def load_mapping(path: str | Path) -> TableMapping:
-    """A mapping file, validated.
+    """Validated mapping of a YAML file.
 
     Args:
-        path: A YAML file.
+        path: The file.
 
     Raises:
-        LogError: If it cannot be read, or does not say what is needed.
+        LogError: If the file cannot be read, or is no mapping.
     """
     file = Path(path)
     try:
@@ -240,14 +239,14 @@ def load_mapping(path: str | Path) -> TableMapping:
 
 
 def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
-    """A mapping from the plain dict of a YAML file.
+    """Validated mapping from the content of a YAML file.
 
     Args:
-        words: What the YAML holds.
-        source: Named in messages.
+        words: Content of the file.
+        source: Name of the file in messages.
 
     Raises:
-        LogError: One line a problem: where in the file, what is wrong, what was found.
+        LogError: If the content is no mapping; the message has one line for each problem.
     """
     try:
         mapping = TableMapping.model_validate(words)
@@ -260,12 +259,12 @@ def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
 
 
 def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
-    """The factor from one unit to another, and the name of the other.
+    """Factor from one unit to another, and the name of the other.
 
     Args:
         unit: Unit of the numbers.
-        target: Unit wanted; None for SI.
-        where: Named in messages.
+        target: Unit of the result; None for SI.
+        where: Place of the unit in messages.
 
     Raises:
         LogError: If a unit is unknown, or the two do not measure the same quantity.

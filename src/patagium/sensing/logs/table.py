@@ -29,14 +29,15 @@ class LogTable:
 
     Attributes:
         time: Time from the first sample, (N,) [s].
-        x: Inputs, (N, n_x), in `input_units`.
-        y: Outputs, (N, n_y), in `output_units`.
+        x: Inputs, (N, n_x) [`input_units`].
+        y: Outputs, (N, n_y) [`output_units`].
         input_names: Names of the inputs.
         output_names: Names of the outputs.
         input_units: Units of the inputs.
         output_units: Units of the outputs.
-        input_range: Lowest and highest expected input, (n_x, 2); NaN where not stated.
-        output_range: Lowest and highest expected output, (n_y, 2); NaN where not stated.
+        input_range: Lowest and highest expected input, (n_x, 2) [`input_units`]; NaN if not stated.
+        output_range: Lowest and highest expected output, (n_y, 2) [`output_units`]; NaN if not
+            stated.
         gaps: Index of the first sample after each gap, (n_gaps,).
         gap: Length from which a time step is a gap, in median steps.
         source: File from which the samples came.

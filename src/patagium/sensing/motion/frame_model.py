@@ -30,8 +30,8 @@ class FloatingBase:
     """Indices of the coordinates of a floating body in q.
 
     Attributes:
-        place: Indices of x, y, z, (3,).
-        turn: Indices of roll, pitch, yaw, (3,).
+        place: Places of x, y, z in q, indices (3,).
+        turn: Places of roll, pitch, yaw in q, indices (3,).
     """
 
     place: tuple[int, ...]

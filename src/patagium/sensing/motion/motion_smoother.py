@@ -44,7 +44,7 @@ class SmoothedMotion:
             per s^2]; for attitude zero, angular velocity and its derivative in body axes.
         attitude: Rotations from body to world axes, M; the identity without a floating body.
         covariance: Covariance of the levels one after the other, with small rotations for
-            attitude, (M, 3 n, 3 n), in products of their units.
+            attitude, (M, 3 n, 3 n) [products of their units].
     """
 
     levels: Array
@@ -293,7 +293,7 @@ class SensorMotion:
     Attributes:
         columns: Indices of the coordinates.
         state: Position, velocity, acceleration of each, (M, k, 3) [m, rad, per s, per s^2].
-        covariance: Covariance of those three, (M, k, 3, 3), in products of their units.
+        covariance: Covariance of those three, (M, k, 3, 3) [products of their units].
         attitude: Rotations from body to world axes, M; None from an encoder.
     """
 

@@ -38,7 +38,7 @@ class MotionNow:
         q: Generalized coordinates, (n,) [m, rad].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
-        covariance: Covariance of [q, v, a], (3 n, 3 n), in products of their units.
+        covariance: Covariance of [q, v, a], (3 n, 3 n) [products of their units].
     """
 
     time: float

@@ -1,8 +1,8 @@
-"""An inertial measurement unit anywhere on the robot: specific force and angular rate.
+"""Inertial measurement unit anywhere on the robot: specific force and angular rate.
 
-Noise densities are one-sided, as data sheets give them: a sample at a rate f has the deviation
-density sqrt(f / 2), that of a unit whose low-pass ends at half its rate. Neglected: that low-pass
-itself, errors of scale, misalignment, and what vibration does to a bias.
+Noise densities are one-sided, as data sheets state them: a sample at a rate f has the standard
+deviation density sqrt(f / 2), that of a unit whose low-pass ends at half its rate. Neglected: that
+low-pass itself, errors of scale, misalignment, and the effect of vibration on a bias.
 """
 
 from __future__ import annotations
@@ -31,27 +31,29 @@ from patagium.simulation.flight import AXES
 
 @dataclass(frozen=True, kw_only=True)
 class Imu(Sensor):
-    """Specific force R^T (a - g) and angular rate of a point of a body, in the unit's axes.
+    """Sensor of specific force R^T (a - g) and angular rate at a point of a body.
 
     Args:
-        name: Its key in a log; "imu" by default.
-        rate: Samples a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
-        body: Name of the body that carries it.
-        position: From the body's origin, body axes, (3,) [m].
-        orientation: The unit's axes to body axes, (3, 3).
-        accelerometer_density: Of the specific force, (3,) or one for all [m/s^2/sqrt(Hz)].
-        gyroscope_density: Of the angular rate, (3,) or one for all [rad/s/sqrt(Hz)].
-        accelerometer_bias: Deviation of the bias at the start [m/s^2].
-        gyroscope_bias: Deviation of the bias at the start [rad/s].
-        accelerometer_walk: Of the bias: its deviation after a second [m/s^2/sqrt(s)].
-        gyroscope_walk: Of the bias: its deviation after a second [rad/s/sqrt(s)].
+        name: Key of the sensor in a log; "imu" by default.
+        rate: Samples a second by its own clock [Hz].
+        delay: Time from an event to its stamp [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
+        body: Name of the body that carries the sensor.
+        position: Position from the body's origin, body axes, (3,) [m].
+        orientation: Rotation from the unit's axes to body axes, (3, 3) [-].
+        accelerometer_density: Noise density of the specific force, (3,) or one for all
+            [m/s^2/sqrt(Hz)].
+        gyroscope_density: Noise density of the angular rate, (3,) or one for all
+            [rad/s/sqrt(Hz)].
+        accelerometer_bias: Standard deviation of the initial bias [m/s^2].
+        gyroscope_bias: Standard deviation of the initial bias [rad/s].
+        accelerometer_walk: Random walk of the bias [m/s^2/sqrt(s)].
+        gyroscope_walk: Random walk of the bias [rad/s/sqrt(s)].
         accelerometer_step: One count of the converter [m/s^2]; 0 for none.
         gyroscope_step: One count of the converter [rad/s]; 0 for none.
-        accelerometer_range: Where it saturates [m/s^2]; None where it does not.
-        gyroscope_range: Where it saturates [rad/s]; None where it does not.
+        accelerometer_range: Specific force at which it saturates [m/s^2]; None for no limit.
+        gyroscope_range: Angular rate at which it saturates [rad/s]; None for no limit.
 
     Raises:
         ParameterError: If a number is out of its range, or `orientation` is no rotation.
@@ -86,16 +88,16 @@ class Imu(Sensor):
 
     @property
     def accelerometer_std(self) -> Array:
-        """Deviation of the noise of a sample of the specific force, (3,) [m/s^2]."""
+        """Standard deviation of a sample of the specific force, (3,) [m/s^2]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.accelerometer_density, float))
 
     @property
     def gyroscope_std(self) -> Array:
-        """Deviation of the noise of a sample of the angular rate, (3,) [rad/s]."""
+        """Standard deviation of a sample of the angular rate, (3,) [rad/s]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.gyroscope_density, float))
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene at given times, (N,) [s]."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         motion = scene.frame(
             self.body, np.asarray(self.position), np.asarray(self.orientation), times
         )

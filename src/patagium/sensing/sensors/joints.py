@@ -1,4 +1,4 @@
-"""Sensors of joints: encoders that see the coordinate, amplifiers that see the current.
+"""Sensors of joints: encoders of the coordinates, amplifiers that measure motor currents.
 
 Neglected: angles that wrap around, play and friction of gears, inductance of motors.
 """
@@ -27,18 +27,18 @@ from patagium.sensing.sensors.sensor import (
 @renamed_fields(deviation="std", zero_deviation="zero_std")
 @dataclass(frozen=True, kw_only=True)
 class Encoder(Sensor):
-    """Coordinates of joints in steps of a resolution.
+    """Encoder of the coordinates of joints.
 
     Args:
-        name: Its key in a log; "encoder" by default.
-        rate: Samples a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
-        joints: Names of the coordinates; () for all that are actuated.
+        name: Key of the sensor in a log; "encoder" by default.
+        rate: Samples a second by its own clock [Hz].
+        delay: Time from an event to its stamp [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
+        joints: Names of the coordinates; () for all actuated ones.
         resolution: One count [rad, m]; 0 for none.
-        std: Of the noise before counting [rad, m].
-        zero_std: Of the error of each zero, constant in a log [rad, m].
+        std: Standard deviation of the noise before counting [rad, m].
+        zero_std: Standard deviation of the error of each zero, constant in a log [rad, m].
     """
 
     joints: tuple[str, ...] = ()
@@ -52,11 +52,11 @@ class Encoder(Sensor):
 
     @property
     def sample_std(self) -> float:
-        """Of a sample: noise and the rounding to counts, not the zero's error [rad, m]."""
+        """Standard deviation of a sample by noise and rounding, without the zero [rad, m]."""
         return float(np.hypot(self.std, self.resolution / np.sqrt(12.0)))
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene at given times, (N,) [s]."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         joints = joint_names(self.joints, scene.robot)
         places = scene.robot.coordinate_indices
         columns = [places[scene.robot.index(name)] for name in joints]
@@ -81,23 +81,23 @@ class Encoder(Sensor):
 )
 @dataclass(frozen=True, kw_only=True)
 class MotorCurrent(Sensor):
-    """Currents of motors, i = u1 / (ratio k), from which the joints' forces are known.
+    """Sensor of motor currents, i = u1 / (ratio k), from which the joint torques follow.
 
     Args:
-        name: Its key in a log; "motorcurrent" by default.
-        rate: Samples a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
-        joints: Names of the coordinates; () for all that are actuated.
-        torque_constant: k, torque of the motor for a current [N m/A].
-        gear_ratio: Turns of the motor for one of the joint.
-        std: Of the noise of the current [A].
+        name: Key of the sensor in a log; "motorcurrent" by default.
+        rate: Samples a second by its own clock [Hz].
+        delay: Time from an event to its stamp [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
+        joints: Names of the coordinates; () for all actuated ones.
+        torque_constant: Torque k of the motor per current [N m/A].
+        gear_ratio: Turns of the motor for one turn of the joint.
+        std: Standard deviation of the noise of the current [A].
         resolution: One count [A]; 0 for none.
-        offset_std: Of the error at no current, constant in a log [A].
-        torque_constant_std: Of the true constants, relative to the one stated.
-        range: Where it saturates [A]; None where it does not.
-        bandwidth: Of a low-pass of first order [Hz]; None where there is none.
+        offset_std: Standard deviation of the error at no current, constant in a log [A].
+        torque_constant_std: Standard deviation of the true constants, relative to the stated one.
+        range: Current at which it saturates [A]; None if it does not.
+        bandwidth: Bandwidth of a first-order low-pass [Hz]; None without one.
     """
 
     joints: tuple[str, ...] = ()
@@ -121,17 +121,17 @@ class MotorCurrent(Sensor):
 
     @property
     def force_per_current(self) -> float:
-        """Force of a joint for the current of its motor, as stated [N m/A]."""
+        """Stated torque of a joint per current of its motor [N m/A]."""
         return self.gear_ratio * self.torque_constant
 
     @property
     def sample_std(self) -> float:
-        """Of the force of a joint by one sample [N m]: noise and the rounding to counts."""
+        """Standard deviation of a joint torque from one sample, by noise and rounding [N m]."""
         current = np.hypot(self.std, self.resolution / np.sqrt(12.0))
         return float(self.force_per_current * current)
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene at given times, (N,) [s]."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         joints = joint_names(self.joints, scene.robot)
         columns = [scene.robot.index(name) for name in joints]
         force = scene.signal("u1", times, self.bandwidth, "motor currents")[:, columns]
@@ -153,10 +153,10 @@ class MotorCurrent(Sensor):
 
 
 def names(name: str, value: object) -> tuple[str, ...]:
-    """Names of coordinates as a tuple.
+    """Tuple of names of coordinates.
 
     Raises:
-        ParameterError: If one is no name.
+        ParameterError: If an entry is no name.
     """
     found = (value,) if isinstance(value, str) else tuple(value)  # type: ignore[arg-type]
     if not all(isinstance(part, str) and part for part in found):
@@ -165,7 +165,7 @@ def names(name: str, value: object) -> tuple[str, ...]:
 
 
 def joint_names(asked: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
-    """The coordinates asked for, or all that are actuated.
+    """Names of the chosen coordinates, or of all actuated ones if none is chosen.
 
     Raises:
         ParameterError: If the robot has no such coordinate, or none is actuated.

@@ -1,7 +1,7 @@
-"""A six-axis load cell between the robot and what holds it.
+"""Six-axis load cell between the robot and its mount.
 
-It shows the force of the mount on the robot and the moment about its own origin, in its own
-axes, through a matrix of cross-talk and a low-pass. Neglected: its own elasticity and mass,
+The cell measures the force of the mount on the robot and the moment about its own origin, in its
+own axes, through a cross-talk matrix and a low-pass. Neglected: elasticity and mass of the cell,
 temperature, hysteresis.
 """
 
@@ -38,32 +38,32 @@ _RANGES = ("force_range", "moment_range")
 @renamed_fields(force_deviation="force_std", moment_deviation="moment_std")
 @dataclass(frozen=True, kw_only=True)
 class LoadCell(Sensor):
-    """Force and moment of the mount on the robot.
+    """Sensor of the force and moment of the mount on the robot.
 
     shown = (1 + cross_talk) wrench + bias + noise.
 
     Args:
-        name: Its key in a log; "loadcell" by default.
-        rate: Samples a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
+        name: Key of the sensor in a log; "loadcell" by default.
+        rate: Samples a second by its own clock [Hz].
+        delay: Time from an event to its stamp [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
         wrench: Variable of the flight, (time, 6): force, then moment about the world's origin,
             world axes [N, N m]; or (time, load_cell, 6), in the axes of each cell.
-        at: Which of the flight's load cells; None: the wrench is not one of several.
-        body: Body that carries it; None: it stands at the world's origin, in world axes.
-        position: Of its origin from that of the body, body axes, (3,) [m].
-        orientation: Its axes to body axes, (3, 3).
-        force_std: Of the noise of a sample, (3,) or one for all [N].
-        moment_std: Of the noise of a sample, (3,) or one for all [N m].
-        force_bias: Deviation of the constant error, (3,) or one for all [N].
-        moment_bias: Deviation of the constant error, (3,) or one for all [N m].
-        cross_talk: What each component adds to each, (6, 6) [1, m, 1/m]; None for nothing.
+        at: Name of one of the flight's load cells; None if the flight has one wrench.
+        body: Body that carries the cell; None if it stands at the world's origin, in world axes.
+        position: Position of its origin from that of the body, body axes, (3,) [m].
+        orientation: Rotation from its axes to body axes, (3, 3) [-].
+        force_std: Standard deviation of the noise of a sample, (3,) or one for all [N].
+        moment_std: Standard deviation of the noise of a sample, (3,) or one for all [N m].
+        force_bias: Standard deviation of the constant error, (3,) or one for all [N].
+        moment_bias: Standard deviation of the constant error, (3,) or one for all [N m].
+        cross_talk: Share of each component in each other, (6, 6) [1, m, 1/m]; None for none.
         force_step: One count, (3,) or one for all [N]; 0 for none.
         moment_step: One count, (3,) or one for all [N m]; 0 for none.
-        force_range: Where it saturates, (3,) or one for all [N]; None where it does not.
-        moment_range: Where it saturates, (3,) or one for all [N m]; None where it does not.
-        bandwidth: Of a low-pass of first order [Hz]; None where there is none.
+        force_range: Force at which it saturates, (3,) or one for all [N]; None for no limit.
+        moment_range: Moment at which it saturates, (3,) or one for all [N m]; None for no limit.
+        bandwidth: Bandwidth of a first-order low-pass [Hz]; None without one.
 
     Raises:
         ParameterError: If a number is out of its range, or `orientation` is no rotation.
@@ -108,10 +108,13 @@ class LoadCell(Sensor):
         super().__post_init__()
 
     def scaled(self, factor: float) -> LoadCell:
-        """The same cell with every error `factor` times as large, cross-talk included.
+        """Load cell with every error, cross-talk included, multiplied by a factor.
 
         Args:
             factor: Zero or more.
+
+        Raises:
+            ParameterError: If the factor is negative.
         """
         cell = super().scaled(factor)
         if self.cross_talk is None:
@@ -123,13 +126,13 @@ class LoadCell(Sensor):
 
     @property
     def sample_std(self) -> Array:
-        """Of a sample: noise and the rounding to counts, (6,) [N, N m]."""
+        """Standard deviation of a sample by noise and rounding, (6,) [N, N m]."""
         white = np.concatenate([self.force_std, self.moment_std])
         step = np.concatenate([self.force_step, self.moment_step])
         return np.asarray(np.hypot(white, step / np.sqrt(12.0)))
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene at given times, (N,) [s]."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         felt = self._felt(scene)
         true = seen = scene.through(felt, times)
         if self.bandwidth is not None:
@@ -158,7 +161,7 @@ class LoadCell(Sensor):
         return np.concatenate([force, moment])
 
     def _felt(self, scene: Scene) -> Array:
-        """The wrench in the cell's own axes at the flight's samples, (N, 6) [N, N m]."""
+        """Wrench in the cell's own axes at the samples of the flight, (N, 6) [N, N m]."""
         world = scene.values(self.wrench, "a load cell")
         if self.at is not None:
             cells = scene.flight[self.wrench].coords.get("load_cell")

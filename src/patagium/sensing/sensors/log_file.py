@@ -1,6 +1,6 @@
-"""Sensor logs as netCDF4 files, one group a sensor: what was measured, never the truth.
+"""Sensor logs as netCDF4 files with one group for each sensor, without the truth.
 
-Written whole or not at all. Neglected: compression.
+A file is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _KINDS: dict[str, type[Sensor]] = {
 
 
 def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
-    """Write what was measured as netCDF4; an interrupted write leaves what was there.
+    """Write the measurements of a sensor log as netCDF4, whole or not at all.
 
     Args:
         log: The log; its truth is not written.
-        path: The file, replaced if it exists; folders are made.
+        path: The file, replaced if it exists; folders are created.
 
     Returns:
-        The path.
+        Path of the file.
 
     Raises:
         LogError: If the file cannot be written.
@@ -55,7 +55,7 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
 
 
 def load_sensor_log(path: str | Path) -> SensorLog:
-    """Read a log that `save_sensor_log` wrote.
+    """Sensor log from a file that `save_sensor_log` wrote.
 
     Args:
         path: The file.
@@ -64,7 +64,7 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         The log in memory, without any truth.
 
     Raises:
-        LogError: If there is no such file, or it is no sensor log.
+        LogError: If there is no such file, or the file is no sensor log.
     """
     path = Path(path)
     if not path.exists():

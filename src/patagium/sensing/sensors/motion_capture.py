@@ -1,6 +1,6 @@
 """Motion capture: position and attitude of a set of markers on a body.
 
-Frames are lost in runs, as where markers hide behind a wing; a lost frame is NaN. Neglected:
+Frames are lost in runs, as when markers hide behind a wing; a lost frame is NaN. Neglected:
 errors that depend on the place in the room, swapped markers.
 """
 
@@ -35,24 +35,25 @@ QUATERNION = ("w", "x", "y", "z")
 @renamed_fields(position_deviation="position_std", attitude_deviation="attitude_std")
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture(Sensor):
-    """Position in the world and attitude of a frame on a body.
+    """Camera system that measures position and attitude of a frame on a body.
 
     The quaternion maps the frame's components to the world's; w is never negative, so that its
     sign jumps where a turn passes 180 degrees.
 
     Args:
-        name: Its key in a log; "motioncapture" by default.
-        rate: Frames a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets: the latency [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
+        name: Key of the sensor in a log; "motioncapture" by default.
+        rate: Frames a second by its own clock [Hz].
+        delay: Time from an event to its stamp, the latency [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
         body: Name of the body that carries the markers.
-        position: Of the frame from the body's origin, body axes, (3,) [m].
-        orientation: The frame's axes to body axes, (3, 3).
-        position_std: Of the noise, (3,) or one for all world axes [m].
-        attitude_std: Of the noise, (3,) or one for all of the frame's axes [rad].
+        position: Position of the frame from the body's origin, body axes, (3,) [m].
+        orientation: Rotation from the frame's axes to body axes, (3, 3) [-].
+        position_std: Standard deviation of the position, (3,) or one for all world axes [m].
+        attitude_std: Standard deviation of the attitude, (3,) or one for all of the frame's axes
+            [rad].
         dropout: Share of frames that are lost, below 1.
-        dropout_length: Mean length of a run of lost frames [s]; 0: each is lost by itself.
+        dropout_length: Mean length of a run of lost frames [s]; 0 if frames are lost one by one.
 
     Raises:
         ParameterError: If a number is out of its range, or `orientation` is no rotation.
@@ -81,7 +82,7 @@ class MotionCapture(Sensor):
             raise ParameterError("body", "the name of a body", self.body)
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene at given times, (N,) [s]."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         motion = scene.frame(
             self.body, np.asarray(self.position), np.asarray(self.orientation), times
         )
@@ -104,7 +105,7 @@ class MotionCapture(Sensor):
         )
 
     def _lost(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-        """Frames that are lost, (N,): a chain that enters and leaves the lost state."""
+        """Whether each frame is lost, (N,), by a Markov chain of two states."""
         chance = rng.random(count)
         run = max(1.0, self.dropout_length * self.rate)
         leave = min(1.0 / run, 1.0 - self.dropout)
@@ -119,11 +120,11 @@ class MotionCapture(Sensor):
 
 
 def as_quaternion(rotation: Rotation) -> Array:
-    """Rotations as (N, 4): w, x, y, z with w not negative."""
+    """Quaternions w, x, y, z of rotations with w not negative, (N, 4) [-]."""
     parts = np.roll(rotation.as_quat(), 1, axis=1)
     return np.asarray(np.where(parts[:, :1] < 0, -parts, parts))
 
 
 def from_quaternion(parts: Array) -> Rotation:
-    """Rotations of (N, 4): w, x, y, z, of either sign and any length but zero."""
+    """Rotations of quaternions w, x, y, z, (N, 4) [-], of either sign and any length but zero."""
     return Rotation.from_quat(np.roll(parts, -1, axis=-1))

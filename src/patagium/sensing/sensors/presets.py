@@ -100,7 +100,7 @@ def as5600(
     not modeled: its delay is for the user to state.
 
     Args:
-        joints: Names of the coordinates; () for all that are actuated.
+        joints: Names of the coordinates; () for all actuated ones.
         rate: Samples a second, at most one in 150 us [Hz].
         settling: Of the filter [s].
 
@@ -187,7 +187,7 @@ def ina226(
     takes 140 us. The torque constant is the motor's.
 
     Args:
-        joints: Names of the coordinates; () for all that are actuated.
+        joints: Names of the coordinates; () for all actuated ones.
         torque_constant: Of the motor [N m/A].
         gear_ratio: Turns of the motor for one of the joint.
         shunt: Resistance [ohm].

@@ -1,8 +1,8 @@
-"""The truth of a flight at any time and at any point of the robot.
+"""True motion and forces of a flight at any time and any point of the robot.
 
-Between the samples of a flight the coordinates are cubics that meet positions and rates, all
-else is a cubic through the samples. Neglected: what happened between the samples of a flight
-whose time step is too long for its motion.
+Between the samples of a flight the coordinates are cubics that meet positions and rates; all
+other quantities are cubics through the samples. Neglected: motion between samples that is too
+fast for the time step of the flight.
 """
 
 from __future__ import annotations
@@ -27,14 +27,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """How a frame fixed to a body moves.
+    """Motion of a frame that is fixed to a body.
 
     Attributes:
-        position: Of its origin, world axes, (N, 3) [m].
-        rotation: Its axes to world axes, (N, 3, 3).
-        angular_velocity: Its own axes, (N, 3) [rad/s].
-        specific_force: Acceleration of its origin less that of free fall, its own axes,
-            (N, 3) [m/s^2].
+        position: Position of its origin, world axes, (N, 3) [m].
+        rotation: Rotation from its axes to world axes, (N, 3, 3) [-].
+        angular_velocity: Angular velocity in its own axes, (N, 3) [rad/s].
+        specific_force: Acceleration of its origin less gravity, in its own axes, (N, 3) [m/s^2].
     """
 
     position: Array
@@ -44,13 +43,13 @@ class FrameMotion:
 
 
 class Scene:
-    """A flight as instruments meet it.
+    """Interpolated flight that sensors measure.
 
     Args:
         flight: Record with q, v, a.
 
     Raises:
-        FlightError: If it carries no robot or misses a quantity.
+        FlightError: If the flight has no robot, lacks a quantity or has less than 4 samples.
     """
 
     def __init__(self, flight: xr.Dataset) -> None:
@@ -65,10 +64,10 @@ class Scene:
         self._a = make_interp_spline(self.time, a, k=3)
 
     def values(self, name: str, needed_by: str = "sensors") -> Array:
-        """A variable of the flight, time first, (N, ...).
+        """Variable of the flight with time as the first axis, (N, ...), in its own unit.
 
         Raises:
-            FlightError: If the flight has none of that name, or it is not finite.
+            FlightError: If the flight has no such variable, or the variable is not finite.
         """
         if name not in self.flight:
             held = ", ".join(map(str, self.flight.data_vars))
@@ -82,19 +81,22 @@ class Scene:
         return values
 
     def coordinates(self, times: Array) -> tuple[Array, Array, Array]:
-        """q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
+        """Coordinates q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
         return tuple(np.asarray(part(times)) for part in (self._q, self._v, self._a))  # type: ignore[return-value]
 
     def signal(
         self, name: str, times: Array, bandwidth: float | None = None, needed_by: str = "sensors"
     ) -> Array:
-        """A variable of the flight at given times, after a low-pass of first order.
+        """Variable of the flight at given times, after a first-order low-pass.
 
         Args:
-            name: The variable.
-            times: (N,) [s].
-            bandwidth: Where the low-pass halves the power [Hz]; None: there is none.
-            needed_by: Who asks, for messages.
+            name: Name of the variable.
+            times: Times, (N,) [s].
+            bandwidth: Frequency at which the low-pass halves the power [Hz]; None for no low-pass.
+            needed_by: Name of the sensor in messages.
+
+        Raises:
+            FlightError: If the flight has no such variable, or the variable is not finite.
         """
         values = self.values(name, needed_by)
         if bandwidth is not None:
@@ -102,7 +104,7 @@ class Scene:
         return self.through(values, times)
 
     def through(self, values: Array, times: Array) -> Array:
-        """A cubic through values at the flight's samples, at given times, (N, ...)."""
+        """Cubic through values at the samples of the flight, at given times, (N, ...)."""
         return np.asarray(make_interp_spline(self.time, values, k=3)(times))
 
     def frame(self, body: str, position: Array, rotation: Array, times: Array) -> FrameMotion:
@@ -110,9 +112,9 @@ class Scene:
 
         Args:
             body: Name of the body.
-            position: Of the frame's origin, body axes, (3,) [m].
-            rotation: The frame's axes to body axes, (3, 3).
-            times: (N,) [s].
+            position: Position of the frame's origin, body axes, (3,) [m].
+            rotation: Rotation from the frame's axes to body axes, (3, 3) [-].
+            times: Times, (N,) [s].
 
         Raises:
             ParameterError: If there is no such body.
@@ -126,7 +128,7 @@ class Scene:
 
 
 def frame_function(robot: Robot, body: int) -> NativeFunction:
-    """Compiled (q, v, a, offset, parameters) -> position, rotation, spin, specific force.
+    """Compiled function (q, v, a, offset, parameters) -> motion of a frame on a body.
 
     Args:
         robot: The machine.
@@ -157,14 +159,14 @@ def frame_function(robot: Robot, body: int) -> NativeFunction:
 
 
 def low_pass(time: Array, values: Array, bandwidth: float) -> Array:
-    """Values after a low-pass of first order that starts settled, (N, ...).
+    """Values after a first-order low-pass that starts settled, (N, ...), in their unit.
 
-    y' = w (u - y), w = 2 pi times the bandwidth; exact for what is linear between samples.
+    y' = w (u - y), w = 2 pi times the bandwidth; exact for inputs linear between samples.
 
     Args:
-        time: Equal steps, (N,) [s].
-        values: (N, ...).
-        bandwidth: Where the power is halved [Hz].
+        time: Times at equal steps, (N,) [s].
+        values: Input, (N, ...) [any unit].
+        bandwidth: Frequency at which the power is halved [Hz].
     """
     from scipy.signal import lfilter  # slow to load, and rarely asked for
 

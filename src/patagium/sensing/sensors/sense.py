@@ -1,8 +1,7 @@
-"""A flight through sensors: what a laboratory would have, and the truth apart from it.
+"""Simulation of the sensors on a flight: measurements, with the truth kept apart.
 
 Each sensor has its own time base and its own stream of random numbers, drawn from the seed and
-its name: one more sensor changes nothing for the others. Neglected: sensors that disturb what
-they measure by their mass.
+its name, so that one more sensor changes nothing for the others. Neglected: the mass of sensors.
 """
 
 from __future__ import annotations
@@ -23,16 +22,18 @@ from patagium.simulation.flight import robot_of
 
 @dataclass(frozen=True)
 class SensorLog:
-    """What sensors showed of a flight.
+    """Log of the sensors on a flight.
 
     Args:
-        readings: Name of each sensor to its samples over `time`, stamps of its own clock [s].
-        sensors: Name of each to what is known of it; delays and clocks are not, they are zero.
-        truth: Name of each to what it should have shown, over the same stamps, with
-            `true_time`, its slow errors, and its delay and clock as attributes; empty where
-            nobody knows.
+        readings: Samples of each sensor by name, over `time`, the stamps of its own clock [s].
+        sensors: Each sensor by name as a laboratory knows it: delay and clock are zero.
+        truth: Signals without errors of each sensor by name, over the same stamps, with
+            `true_time`, slow errors, and delay and clock as attributes; empty if unknown.
         robot: The machine.
-        mount: How it was held.
+        mount: Description of its mount.
+
+    Raises:
+        ParameterError: If a reading has no sensor.
     """
 
     readings: Mapping[str, xr.Dataset]
@@ -47,34 +48,34 @@ class SensorLog:
                 raise ParameterError("sensors", f"a sensor for the reading {name!r}", "none")
 
     def __getitem__(self, name: str) -> xr.Dataset:
-        """The samples of one sensor.
+        """Samples of one sensor.
 
         Raises:
-            ParameterError: If there is no such sensor.
+            ParameterError: If the log has no such sensor.
         """
         if name not in self.readings:
             raise ParameterError("sensor", f"one of {', '.join(self.readings)}", name)
         return self.readings[name]
 
     def without_truth(self) -> SensorLog:
-        """The same log as a laboratory would have it."""
+        """Log without its truth, as a laboratory would have it."""
         return replace(self, truth={})
 
 
 def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> SensorLog:
-    """What sensors show of a flight.
+    """Log of sensors on a flight.
 
     Args:
-        flight: Record with q, v, a, and what the sensors ask for.
-        sensors: The instruments, each with a name of its own.
-        seed: Of all errors: the same seed gives the same log.
+        flight: Record with q, v, a, and the quantities that the sensors measure.
+        sensors: Sensors, each with its own name.
+        seed: Seed of all errors; the same seed gives the same log.
 
     Returns:
-        The samples of each sensor on its own clock, and the truth kept apart.
+        Samples of each sensor by its own clock, with the truth kept apart.
 
     Raises:
-        FlightError: If the flight misses a quantity, or is too short for a sensor.
-        ParameterError: If two sensors have one name, or a body or joint is not the robot's.
+        FlightError: If the flight lacks a quantity, or is too short for a sensor.
+        ParameterError: If two sensors have one name, or the robot lacks a body or joint.
     """
     labels = [sensor.name for sensor in sensors]
     for label in labels:
@@ -100,7 +101,7 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
 
 
 def published(sensor: Sensor) -> Sensor:
-    """A sensor as a laboratory knows it: its delay and clock have to be found out."""
+    """Sensor as a laboratory knows it, without its delay and its clock."""
     return replace(sensor, delay=0.0, clock_offset=0.0, clock_drift=0.0)
 
 

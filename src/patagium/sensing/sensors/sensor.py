@@ -1,8 +1,8 @@
-"""What all sensors have in common: a clock, noise that can be scaled, and a reading.
+"""Base of all sensors: a clock, errors that can be scaled, and a reading.
 
-A sensor samples at equal steps of its own clock. What it stamps s shows the truth of
-t = (s - offset) / (1 + drift) - delay: the delay is between what happened and the stamp, offset
-and drift are those of its clock against the world's. Neglected: jitter of the stamps.
+A sensor samples at equal steps of its own clock. A sample with the stamp s shows the truth at the
+time t = (s - offset) / (1 + drift) - delay. The delay is the time from an event to its stamp;
+offset and drift are those of the sensor's clock against the world's. Neglected: jitter of stamps.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Array: TypeAlias = NDArray[np.float64]
 Axes: TypeAlias = tuple[tuple[float, ...], ...]
 
 UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""Axes of a sensor that are those of the body it sits on."""
+"""Orientation of a sensor whose axes are those of its body."""
 
 _NOISE = {"noise": True}
 HIDDEN = ("clock_offset", "clock_drift", "delay")
-"""What a laboratory has to find out: no part of a sensor's published description."""
+"""Properties that a laboratory has to find out; the description of a sensor leaves them out."""
 
 
 def noise(default: Any = 0.0) -> Any:
-    """A field of a sensor that `scaled` multiplies, not negative; of the default given."""
+    """Field of a sensor with an error that `scaled` multiplies, not negative."""
     return field(default=default, metadata=_NOISE)
 
 
@@ -42,8 +42,8 @@ class Signal:
 
     Attributes:
         dims: Names of the axes after time.
-        units: SI.
-        values: (N, ...); NaN where a sample was lost.
+        units: SI unit.
+        values: Samples, (N, ...), in the unit `units`; NaN where a sample was lost.
     """
 
     dims: tuple[str, ...]
@@ -53,12 +53,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a sensor showed, and what it should have shown.
+    """Signals of a sensor with and without errors.
 
     Attributes:
-        measured: Name to signal.
-        true: The same without any error, and errors that vary slowly, such as biases.
-        labels: Names along axes.
+        measured: Measured signals by name.
+        true: Signals without any error by name, and slow errors such as biases.
+        labels: Names along the axes after time.
     """
 
     measured: Mapping[str, Signal]
@@ -68,14 +68,14 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """An instrument with a clock of its own.
+    """Sensor with its own clock.
 
     Args:
-        name: Its key in a log; "" for that of its kind.
-        rate: Samples a second of its own clock [Hz].
-        delay: Between what happens and the stamp it gets, by the world's clock [s].
-        clock_offset: What its clock shows at the world's zero [s].
-        clock_drift: What it gains in a second [s/s].
+        name: Key of the sensor in a log; "" for the name of its kind.
+        rate: Samples a second by its own clock [Hz].
+        delay: Time from an event to its stamp, by the world's clock [s].
+        clock_offset: Reading of its clock at the world's time zero [s].
+        clock_drift: Gain of its clock per second [s/s].
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -105,16 +105,16 @@ class Sensor:
             object.__setattr__(self, "name", type(self).__name__.lower())
 
     def scaled(self, factor: float) -> Self:
-        """The same instrument with every error `factor` times as large.
+        """Sensor with every error multiplied by a factor.
 
         Noise, biases, walks, steps of resolution and cross-talk are scaled; rate, delay,
-        clock, range, bandwidth and lost samples are not. 0: it shows the truth.
+        clock, range, bandwidth and lost samples are not. A sensor with factor 0 shows the truth.
 
         Args:
             factor: Zero or more.
 
         Raises:
-            ParameterError: If it is negative.
+            ParameterError: If the factor is negative.
         """
         finite("factor", factor)
         if factor < 0:
@@ -123,11 +123,11 @@ class Sensor:
         return replace(self, **{name: _times(getattr(self, name), factor) for name in errors})
 
     def clock(self, begin: float, end: float) -> tuple[Array, Array]:
-        """Stamps of all samples whose truth lies in a span, and when that truth was.
+        """Stamps of all samples of a span of time, and their times by the world's clock.
 
         Args:
-            begin: By the world's clock [s].
-            end: By the world's clock [s].
+            begin: Begin of the span by the world's clock [s].
+            end: End of the span by the world's clock [s].
 
         Returns:
             Stamps by the sensor's clock, whole multiples of 1 / rate, and the world's times,
@@ -144,17 +144,21 @@ class Sensor:
         return stamps, np.clip(times, begin, end)
 
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """What it shows of a scene.
+        """Reading of a scene.
 
         Args:
-            scene: The truth.
-            times: By the world's clock, (N,) [s].
-            rng: Where its errors come from.
+            scene: True motion and forces of a flight.
+            times: Times by the world's clock, (N,) [s].
+            rng: Generator of the errors.
+
+        Raises:
+            FlightError: If the flight lacks a quantity that the sensor measures.
+            ParameterError: If the robot has no such body, joint or load cell.
         """
         raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
-        """What a laboratory knows of it, JSON-able: all but delay and clock."""
+        """Description for a file, JSON-able: all fields but delay and clock."""
         known = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {"kind": type(self).__name__} | {k: v for k, v in known.items() if k not in HIDDEN}
 
@@ -168,11 +172,11 @@ def _times(value: Any, factor: float) -> Any:
 
 
 def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:
-    """Finite numbers, one for all or (size,), as a tuple of that size.
+    """Tuple of finite numbers from one number for all or (size,).
 
     Raises:
-        ShapeError: If there are more or fewer.
-        ParameterError: If one is not finite.
+        ShapeError: If the value has another shape.
+        ParameterError: If a number is not finite.
     """
     array = np.asarray(value, float)
     if array.shape not in ((), (size,)):
@@ -183,11 +187,11 @@ def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:
 
 
 def axes(name: str, value: Any) -> Axes:
-    """Sensor axes as the columns of a rotation, (3, 3), as tuples of rows.
+    """Rotation matrix, (3, 3) [-], as a tuple of rows; its columns are the axes of a sensor.
 
     Raises:
-        ShapeError: If it is not (3, 3).
-        ParameterError: If it is no rotation.
+        ShapeError: If the value is not (3, 3).
+        ParameterError: If the value is no rotation.
     """
     matrix = np.asarray(value, float)
     if matrix.shape != (3, 3):
@@ -200,14 +204,14 @@ def axes(name: str, value: Any) -> Axes:
 
 
 def stepped(values: Array, step: Any) -> Array:
-    """Values rounded to whole steps of a converter; a step of zero leaves them."""
+    """Values rounded to whole steps of a converter, or unchanged if the step is zero."""
     width = np.broadcast_to(np.asarray(step, float), values.shape)
     safe = np.where(width > 0, width, 1.0)
     return np.where(width > 0, np.round(values / safe) * safe, values)
 
 
 def limited(values: Array, limit: Any) -> Array:
-    """Values held at plus and minus a limit; None leaves them."""
+    """Values clipped to plus and minus a limit, or unchanged if the limit is None."""
     if limit is None:
         return values
     bound = np.asarray(limit, float)

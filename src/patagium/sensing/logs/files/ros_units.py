@@ -1,4 +1,4 @@
-"""Units of the numbers in common ROS messages, as their definitions state them."""
+"""Units of the numbers in common ROS messages, by the message definitions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of all formats: columns with one unit each, stamped by one of them.
+"""Tables of all formats: columns with one unit each, one of which has the stamps.
 
 Where a file does not name its column of time, a guess is made for `inspect` alone, and the log
 notes say that it is a guess.
@@ -94,7 +94,7 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
     """Column of numbers as floats; empty text becomes NaN.
 
     Args:
-        raw: Column, (k,).
+        raw: Column, (k,) [any unit].
         column: Its name.
         where: The file, for messages.
         first: Row of the first entry.
@@ -166,7 +166,7 @@ def column_blocks(
     Args:
         key: Place of the request.
         wanted: Request.
-        columns: Whole columns by name, (N,) each.
+        columns: Whole columns by name, (N,) each [any unit].
         where: The file, for messages.
 
     Raises:
@@ -187,7 +187,7 @@ def column_blocks(
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Names with a number added where one repeats, as pandas does it."""
+    """Names with a number added to those that repeat, like the names of pandas."""
     seen: dict[str, int] = {}
     told = []
     for name in names:

@@ -114,7 +114,7 @@ def _looked_at(
 
 
 class _Stretches:
-    """Stretches of a log without a gap, and means over short spans of them."""
+    """Stretches of a log without a gap, with means over short spans."""
 
     def __init__(self, spool: Spool, base: TimeBase, gap: float) -> None:
         self._spool, self._base, self._gap = spool, base, gap
@@ -141,7 +141,7 @@ class _Stretches:
         return pieces
 
     def means(self, values: Array) -> Array:
-        """Means over spans by the trapezoid rule, (m, n), to compare with differences over them."""
+        """Means over spans by the trapezoid rule, (m, n), in the unit of the values."""
         count = (len(values) - 1) // self.span
         whole = values[: count * self.span + 1]
         middle = (whole[1:] + whole[:-1]) / 2

@@ -1,4 +1,4 @@
-"""Findings about a log from its statistics, before anything is computed from it.
+"""Findings about a log, made from its statistics before any other use.
 
 Each finding says what was expected, what was found, and what to do. The rules compare sizes: a
 body at rest or in steady flight feels 1 g, no gyroscope turns faster than 2,300 deg/s, rooms are

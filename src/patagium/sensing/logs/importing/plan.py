@@ -98,7 +98,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Plan:
-    """Streams to read from a log, and the quantities made from them.
+    """Streams to read from a log, and the quantities of the mapping.
 
     Attributes:
         wanted: Streams: a topic with one source of stamps and some of its numbers.

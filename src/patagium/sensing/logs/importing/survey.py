@@ -131,8 +131,8 @@ class ValueSurvey:
         channels: Number of channels n.
 
     Attributes:
-        count: Finite numbers of each channel, (n,).
-        missing: Entries that are no finite number, (n,).
+        count: Number of finite entries of each channel, (n,) [-].
+        missing: Number of other entries of each channel, (n,) [-].
         low: Lowest number, (n,), in the unit of the file.
         high: Highest number, (n,), in the unit of the file.
     """
