@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from patagium.learning.tables import evaluate_table as evaluate_table
     from patagium.learning.tables import identify_table as identify_table
     from patagium.learning.tables import network_for as network_for
-    from patagium.learning.tuning.settings import Settings as Settings
-    from patagium.learning.tuning.settings import load_settings as load_settings
+    from patagium.learning.tuning.settings_file import Settings as Settings
+    from patagium.learning.tuning.settings_file import load_settings as load_settings
     from patagium.learning.tuning.tune import Tuned as Tuned
     from patagium.learning.tuning.tune import tune as tune
 
@@ -70,7 +70,7 @@ _HOMES = {
     "Model": "model_file",
     "NoiseEstimation": "settings",
     "Screening": "settings",
-    "Settings": "tuning.settings",
+    "Settings": "tuning.settings_file",
     "StripNetwork": "models.strip",
     "Tuned": "tuning.tune",
     "evaluate": "identify",
@@ -81,7 +81,7 @@ _HOMES = {
     "load_identification": "result",
     "load_learner": "learners.registry",
     "load_model": "model_file",
-    "load_settings": "tuning.settings",
+    "load_settings": "tuning.settings_file",
     "model_of": "model_file",
     "network_for": "tables",
     "network_from_description": "models.registry",

@@ -79,17 +79,6 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: S
     assert learner.describe() == tuned.learner().describe()  # type: ignore[attr-defined]
 
 
-def test_the_page_names_every_knob_and_its_range() -> None:
-    from patagium.learning.tuning.knobs import KNOBS, Level
-
-    for knob in KNOBS:
-        row = re.search(rf"^\| `{knob.name}`.*\|(.*)\|$", PAGE, re.MULTILINE)
-        assert row is not None, knob.name
-        if isinstance(knob, Level) and not knob.below_one:
-            said = re.findall(r"\d[\d.]*(?:e-\d+)?", row[1])[:2]
-            assert [float(one) for one in said] == [knob.low, knob.high]
-
-
 def test_the_file_says_what_was_chosen_for_what(folder: Path) -> None:
     words = yaml.safe_load((folder / "settings.yaml").read_text("utf-8"))
     assert (words["flight"], words["every"]) == ("flight.nc", 10)
@@ -98,8 +87,8 @@ def test_the_file_says_what_was_chosen_for_what(folder: Path) -> None:
     assert len(words["learner"]["measurement_std"]) == 14
     scores = [trial["log_likelihood_second_half"] for trial in words["trials"]]
     assert scores == sorted(scores, reverse=True)
-    assert words["foresight"]["log_likelihood_second_half"] == scores[0]
-    assert "y" not in words["foresight"]["outputs"]  # a symmetric flight
+    assert words["prediction"]["log_likelihood_second_half"] == scores[0]
+    assert "y" not in words["prediction"]["outputs"]  # a symmetric flight
 
 
 def test_the_same_command_goes_on_and_another_question_is_refused(

@@ -11,7 +11,7 @@ from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.structure import blocks_of
 from patagium.learning.schedule import LogSamples
 from patagium.learning.stream import stream
-from patagium.learning.tuning.foresight import predict
+from patagium.learning.tuning.likelihood import score_predictions as predict
 
 
 class Lag(Network):

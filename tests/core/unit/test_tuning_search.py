@@ -1,96 +1,115 @@
-"""What may be tuned, where a search looks, what a trial is worth, and what is kept of it."""
+"""Search space of the settings, the trials drawn from it, their scores, and their journal."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from math import inf, isnan
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import optuna
 import pytest
+from optuna.distributions import FloatDistribution
 from scipy.stats import norm
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError
-from patagium.learning import CubatureLearner, DenseNetwork, ExtendedLearner, load_settings
-from patagium.learning.tuning.foresight import Foresight, moving, predict
-from patagium.learning.tuning.journal import Journal
-from patagium.learning.tuning.knobs import (
-    KNOBS,
-    Choice,
-    Level,
-    keywords,
-    knobs_for,
-    values_at,
-)
-from patagium.learning.tuning.search import LEAST_TRIALS, Asked, evaluations, search
-from patagium.learning.tuning.settings import Settings
+from patagium.learning import CubatureLearner, DenseNetwork, load_settings
+from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
+from patagium.learning.settings import Alternatives, LogRange, settings_of
+from patagium.learning.tuning.likelihood import PredictionScore, moving, score_predictions
+from patagium.learning.tuning.settings_file import Settings
+from patagium.learning.tuning.space import SearchSpace, search_space
+from patagium.learning.tuning.trials import LEAST_TRIALS, DrawnTrial, TrialJournal, search
 
-LEARNERS = {"cubature": CubatureLearner, "extended": ExtendedLearner}
-GOOD = Foresight(1.5, 1.0, 10, 0.1, 0.95)
-LOST = Foresight(-inf, -inf, 3, outcome=Outcome.NOT_FINITE, reason="too far")
+GOOD = PredictionScore(1.5, 1.0, 10, 0.1, 0.95)
+LOST = PredictionScore(-inf, -inf, 3, outcome=Outcome.NOT_FINITE, reason="too far")
+LINE = {"x": FloatDistribution(0.0, 1.0), "y": FloatDistribution(0.0, 1.0)}
 
 
-@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
-def test_every_knob_turns_a_keyword_of_its_learners(knob: Level | Choice) -> None:
-    for kind in knob.learners:
-        assert knob.name in inspect.signature(LEARNERS[kind]).parameters
-    found = {str(knob.value([u] * len(knob.axes))) for u in (0.05, 0.55, 0.95)}
-    assert len(found) == 3
+def drawn(space: SearchSpace, count: int) -> list[dict[str, Any]]:
+    """Parameters drawn at random."""
+    study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=3))
+    return [study.ask(space.distributions()).params for _ in range(count)]
 
 
-@pytest.mark.parametrize("kind", LEARNERS)
-def test_learners_take_whatever_the_knobs_say(kind: str) -> None:
+@pytest.mark.parametrize("kind", FILTER_LEARNERS)
+def test_every_tuned_setting_of_the_record_is_searched_over_its_range(kind: str) -> None:
+    space = search_space(kind, [(3,)], [1.0], {})
+    tuned = {one.name: one.metadata["meaning"].search for one in settings_of(kind)}
+    tuned = {name: where for name, where in tuned.items() if where is not None}
+    assert {*space.searched} == {*tuned, "hidden"}
+    parameters = drawn(space, 60)
+    values = [space.values(one)[1] for one in parameters]
+    for name, where in tuned.items():
+        found = [one[name] for one in values]
+        if isinstance(where, Alternatives):
+            assert {str(one) for one in found} == {str(one) for one in where.values}
+            continue
+        numbers = [1 - one if where.one_minus else one for one in found if one != where.off]
+        assert 0.99 * where.low <= min(numbers) < max(numbers) <= 1.01 * where.high
+        assert max(numbers) > 3 * min(numbers)
+        assert (len(numbers) < len(found)) == (where.off is not None)
+
+
+@pytest.mark.parametrize("kind", FILTER_LEARNERS)
+def test_learners_take_whatever_is_drawn(kind: str) -> None:
     network = DenseNetwork(2, (3,), 2)
-    knobs = knobs_for(kind, (0.1, 0.2), ("full", {"rank": 2}))  # type: ignore[arg-type]
-    axes = sum(len(knob.axes) for knob in knobs)
-    for point in np.random.default_rng(3).random((10, axes)):
-        values = values_at(knobs, point)
-        learner = LEARNERS[kind](network, **keywords(values))
+    given = {"covariance": Alternatives(("full", {"rank": 2}))}
+    space = search_space(kind, [(3,)], [0.1, 0.2], given)
+    for parameters in drawn(space, 10):
+        hidden, values = space.values(parameters)
+        learner = make_learner(kind, network, values)
+        assert hidden == (3,)
         assert learner.describe()["covariance"] == values["covariance"]
         ratio = values["measurement_std"][1] / values["measurement_std"][0]
         assert ratio == pytest.approx(2.0, rel=0.01)  # three digits
 
 
-def test_levels_stay_in_their_range_and_have_three_digits() -> None:
-    level = Level("spread", 0.3, 4.0)
-    assert (level.value([0.0]), level.value([1.0])) == (0.3, 4.0)
-    assert level.value([0.4321]) == float(f"{level.value([0.4321]):.3g}")
-    memory = Level("forgetting_factor", 1e-5, 0.1, below_one=True, off=1.0)
-    assert memory.value([0.5, 0.2]) == 1.0
-    assert memory.value([1.0, 0.8]) == pytest.approx(0.9, rel=1e-12)  # rounding
+def test_numbers_have_three_digits_and_may_be_off_or_below_one() -> None:
+    ranges = {"a": LogRange(0.3, 4.0), "b": LogRange(1e-5, 0.1, one_minus=True, off=1.0)}
+    space = SearchSpace("cubature", {**ranges, "hidden": Alternatives(((3,),))}, {"c": 7}, [1.0])
+    at = {"a": 0.43219, "b": 0.0999999, "b on": True, "hidden": "[3]"}
+    assert space.values(at) == ((3,), {"a": 0.432, "b": 0.9, "c": 7})
+    assert space.values(at | {"b on": False})[1]["b"] == 1.0
 
 
-def hill(asked: Sequence[Asked]) -> list[float]:
-    """Highest at 0.7, 0.2, in the upper half of the third coordinate."""
-    return [
-        -((a.point[0] - 0.7) ** 2) - (a.point[1] - 0.2) ** 2 - (a.point[2] < 0.5) for a in asked
-    ]
+def test_given_settings_are_not_searched_and_wrong_ones_are_refused() -> None:
+    given = {"spread": 1.7, "screening": {"outlier_std": 6.0}}
+    space = search_space("cubature", [(3,)], [1.0], given)
+    assert "spread" not in space.distributions()
+    values = space.values(drawn(space, 1)[0])[1]
+    assert (values["spread"], values["screening"]) == (1.7, {"outlier_std": 6.0})
+    for wrong in ({"spread": -1.0}, {"spraed": 1.0}, {"screening": {"outlier_std": 1.0}}):
+        with pytest.raises(ParameterError):
+            search_space("cubature", [(3,)], [1.0], wrong)
+    with pytest.raises(ParameterError, match="the extended learner has none"):
+        search_space("extended", [(3,)], [1.0], {"spread": 1.0})
 
 
-def test_search_ends_near_the_top_and_asks_as_often_as_it_says() -> None:
-    asked: list[Asked] = []
+def hill(batch: Sequence[DrawnTrial]) -> list[float]:
+    """Highest at x = 0.7, y = 0.2."""
+    points = [trial.parameters for trial in batch]
+    return [-((at["x"] - 0.7) ** 2) - (at["y"] - 0.2) ** 2 for at in points]
 
-    def judge(points: Sequence[Asked]) -> list[float]:
-        asked.extend(points)
-        return hill(points)
 
-    found = search([False, False, True], 64, 0, judge)
-    assert found[0][1] == max(score for _, score in found)
-    np.testing.assert_allclose(found[0][0][:2], [0.7, 0.2], atol=0.05)  # last box: 1/32
-    assert len(asked) == evaluations(64)
-    assert sum(not one.whole for one in asked) == 32
-    even = max(hill([Asked(p, True) for p in np.random.default_rng(0).random((64, 3))]))
-    assert found[0][1] > even
+def test_search_comes_nearer_to_the_top_than_even_draws() -> None:
+    found = search(LINE, 64, 0, hill)
+    assert [trial.number for trial in found] == list(range(64))
+    even = [{"x": a, "y": b} for a, b in np.random.default_rng(0).random((64, 2))]
+    best = max(hill(found))
+    assert best > max(hill([DrawnTrial(k, at) for k, at in enumerate(even)]))
+    assert best > -(0.05**2)
 
 
 def test_search_is_fixed_by_its_seed_and_refuses_too_few_trials() -> None:
-    first, again, other = (search([False] * 3, 16, seed, hill)[0][0] for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).any()
+    first, again, other = (search(LINE, 24, seed, hill) for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+    assert search(LINE, 12, 1, hill) == first[:12]
     with pytest.raises(ParameterError, match="trials: expected at least 8, found 7"):
-        search([False], LEAST_TRIALS - 1, 0, hill)
+        search(LINE, LEAST_TRIALS - 1, 0, hill)
 
 
 def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Generator) -> None:
@@ -106,12 +125,12 @@ def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Genera
         inside[k] = np.abs(y[k] - mean) <= norm.ppf(0.975) * std
         learner.update(x[k], y[k])
     both = np.ones((20, 2), bool)
-    gave = predict(CubatureLearner(network, **settings), x, y, both)  # type: ignore[arg-type]
+    gave = score_predictions(CubatureLearner(network, **settings), x, y, both)  # type: ignore[arg-type]
     assert gave.log_likelihood == pytest.approx(density.sum(), rel=1e-9)  # rounding
     assert gave.log_likelihood_second_half == pytest.approx(density[10:].sum(), rel=1e-9)
     assert gave.coverage_second_half == pytest.approx(inside[10:].mean())
     first = both & [True, False]
-    one = predict(CubatureLearner(network, **settings), x, y, first)  # type: ignore[arg-type]
+    one = score_predictions(CubatureLearner(network, **settings), x, y, first)  # type: ignore[arg-type]
     assert one.log_likelihood == pytest.approx(density[:, 0].sum(), rel=1e-9)
 
 
@@ -135,7 +154,7 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
         network=SimpleNamespace(inputs=1, measured_inputs=1),
         weights=np.zeros(1),
     )
-    gave = predict(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
+    gave = score_predictions(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
     mean, std = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
     left_out = norm.logpdf(3.0, mean, std)
     expected = norm.logpdf(0.5) + left_out + norm.logpdf(0.1)
@@ -149,38 +168,40 @@ def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:
     network = SimpleNamespace(inputs=1, measured_inputs=1)
     learner = SimpleNamespace(update=update, count=0, network=network, weights=np.zeros(1))
     y = np.ones((4, 1))
-    gave = predict(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
+    gave = score_predictions(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
     assert (gave.score, gave.outcome) == (-inf, Outcome.COVARIANCE_LOST)
     assert "the covariance is lost" in gave.reason
 
 
+def trial(number: int) -> DrawnTrial:
+    return DrawnTrial(number, {"x": 0.25, "y": 0.5})
+
+
 def test_a_journal_goes_on_after_a_line_cut_short(tmp_path: Path) -> None:
     path = tmp_path / "t.jsonl"
-    book = Journal({"every": 10}, path)
-    book.keep({"spread": 1.0}, GOOD)
-    book.keep({"spread": 2.0}, LOST)
+    book = TrialJournal({"every": 10}, path)
+    book.keep(trial(0), LINE, GOOD)
+    book.keep(trial(1), LINE, LOST)
     path.write_text(path.read_text("utf-8")[:-7], "utf-8")
-    again = Journal({"every": 10}, path)
-    assert (again.found({"spread": 1.0}), again.found({"spread": 2.0})) == (GOOD, None)
-    again.keep({"spread": 2.0}, LOST)
-    last = Journal({"every": 10}, path).found({"spread": 2.0})
+    again = TrialJournal({"every": 10}, path)
+    assert (again.score(0), again.score(1)) == (GOOD, None)
+    again.keep(trial(1), LINE, LOST)
+    last = TrialJournal({"every": 10}, path).score(1)
     assert last is not None and last.score == -inf and isnan(last.nmse_second_half)
     assert (last.reason, last.outcome) == (LOST.reason, LOST.outcome)
 
 
 def test_a_journal_of_another_question_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.jsonl"
-    Journal({"every": 10}, path)
+    TrialJournal({"every": 10}, path)
     with pytest.raises(LogError, match="every was 10, is 100; name another result"):
-        Journal({"every": 100}, path)
+        TrialJournal({"every": 100}, path)
     path.write_text("time,x\n", "utf-8")
-    with pytest.raises(LogError, match="expected a journal of trials"):
-        Journal({"every": 10}, path)
-    Journal({"every": 10}, tmp_path / "u.jsonl")
-    with (tmp_path / "u.jsonl").open("a", encoding="utf-8") as file:
-        file.write('{"outcome": "LOST"}\n')
-    with pytest.raises(LogError, match="expected a trial in each line"):
-        Journal({"every": 10}, tmp_path / "u.jsonl")
+    with pytest.raises(LogError, match="expected a journal of Optuna"):
+        TrialJournal({"every": 10}, path)
+    path.write_text('{"format": "patagium trials 1"}\n', "utf-8")
+    with pytest.raises(LogError, match="expected a journal of Optuna"):
+        TrialJournal({"every": 10}, path)
 
 
 SETTINGS = """\
@@ -214,9 +235,13 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
         ("prior_std: 0.5, ", "", "learner: prior_std: expected, but not there"),
-        (": 0.5", ": wide", "prior_std: expected a number such as 3.0e-4"),
+        (": 0.5", ": wide", "prior_std: expected "),
         ("{rank: 2}", "square", 'covariance: expected "full", "layer", "node"'),
-        ("covariance: {rank: 2}", "noise_estimation: {span: 9}", "noise_estimation: expected one"),
+        (
+            "covariance: {rank: 2}",
+            "noise_estimation: {span: 9}",
+            "noise_estimation: expected none, or",
+        ),
         (SETTINGS, "a: b: c", "expected YAML"),
     ],
 )
@@ -228,6 +253,18 @@ def test_broken_settings_are_refused_with_their_place(
     with pytest.raises(LogError) as refused:
         load_settings(path)
     assert str(refused.value).startswith(f"{path}: ") and said in str(refused.value)
+
+
+def test_settings_of_the_release_before_are_taken(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    old = SETTINGS.replace("prior_std", "prior_deviation")
+    old = old.replace("measurement_std", "measurement_deviation")
+    screening = "screening: {outlier_deviation: 6.0}, "
+    path.write_text(old.replace("prior_d", screening + "prior_d") + "foresight: {samples: 3}\n")
+    settings = load_settings(path)
+    assert settings.learner.values["measurement_std"] == [0.1, 0.2]
+    assert settings.made(DenseNetwork(2, (3,), 2)).settings.screening.outlier_std == 6.0
+    assert settings.prediction == {"samples": 3}
 
 
 def test_settings_that_are_not_there_are_named(tmp_path: Path) -> None:

@@ -1,22 +1,25 @@
-"""How well a learner predicted the samples it was taught: the likelihood of its innovations.
+"""Likelihood of what a learner predicted: the score of a trial.
 
-With e = y - mean the innovation of an output and s^2 its variance, both said before the
-sample was used,
+With e = y - mean the innovation of an output and s^2 its variance, both predicted before the
+sample is used,
 
     log L = sum over samples and outputs of -1/2 (e^2 / s^2 + log s^2 + log 2 pi):
 
-the density the learner gave beforehand to each number it then saw. It punishes errors, and
-deviations too small or too large for them. An output that stands still is predicted by any
-deviation, the smaller the better: where it does (`moving`) it is left out, lest a robot on the
-ground decide how it is to learn in flight. Neglected: correlation of the outputs (with it, on a
-flight without noise, the likelihood goes to directions in which P_yy is all but singular, and
-the deviations of the outputs themselves come out too large); samples between those used.
+the density that the learner gave beforehand to each number it then measured. It punishes errors,
+and standard deviations too small or too large for them. An output that stands still is predicted
+by any standard deviation, the smaller the better: where it does (`moving`) it is left out, or a
+robot on the ground would decide how the learner learns in flight. Neglected: correlation of the
+outputs (with it, on a flight without noise, the likelihood follows directions in which P_yy is
+all but singular, and the standard deviations of the outputs come out too large); samples between
+those used.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from math import inf, log, nan, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,30 +30,31 @@ from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import replay
 from patagium.learning.schedule import LogSamples
-from patagium.learning.scores import INTERVAL, SILENT_RATIO
+from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
 
-STRETCHES = 50
-"""An output stands still where, over so long a part of the samples, ..."""
+SPANS = 50
+"""Number of spans of the samples in which an output is looked at."""
 STILL = 0.02
-"""... it deviates by so small a share of its deviation over all of them, or less."""
+"""An output stands still where its standard deviation over a span is at most this share of that
+over all samples."""
 
 
 @dataclass(frozen=True)
-class Foresight:
-    """What a learner predicted of samples.
+class PredictionScore:
+    """Likelihood, error and coverage of the predictions of a learner.
 
     Attributes:
         log_likelihood: Of all samples; minus infinity if the learner diverged.
         log_likelihood_second_half: Of the second half of them; the same.
-        samples: How many it was taught.
+        samples: Number of samples that were learned.
         nmse_second_half: Mean square innovation over the variance of the output, mean over the
             outputs, second half.
         coverage_second_half: Share of outputs inside the predicted 95 % interval, second half.
-        outcome: COMPLETED, or why it stopped.
-        reason: The same in words; empty if it did not.
+        outcome: COMPLETED, or why the learner stopped.
+        reason: The outcome in words; empty if it is COMPLETED.
     """
 
     log_likelihood: float
@@ -63,15 +67,33 @@ class Foresight:
 
     @property
     def score(self) -> float:
-        """What trials are compared by: larger is better."""
+        """Number that trials are compared by: larger is better."""
         return self.log_likelihood_second_half
+
+    def describe(self) -> dict[str, Any]:
+        """Score as JSON-able values; numbers that are not finite are None."""
+        values: dict[str, Any] = json_ready(asdict(self))
+        return values | {"outcome": self.outcome.name}
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> PredictionScore:
+        """Inverse of `describe`.
+
+        Args:
+            description: Plain values by name.
+        """
+        lost = {"log_likelihood": -inf, "log_likelihood_second_half": -inf}
+        found: dict[str, Any] = {
+            k: lost.get(k, nan) if v is None else v for k, v in description.items()
+        }
+        return cls(**{**found, "outcome": Outcome[found["outcome"]]})
 
 
 def moving(y: Array) -> Chosen:
-    """Where outputs move, (N, n_y): those that are constant never do.
+    """Samples at which outputs move, (N, n_y): constant outputs never do.
 
     Args:
-        y: What was measured, (N, n_y); some of it may be missing.
+        y: Measurements, (N, n_y), in their units; NaN where one is missing.
     """
     measured = np.isfinite(y)
     truth = np.where(measured, y, 0.0)
@@ -82,7 +104,7 @@ def moving(y: Array) -> Chosen:
     std = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
     alive = std > SILENT_RATIO * size.max(initial=0.0)
     truth = truth / np.where(alive, std, 1.0)
-    span = max(len(y) // STRETCHES, 2)
+    span = max(len(y) // SPANS, 2)
     share, mean, square = (
         uniform_filter1d(values, span, axis=0)
         for values in (measured.astype(float), truth, truth**2)
@@ -91,17 +113,19 @@ def moving(y: Array) -> Chosen:
     return np.asarray(alive & measured & (local > STILL**2))
 
 
-def predict(learner: FilterLearner, x: Array | LogSamples, y: Array, scored: Chosen) -> Foresight:
-    """Teach a learner samples, and see how well it predicted each.
+def score_predictions(
+    learner: FilterLearner, x: Array | LogSamples, y: Array, scored: Chosen
+) -> PredictionScore:
+    """Score of the predictions of a learner that learns samples one by one.
 
-    An output that was measured, and that the learner left out, is taken for predicted by its
-    mean and variance alone: leaving out is no way to a better score.
+    An output that was measured, and that the learner left out, is scored as if it had been
+    predicted by its mean and variance alone, so that leaving out does not improve the score.
 
     Args:
-        learner: It is changed.
-        x: Inputs, (N, n_x), or a log that uses N samples.
-        y: Measurements, (N, n_y).
-        scored: Which of them count, (N, n_y); see `moving`.
+        learner: Learner, which learns the samples.
+        x: Inputs, (N, n_x), or a log of which N samples are used.
+        y: Measurements, (N, n_y), in their units.
+        scored: Measurements that count, (N, n_y); see `moving`.
     """
     error, variance = np.empty_like(y), np.empty_like(y)
     log = x if isinstance(x, LogSamples) else _one_by_one(x)
@@ -114,18 +138,20 @@ def predict(learner: FilterLearner, x: Array | LogSamples, y: Array, scored: Cho
             memory.corrected(learner.weights - before)
             variance[k] = np.diagonal(learner.innovation_covariance)
     except (FilterDiverged, MatrixLost) as problem:
-        return Foresight(-inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem))
+        return PredictionScore(
+            -inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem)
+        )
     heard = scored.any(axis=0)
     return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
 
 
 def _one_by_one(x: Array) -> LogSamples:
-    """Samples by themselves, (N, n_x)."""
+    """Log of inputs that are all used, (N, n_x)."""
     numbers = np.arange(len(x))
     return LogSamples(numbers.astype(float), x, numbers[:0], numbers)
 
 
-def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Foresight:
+def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:
     """Scores of innovations and their variances, (N, m) each; some may be nan."""
     counted = np.where(scored, truth, nan)
     mean, spread = np.nanmean(counted, axis=0), np.nanvar(counted, axis=0)
@@ -139,7 +165,7 @@ def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Fore
     chosen = scored[late]
     inside = (ratio[late] <= INTERVAL**2)[chosen]
     square = (miss**2 / spread)[late][chosen]
-    return Foresight(
+    return PredictionScore(
         log_likelihood=float(density.sum()),
         log_likelihood_second_half=float(density[late].sum()),
         samples=len(truth),

@@ -1,6 +1,6 @@
-"""Pieces of work in several processes of this machine, or on a Dask cluster, by joblib.
+"""Calls in several processes of this machine, or on a Dask cluster, by joblib.
 
-Neglected: a cluster without patagium installed; workers import it.
+The workers of a cluster must have patagium installed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from patagium.errors import ParameterError
 
 @contextmanager
 def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
-    """Where `in_any_order` works meanwhile: processes of one thread each, or a cluster.
+    """Workers for `in_any_order`: processes of one thread each, or a cluster.
 
     Args:
-        jobs: Number of processes; None: one a core. A cluster uses all its workers.
+        jobs: Number of processes; None: one for each core. A cluster uses all its workers.
         cluster: Address of a Dask scheduler, such as tcp://10.0.0.1:8786; None: this machine.
 
     Raises:
@@ -40,11 +40,11 @@ def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
 def in_any_order(
     workers: Any, function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Number of each call and what it gave, as they end.
+    """Number and result of each call, as the calls end.
 
     Args:
-        workers: What `pool` gave.
-        function: Found by its module and name.
+        workers: Workers of `pool`.
+        function: Function that a worker can import.
         calls: Arguments of each call.
     """
     from joblib import delayed
