@@ -161,10 +161,11 @@ def test_every_import_is_declared() -> None:
     rivals = project["optional-dependencies"]["bench"]
     formats = project["optional-dependencies"]["logs"]
     pages = project["optional-dependencies"]["viewer"]
+    search = project["optional-dependencies"]["tune"]
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}
     for path in sorted((ROOT / "src" / "patagium").rglob("*.py")):
-        places = {"studies": rivals, "files": formats, "viewer": pages}
+        places = {"studies": rivals, "files": formats, "viewer": pages, "tuning": search}
         extra = [line for place, lines in places.items() if place in path.parts for line in lines]
         allowed = core | {canonical(line) for line in extra}
         for name in third_party_imports(path):
