@@ -25,7 +25,7 @@ from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import (
     UNSEEN,
-    CompiledMemory,
+    CompiledLags,
     ModelMemory,
     measured_inputs,
     memory_of,
@@ -278,7 +278,7 @@ class _CompiledChain:
         compiled: Compiled,
         kernel: ctypes.CDLL,
         form: SampleForm,
-        lags: CompiledMemory | None,
+        lags: CompiledLags | None,
     ) -> None:
         self.learner, self.lags = learner, lags
         self._function = kernel.pipeline_run

@@ -113,6 +113,29 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
     np.testing.assert_array_equal(resumed.learner.weights, whole.learner.weights)
 
 
+def test_memory_of_a_learner_file_of_the_first_format_goes_on(network, robot, packets):
+    """There the parts of a memory were numbered, and slopes of strips were for coded numbers."""
+    whole, part = pipeline_of(network, robot), pipeline_of(network, robot)
+    expected = whole.run(packets)
+    part.run(packets[:25])
+    state, memory = part.learner.state(), part.learner.memory.states[0]
+    z, slopes, weights, driver, time = memory
+    if isinstance(network, pt.learning.HiddenStripNetwork):
+        n, coded = len(z) - len(robot.strips), slopes / network._reach[: len(weights)]
+        numbers = [time, z[:n], coded[:n], z[n:], coded[n:], driver, weights]
+    elif isinstance(network, pt.learning.HiddenFlowNetwork):
+        n = len(z) // 3
+        numbers = [time, z[n : 2 * n], slopes[n : 2 * n, n:], np.exp(z[2 * n :]), z[:n], slopes[:n]]
+        numbers.append(weights)
+    else:
+        numbers = [time, driver, z, slopes, weights]
+    first = {f"memory_{k}": np.array(number) for k, number in enumerate(numbers)}
+    kept = {name: value for name, value in state.items() if not name.startswith("memory_0")}
+    part.learner.resume(kept | first)
+    found = part.run(packets[25:])
+    np.testing.assert_allclose(found.rows[:, :-1], expected.rows[25:, :-1], rtol=1e-9, atol=1e-10)
+
+
 def test_one_gradient_step_a_sample_remembers_too(robot, packets, tmp_path):
     network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     whole, part = (

@@ -264,6 +264,15 @@ def test_it_is_made_again(grey, log):
         assert np.array_equal(rows, network_inputs(grey, np.zeros(3), *log))
 
 
+def test_the_residual_network_had_another_name(robot):
+    residual = pt.StripNetwork(robot, (4,), AIR)
+    with pytest.warns(DeprecationWarning, match="residual"):
+        old = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"density": 0.1}, beside=residual)
+    assert old.residual is residual
+    again = network_from_description(old.describe())
+    assert again.residual.describe() == residual.describe()
+
+
 def test_wandering_is_said_in_own_units(grey):
     assert grey.stds({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
     with pytest.raises(ParameterError, match="wandering"):

@@ -114,6 +114,7 @@ def test_a_model_of_the_first_format_still_loads(tmp_path: Path, rng: np.random.
     words = json.loads((tmp_path / "model.json").read_text())
     assert words["format"] == "patagium model 2" and words["covariance"]["kind"] == "full"
     old = {**words, "format": "patagium model 1", "covariance": words["covariance"]["lower"]}
+    old["measurement_deviation"] = old.pop("measurement_std")
     (tmp_path / "old.json").write_text(json.dumps(old))
     again, model = load_model(tmp_path / "old.json"), load_model(tmp_path / "model.json")
     np.testing.assert_array_equal(again.covariance, model.covariance)

@@ -20,7 +20,7 @@ from patagium.learning.filters.kernel_memory import aligned, install_encoder, ro
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import triangular
 from patagium.learning.filters.state import vector
-from patagium.learning.models.hidden_strip import CompiledEncoder, HiddenStripNetwork
+from patagium.learning.models.hidden_strip import HiddenStripNetwork, StripLags
 from patagium.learning.models.perceptron import PerceptronNetwork, evaluated
 from patagium.native import load_kernel
 
@@ -97,9 +97,7 @@ class ExtendedKernel(KernelFilter):
         return x, (keep, arrays, whole)
 
 
-def _install_lags(
-    network: Any, lags: CompiledEncoder, whole: _Extended
-) -> tuple[Array, tuple[Any, ...]]:
+def _install_lags(network: Any, lags: StripLags, whole: _Extended) -> tuple[Array, tuple[Any, ...]]:
     """Let the kernel see a sample of a network whose encoder has weights."""
     own, states, real = len(lags.prior), lags.states, np.dtype(float)
     directions, outputs = rounded_up(own, 8), network.items * network.perceptron.widths[-1]

@@ -8,19 +8,17 @@ Neglected: what the flow did before, Reynolds number, forces on anything but win
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.dynamics.kinematics import body_velocities
 from patagium.errors import ParameterError, positive
-from patagium.learning.models.dense import described
 from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.wing import WingNetwork
 from patagium.native import load_functions
@@ -61,6 +59,7 @@ class FlowNetwork(WingNetwork):
     """
 
     kind = "flow"
+    options = ("coefficient_scale",)
 
     def __init__(
         self,
@@ -77,7 +76,7 @@ class FlowNetwork(WingNetwork):
         self.robot, self.air = robot, Air() if air is None else air
         seen = 2 * len(_ends(robot)) + len(_joints(robot))
         self._perceptron = Perceptron((seen, *hidden, robot.dof), activation)
-        self._names, self._offset = robot.dof_names, np.zeros(robot.dof)
+        self._offset = np.zeros(robot.dof)
         symbolic, _ = robot.symbolic()
         key, label = f"flow network {symbolic!r}", f"flow network of {robot.name}"
         functions = load_functions(key, lambda: _functions(robot), label=label)
@@ -88,11 +87,6 @@ class FlowNetwork(WingNetwork):
         self.lever.setflags(write=False)
         force = self.air.density / 2 * self.coefficient_scale * self.lever
         self._parameters = np.array([*self.air.wind, *force, *robot.parameters])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        hidden, activation = self._perceptron.widths[1:-1], self._perceptron.activation
-        arguments = (self.robot, hidden, self.air, activation)
-        return _again, (arguments, self.coefficient_scale)
 
     @property
     def items(self) -> int:
@@ -108,37 +102,6 @@ class FlowNetwork(WingNetwork):
             speed: Of the wings through the air, root mean square over strips [m/s].
         """
         return np.asarray(self.air.density / 2 * speed**2 * self.lever)
-
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
-        return {
-            "kind": self.kind,
-            "robot": self.robot.source,
-            "hidden": list(self._perceptron.widths[1:-1]),
-            "air": self.air.describe(),
-            "activation": self._perceptron.activation,
-            "coefficient_scale": self.coefficient_scale,
-        }
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> FlowNetwork:
-        """Inverse of `describe`.
-
-        Raises:
-            ParameterError: If a key is missing or unknown.
-            RobotFileError: If the text of the robot does not describe one.
-        """
-        from patagium.robot import load_robot_text
-
-        keys = ("robot", "hidden", "air", "activation", "coefficient_scale")
-        values = described(cls.kind, description, keys)
-        air = air_from_description(values.pop("air"))
-        return cls(load_robot_text(values.pop("robot")), air=air, **values)
-
-
-def _again(arguments: tuple[Any, ...], coefficient_scale: float) -> FlowNetwork:
-    """A network unpickled."""
-    return FlowNetwork(*arguments, coefficient_scale=coefficient_scale)
 
 
 def _ends(robot: Robot) -> list[int]:

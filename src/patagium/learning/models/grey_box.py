@@ -14,10 +14,9 @@ errors of measured states and accelerations.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import casadi as ca
@@ -28,6 +27,7 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.lag_states import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.deprecation import renamed_arguments
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.dense import described
@@ -51,6 +51,7 @@ from patagium.learning.models.physical import (
 )
 from patagium.learning.models.structure import stacked
 from patagium.native import NativeFunction, load_functions
+from patagium.robot.files import load_robot_text
 
 Array = NDArray[np.float64]
 Start = Literal["steady", "still"]
@@ -82,7 +83,6 @@ class GreyBox(GroupedNetwork):
         measured: Coordinates whose force y is; None: all.
         start: Flow before the first sample and in gaps: as it was always there, or "still" as
             a simulated flight begins.
-        beside: Former name of `residual`, with a warning.
 
     Raises:
         ParameterError: If a name is unknown, a deviation not positive, or the residual network
@@ -95,6 +95,7 @@ class GreyBox(GroupedNetwork):
 
     kind = "grey_box"
 
+    @renamed_arguments(beside="residual")
     def __init__(
         self,
         model: Aerodynamics,
@@ -104,11 +105,7 @@ class GreyBox(GroupedNetwork):
         *,
         measured: Sequence[str] | None = None,
         start: Start = "steady",
-        beside: Network | None = None,
     ) -> None:
-        if beside is not None:
-            warnings.warn("beside is now called residual", DeprecationWarning, stacklevel=2)
-            residual = beside
         if added_mass is not None and added_mass.air != model.air:
             raise ParameterError("added_mass.air", f"the air of model, {model.air}", added_mass.air)
         if start not in get_args(Start):
@@ -133,8 +130,8 @@ class GreyBox(GroupedNetwork):
         self._memory_size = row_size(self._lags)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = (self.model, self._estimate, self.added_mass, self.residual)
-        return _grey_box, (arguments, {"measured": self._names, "start": self._start})
+        arguments = self.model, self._estimate, self.added_mass, self.residual
+        return partial(GreyBox, *arguments, measured=self._names, start=self._start), ()
 
     @property
     def inputs(self) -> int:
@@ -203,12 +200,7 @@ class GreyBox(GroupedNetwork):
         return Encoding(x[None], readout, np.zeros(self.outputs))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
-        """y of samples encoded before, (N, n_y).
-
-        Args:
-            encoding: Of N samples.
-            weights: (n,).
-        """
+        """y of N encoded samples at weights (n,), (N, n_y)."""
         x = encoding.features[:, 0]
         y = self._force(x, np.broadcast_to(weights[: self._count], (len(x), self._count)))
         if self.residual is not None:
@@ -217,12 +209,7 @@ class GreyBox(GroupedNetwork):
         return y
 
     def values(self, encoding: Encoding, points: Array) -> Array:
-        """y of one encoded sample at many weights, (p, n_y).
-
-        Args:
-            encoding: Of one sample.
-            points: (p, n).
-        """
+        """y of one encoded sample at weights (p, n), (p, n_y)."""
         x = encoding.features[0]
         own = points[:, : self._count].astype(float)
         different, place = np.unique(own, axis=0, return_inverse=True)
@@ -233,25 +220,20 @@ class GreyBox(GroupedNetwork):
         return y
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
-        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
-
-        Args:
-            encoding: Of one sample.
-            weights: (n,).
-        """
+        """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         x, own = encoding.features[0], weights[: self._count]
         memory = self._memory_in(x[None])
         state, slopes = memory.at(own[None]), memory.sensitivity
-        function, seen = self._functions["force_forward"], x[: self.measured_inputs]
+        function, measured = self._functions["force_forward"], x[: self.measured_inputs]
         y, columns = np.zeros(0), []
         for k, along in enumerate(np.eye(self._count)):
-            found = function(seen, state[0], own, slopes[0][:, k], along, self._numbers)
+            found = function(measured, state[0], own, slopes[0][:, k], along, self._numbers)
             y, column = (np.atleast_1d(part) for part in found)
             columns.append(column)
         slope = np.column_stack(columns)
         if self.residual is not None:
-            beside = self.residual.encode_one(self._residual_inputs(x))
-            more, rest = self.residual.linearized(beside, weights[self._count :])
+            seen = self.residual.encode_one(self._residual_inputs(x))
+            more, rest = self.residual.linearized(seen, weights[self._count :])
             y, slope = y + more, np.hstack([slope, rest])
         return y, slope
 
@@ -266,6 +248,7 @@ class GreyBox(GroupedNetwork):
         each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
+    @renamed_arguments(beside="residual")
     def stds(self, wandering: Mapping[str, float], residual: float = 0.0) -> Array:
         """A learner's process deviation from those of parameters in their own units, (n,).
 
@@ -318,8 +301,6 @@ class GreyBox(GroupedNetwork):
             ParameterError: If a key is missing or unknown.
             RobotFileError: If the text of the robot does not describe one.
         """
-        from patagium.robot import load_robot_text
-
         keys = ("robot", "model", "estimate", "added_mass", "beside", "measured", "start")
         values = described(cls.kind, description, keys)
         robot = load_robot_text(values.pop("robot"))
@@ -368,11 +349,6 @@ class GreyBox(GroupedNetwork):
         if found > self.measured_inputs:
             expected = f"at most {self.measured_inputs} inputs"
             raise ShapeError("residual", expected, found)
-
-
-def _grey_box(arguments: Any, options: Any) -> GreyBox:
-    """A grey box unpickled."""
-    return GreyBox(*arguments, **options)
 
 
 class GreyLags(NamedTuple):
@@ -474,15 +450,10 @@ class GreyEquations:
         """Names of what is learned."""
         return [parameter.name for parameter in self.parameters]
 
-    @property
-    def explains_added_mass(self) -> bool:
-        """Whether y holds the force of the air carried along."""
-        return self.added_mass is not None
-
     @cached_property
     def needs_acceleration(self) -> bool:
         """Whether x ends with the accelerations."""
-        return self.explains_added_mass or inertial(self.names, self.model.robot)
+        return self.added_mass is not None or inertial(self.names, self.model.robot)
 
     @cached_property
     def measured_inputs(self) -> int:

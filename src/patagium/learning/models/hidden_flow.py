@@ -7,20 +7,20 @@ Neglected: hidden states that drive each other, Reynolds number, forces on anyth
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.air import Air
 from patagium.errors import ParameterError
-from patagium.learning.models.dense import described
 from patagium.learning.models.flow import FlowNetwork
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import Encoding, GroupedNetwork
 from patagium.learning.models.structure import stacked
+from patagium.learning.models.wing import RobotNetwork
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ _SLOWEST, _FASTEST = 0.05, 0.8  # rates to start from [1/semichord]
 _REACH = 0.5  # of a weight of one, on the logarithm of a rate
 
 
-class HiddenFlowNetwork(GroupedNetwork):
+class HiddenFlowNetwork(RobotNetwork, GroupedNetwork):
     """Dense network with hidden states, in dimensionless quantities.
 
         dxi_k/dt = (2 V b_k / c) (gamma_1(f; W_1)_k - xi_k),    b_k = b_k0 exp(w_k / 2),
@@ -56,6 +56,7 @@ class HiddenFlowNetwork(GroupedNetwork):
     """
 
     kind = "hidden_flow"
+    options = ("states", "drive", "coefficient_scale")
 
     def __init__(
         self,
@@ -75,6 +76,7 @@ class HiddenFlowNetwork(GroupedNetwork):
         self.robot, self.air = self._flow.robot, self._flow.air
         self.coefficient_scale = self._flow.coefficient_scale
         seen = self._flow.perceptron.widths[0]
+        self.states, self.drive = states, tuple(drive)
         self._drive = Perceptron((seen, *drive, states), activation)
         self._perceptron = Perceptron((seen + states, *hidden, robot.dof), activation)
         self._groups = stacked(states, self._drive, self._perceptron)
@@ -97,16 +99,6 @@ class HiddenFlowNetwork(GroupedNetwork):
     def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
         """Equations of the hidden states, whose weights are the first."""
         return ((0, self._lags),)
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y: all coordinates."""
-        return self.robot.dof_names
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of gamma_2."""
-        return self._perceptron.widths[1:-1]
 
     def initial(self, seed: int) -> Array:
         """Weights to start from: rates as spread, others standard normal over sqrt(fan-in), (n,).
@@ -134,35 +126,20 @@ class HiddenFlowNetwork(GroupedNetwork):
         return Encoding(features, seen.readout, seen.offset)
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
-        """y of samples encoded before, (N, n_y).
-
-        Args:
-            encoding: Of N samples.
-            weights: (n,).
-        """
+        """y of N encoded samples at weights (n,), (N, n_y)."""
         seen, _ = self._seen(encoding.features[:, 0], weights[: self._lags.parameters])
         out = self._perceptron.forward(seen, weights[self._lags.parameters :])
         return np.asarray((encoding.readout @ out[:, :, None])[:, :, 0])
 
     def values(self, encoding: Encoding, points: Array) -> Array:
-        """y of one encoded sample at many weights, (p, n_y).
-
-        Args:
-            encoding: Of one sample.
-            points: (p, n).
-        """
+        """y of one encoded sample at weights (p, n), (p, n_y)."""
         seen, _ = self._seen(encoding.features, points[:, : self._lags.parameters].astype(float))
         rest = np.ascontiguousarray(points[:, self._lags.parameters :])
         out = self._perceptron.forward(seen.astype(points.dtype)[:, None], rest).astype(float)
         return np.asarray(out[:, 0] @ encoding.readout.T)
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
-        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
-
-        Args:
-            encoding: Of one sample.
-            weights: (n,).
-        """
+        """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         own, rest = weights[: self._lags.parameters], weights[self._lags.parameters :]
         seen, slopes = self._seen(encoding.features, own)
         out, inner = self._perceptron.linearized(seen, rest)
@@ -170,34 +147,6 @@ class HiddenFlowNetwork(GroupedNetwork):
         of_states = through[:, -self._lags.states :] @ slopes[0]
         of_weights = encoding.readout @ inner[0]
         return encoding.readout @ out[0], np.hstack([of_states, of_weights])
-
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
-        return {
-            "kind": self.kind,
-            "robot": self.robot.source,
-            "hidden": list(self.hidden),
-            "states": self._lags.states,
-            "drive": list(self._drive.widths[1:-1]),
-            "air": self.air.describe(),
-            "activation": self._perceptron.activation,
-            "coefficient_scale": self.coefficient_scale,
-        }
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> HiddenFlowNetwork:
-        """Inverse of `describe`.
-
-        Raises:
-            ParameterError: If a key is missing or unknown.
-            RobotFileError: If the text of the robot does not describe one.
-        """
-        from patagium.robot import load_robot_text
-
-        names = ("robot", "hidden", "states", "drive", "air", "activation", "coefficient_scale")
-        values = described(cls.kind, description, names)
-        air = air_from_description(values.pop("air"))
-        return cls(load_robot_text(values.pop("robot")), air=air, **values)
 
     def _seen(self, rows: Array, own: Array) -> tuple[Array, Array]:
         """Inputs of gamma_2 at weights, (N, n_f + n_xi), and slopes S, (N, n_xi, n_m).

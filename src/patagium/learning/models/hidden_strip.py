@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import Indicial, fitted_indicial, indicial_from_description
 from patagium.aerodynamics.induced_velocity import (
     Normalwash,
@@ -37,7 +37,6 @@ from patagium.aerodynamics.trailing_vortices import lattice, strip_chains
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError, positive
-from patagium.learning.models.dense import described
 from patagium.learning.models.memory import (
     CompiledSteps,
     LagEquations,
@@ -49,6 +48,7 @@ from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import Encoding, GroupedNetwork
 from patagium.learning.models.strip import parted
 from patagium.learning.models.structure import stacked
+from patagium.learning.models.wing import RobotNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
 
@@ -64,7 +64,7 @@ _LAST = 0.05  # of the usual size: at first the section is that of theory
 _NUMBERS = ("lift_slope", "stall_begins", "stall_complete", "coefficient_scale")
 
 
-class HiddenStripNetwork(GroupedNetwork):
+class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
     """Lifting line with hidden states, its numbers and its section learned.
 
     With w_e the normalwash of a strip at three quarters of its chord in the wind that all
@@ -109,6 +109,8 @@ class HiddenStripNetwork(GroupedNetwork):
     """
 
     kind = "hidden_strip"
+    options = ("lags", *_NUMBERS)
+    readers = {**RobotNetwork.readers, "lags": indicial_from_description}
 
     def __init__(
         self,
@@ -168,24 +170,9 @@ class HiddenStripNetwork(GroupedNetwork):
         return ((0, self._lags),)
 
     @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y: all coordinates."""
-        return self.robot.dof_names
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of the perceptron."""
-        return self._perceptron.widths[1:-1]
-
-    @property
     def items(self) -> int:
         """How often the perceptron is evaluated for one x: once a strip."""
         return len(self.robot.strips)
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """From directions of the flow to coefficients of the section."""
-        return self._perceptron
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): the air's numbers and the section as given.
@@ -220,15 +207,9 @@ class HiddenStripNetwork(GroupedNetwork):
         named |= {"stall": np.arcsin(np.sqrt(min(found.stall, 1.0)))}
         return {name: float(value) for name, value in named.items()}
 
-    def compiled_encoder(self) -> CompiledEncoder | None:
-        """Encoder in C as a function of lags and coded numbers; None without a compiler."""
-        encode, slopes = (self._functions[name] for name in ("encode", "slopes"))
-        several = slopes.batch_address
-        if encode.address is None or several is None:
-            return None
-        numbers = self._prior, self._reach, self._constants
-        sizes = self._lags.states, self._lags.parameters
-        return CompiledEncoder(encode.address, several, *sizes, *numbers)
+    def compiled_encoder(self) -> StripLags | None:
+        """Lags whose compiled functions see a sample at weights; None without a compiler."""
+        return None if self._lags.compiled is None else self._lags
 
     def encode(self, x: Array) -> Encoding:
         """The samples as they are, (N, 1, n_x); see `encode_one`."""
@@ -243,12 +224,7 @@ class HiddenStripNetwork(GroupedNetwork):
         return Encoding(x[None], readout[0], np.zeros(self.outputs))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
-        """y of samples encoded before, (N, n_y).
-
-        Args:
-            encoding: Of N samples.
-            weights: (n,).
-        """
+        """y of N encoded samples at weights (n,), (N, n_y)."""
         readout, sections = self.sections(encoding.features[:, 0], weights)
         return np.asarray((readout @ sections[:, :, None])[:, :, 0])
 
@@ -265,12 +241,7 @@ class HiddenStripNetwork(GroupedNetwork):
         return readout, out.reshape(len(x), -1)
 
     def values(self, encoding: Encoding, points: Array) -> Array:
-        """y of one encoded sample at many weights, (p, n_y).
-
-        Args:
-            encoding: Of one sample.
-            points: (p, n).
-        """
+        """y of one encoded sample at weights (p, n), (p, n_y)."""
         own = points[:, : self._count].astype(float)
         different, place = np.unique(own, axis=0, return_inverse=True)
         x = np.broadcast_to(encoding.features[0], (len(different), self.inputs))
@@ -280,12 +251,7 @@ class HiddenStripNetwork(GroupedNetwork):
         return np.asarray((readout @ out.reshape(len(points), -1, 1))[:, :, 0])
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
-        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
-
-        Args:
-            encoding: Of one sample.
-            weights: (n,).
-        """
+        """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         x, own, rest = encoding.features[0], weights[: self._count], weights[self._count :]
         features, readout = (part[0] for part in self._seen(x[None], own[None]))
         out, inner = self._perceptron.linearized(features, rest)
@@ -311,34 +277,6 @@ class HiddenStripNetwork(GroupedNetwork):
         encode = self._functions["encode"].expression
         features, readout = encode(x[:n], state, coded, self._constants)
         return features, readout
-
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
-        return {
-            "kind": self.kind,
-            "robot": self.robot.source,
-            "hidden": list(self.hidden),
-            "lags": self.lags.describe(),
-            "air": self.air.describe(),
-            "activation": self._perceptron.activation,
-            **{name: getattr(self, name) for name in _NUMBERS},
-        }
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> HiddenStripNetwork:
-        """Inverse of `describe`.
-
-        Raises:
-            ParameterError: If a key is missing or unknown.
-            RobotFileError: If the text of the robot does not describe one.
-        """
-        from patagium.robot import load_robot_text
-
-        keys = ("robot", "hidden", "lags", "air", "activation", *_NUMBERS)
-        values = described(cls.kind, description, keys)
-        air, lags = air_from_description(values.pop("air")), values.pop("lags")
-        robot = load_robot_text(values.pop("robot"))
-        return cls(robot, lags=indicial_from_description(lags), air=air, **values)
 
     def _memory_in(self, x: Array) -> MemoryState:
         """Lags, their sensitivity and W_m in the inputs, x (N, n_x)."""
@@ -394,6 +332,16 @@ class StripLags(NamedTuple):
             return None
         return CompiledSteps(begin, step, self.prior, self.reach, self.constants)
 
+    @property
+    def encode(self) -> int | None:
+        """Address of the function of (measured, z, coded, constants)."""
+        return self.functions["encode"].address
+
+    @property
+    def slopes(self) -> int | None:
+        """Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants]."""
+        return self.functions["slopes"].batch_address
+
     def drivers(self, weights: Array, x: Array) -> Array:
         """[q, v] of each sample, (N, measured)."""
         return x
@@ -423,28 +371,6 @@ class StripLags(NamedTuple):
 
     def _numbers(self, weights: Array) -> tuple[Array, Array]:
         return self.prior + self.reach * weights[: len(self.prior)], self.constants
-
-
-class CompiledEncoder(NamedTuple):
-    """Compiled functions of a sample at weights, and their numbers.
-
-    Attributes:
-        encode: Address of the function of (measured, z, coded, constants).
-        slopes: Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants].
-        states: Length of z.
-        parameters: Number of weights that z depends on, the first.
-        prior: Coded numbers are prior + reach W, (n_o,).
-        reach: (n_o,).
-        constants: Constants of both functions.
-    """
-
-    encode: int
-    slopes: int
-    states: int
-    parameters: int
-    prior: Array
-    reach: Array
-    constants: Array
 
 
 def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array | None:

@@ -221,7 +221,12 @@ def replay(network: Network, time: Array, x: Array, gaps: ArrayLike = ()) -> Mod
     Raises:
         ShapeError: If x has another shape.
     """
-    return ModelMemory(network).replay(time, x, gaps)
+    whole, first = network.inputs, measured_inputs(network)
+    if x.ndim != 2 or x.shape[1] not in (first, whole):
+        raise ShapeError("x", f"(N, {first})", x.shape)
+    memory = ModelMemory(network)
+    memory.follow(time, x, gaps)
+    return memory
 
 
 def network_inputs(
@@ -293,23 +298,16 @@ class ModelMemory:
         if self.states is not None:
             self.states = self._moved(self.states, change)
 
-    def replay(self, time: Array, x: Array, gaps: ArrayLike = ()) -> ModelMemory:
-        """A fresh memory that follows a log by `upto` and `ahead`.
+    def follow(self, time: Array, x: Array, gaps: ArrayLike = ()) -> None:
+        """Follow a log from its first sample on by `upto` and `ahead`; see `replay`.
 
         Args:
             time: Increasing, (N,) [s].
             x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
             gaps: First sample after each gap, where memory begins anew.
-
-        Raises:
-            ShapeError: If x has another shape.
         """
-        if x.ndim != 2 or x.shape[1] not in (self._measured, self._network.inputs):
-            raise ShapeError("x", f"(N, {self._measured})", x.shape)
-        found = ModelMemory(self._network)
-        found._whole = x.shape[1] == self._network.inputs
-        found._log = time, x, np.asarray(gaps, np.int64)
-        return found
+        self._log, self._reached = (time, x, np.asarray(gaps, np.int64)), 0
+        self._whole = x.shape[1] == self._network.inputs
 
     def upto(self, end: int, weights: Array) -> Array:
         """Inputs from the sample reached up to another one; the memory goes on from there.
@@ -402,7 +400,7 @@ class ModelMemory:
                     raise ShapeError("memory", shape, array.shape)
         self.states = tuple(found)
 
-    def compiled(self, x: Array, mean: Array) -> CompiledMemory | None:
+    def compiled(self, x: Array, mean: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
 
         Args:
@@ -411,10 +409,10 @@ class ModelMemory:
         """
         if len(self._lags) != 1 or self._lags[0][0] != 0:
             return None
-        lags, kernel = self._lags[0][1], load_kernel("memory")
-        if lags.compiled is None or kernel is None:
+        lags = self._lags[0][1]
+        if lags.compiled is None or load_kernel("memory") is None:
             return None
-        return CompiledMemory(lags, lags.compiled, kernel, x, mean)
+        return CompiledLags(lags, lags.compiled, mean, x)
 
     @property
     def _lags(self) -> tuple[tuple[int, LagEquations], ...]:
@@ -515,8 +513,7 @@ def _advanced_in_c(
     kernel = load_kernel("memory") if lags.compiled is not None else None
     if kernel is None or lags.compiled is None:
         return None
-    own = weights[: len(lags.compiled.prior)]
-    block = _Lags.of(lags, lags.compiled, own)
+    block = CompiledLags(lags, lags.compiled, weights)
     last = -inf if before is None else before.time
     if before is not None:
         block.put(before)
@@ -524,41 +521,54 @@ def _advanced_in_c(
     arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
     kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
-    return rows, block.taken(float(time[-1]))
+    return rows, block.taken(float(time[-1]), weights[: lags.parameters])
 
 
-class _Lags(ctypes.Structure):
-    """`lags` of the kernel `memory.c`, field by field."""
+class CompiledLags(ctypes.Structure):
+    """`lags` of the kernel `memory.c`, field by field: a memory between two calls of C code.
+
+    Args:
+        lags: The equations.
+        steps: The same in C.
+        mean: Weights, (n,); those of a compiled filter are read anew at each sample.
+        x: Input that a compiled filter reads, (n_x,); None where blocks are recalled.
+    """
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("measured", "states", "parameters", "all", "driver")),
-        *((name, ctypes.c_void_p) for name in ("begin", "step", "coded", "constants")),
-        *((name, ctypes.c_void_p) for name in ("weights", "carried")),
+        *((name, ctypes.c_int32) for name in ("measured", "states", "parameters", "all")),
+        *((name, ctypes.c_int32) for name in ("driver", "own")),
+        *((name, ctypes.c_void_p) for name in ("begin", "step", "coded", "constants", "weights")),
+        *((name, ctypes.c_void_p) for name in ("carried", "prior", "reach", "mean", "x")),
+        *((name, ctypes.c_void_p) for name in ("clock", "counts")),
     ]
-    arrays: dict[str, Array]
 
-    @classmethod
-    def of(cls, lags: LagEquations, steps: CompiledSteps, own: Array) -> _Lags:
-        """Lag equations for the kernel at the weights of their coded numbers, (n_o,)."""
-        (states, drivers), n_m = lags.carried, lags.parameters
-        arrays = {
-            "coded": steps.prior + steps.reach * own,
+    def __init__(
+        self, lags: LagEquations, steps: CompiledSteps, mean: Array, x: Array | None = None
+    ) -> None:
+        (states, drivers), n_m, own = lags.carried, lags.parameters, len(steps.prior)
+        self.arrays: dict[str, NDArray[Any]] = {
+            "coded": steps.prior + steps.reach * mean[:own],
             "constants": steps.constants,
-            "weights": own[:n_m].copy(),
+            "weights": mean[:n_m].copy(),
             "carried": np.zeros(2 * (states * (1 + n_m) + drivers)),
+            "prior": steps.prior,
+            "reach": steps.reach,
+            "mean": mean,
+            "x": np.zeros(0) if x is None else x,
+            "clock": np.zeros(3),
+            "counts": np.zeros(2, np.int64),
         }
-        found = cls(
-            measured=lags.measured,
-            states=lags.states,
-            parameters=n_m,
-            all=states,
-            driver=drivers,
-            begin=steps.begin,
-            step=steps.step,
-            **{name: array.ctypes.data for name, array in arrays.items()},
-        )
-        found.arrays = arrays
-        return found
+        sizes = lags.measured, lags.states, n_m, states, drivers, own
+        addresses = {name: array.ctypes.data for name, array in self.arrays.items()}
+        super().__init__(*sizes, steps.begin, steps.step, **addresses)
+
+    @property
+    def native(self) -> tuple[int, int, int]:
+        """Addresses of the functions that find the next input and settle it, and of the memory."""
+        kernel = load_kernel("memory")
+        calls = (getattr(kernel, name) for name in ("memory_next", "memory_settle"))
+        begin, end = (int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls)
+        return begin, end, ctypes.addressof(self)
 
     def put(self, memory: MemoryState) -> None:
         """Memory before the next sample, its sensitivity column by column."""
@@ -566,72 +576,38 @@ class _Lags(ctypes.Structure):
         carried = self.arrays["carried"]
         np.concatenate(parts, out=carried[: len(carried) // 2])
 
-    def taken(self, time: float) -> MemoryState:
+    def taken(self, time: float, weights: Array) -> MemoryState:
         """Memory at the last sample.
 
         Args:
             time: Of that sample [s].
+            weights: W_m, (n_m,).
         """
         states, n_m, carried = self.all, self.parameters, self.arrays["carried"]
         end = states * (1 + n_m)
         slopes = carried[states:end].reshape((states, n_m), order="F").copy()
-        weights, driver = self.arrays["weights"].copy(), carried[end : len(carried) // 2].copy()
-        return MemoryState(carried[:states].copy(), slopes, weights, driver, time)
-
-
-class CompiledMemory(ctypes.Structure):
-    """`live_memory` of the kernel `memory.c`: a stream's memory between two calls of C code.
-
-    Args:
-        lags: The equations.
-        steps: The same in C.
-        kernel: The compiled kernel.
-        x: Input that a compiled filter reads, (n_x,).
-        mean: Weights of the filter, (n,).
-
-    Attributes:
-        native: Addresses of the functions that find the next input and that settle it, and of
-            what both take.
-    """
-
-    _fields_ = [
-        ("lags", _Lags),
-        ("own", ctypes.c_int32),
-        *((name, ctypes.c_void_p) for name in ("prior", "reach", "mean", "x", "clock", "counts")),
-    ]
-
-    def __init__(
-        self, lags: LagEquations, steps: CompiledSteps, kernel: ctypes.CDLL, x: Array, mean: Array
-    ) -> None:
-        self._block = _Lags.of(lags, steps, mean[: len(steps.prior)])
-        self._clock, self._counts = np.zeros(3), np.zeros(2, np.int64)
-        shared = steps.prior, steps.reach, mean, x, self._clock, self._counts
-        self._shared = shared
-        addresses = [array.ctypes.data for array in shared]
-        super().__init__(self._block, len(steps.prior), *addresses)
-        calls = [getattr(kernel, name) for name in ("memory_next", "memory_settle")]
-        places = [int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls]
-        self.native = (places[0], places[1], ctypes.addressof(self))
+        state, driver = carried[:states].copy(), carried[end : len(carried) // 2].copy()
+        return MemoryState(state, slopes, weights.copy(), driver, time)
 
     def load(self, memory: ModelMemory) -> None:
-        """Take over a memory before a call.
+        """Take over the memory of a stream before a call.
 
         Args:
             memory: The learner's.
         """
-        self._clock[:2] = memory.clock
-        self._counts[:] = memory.states is not None, memory.resets
+        self.arrays["clock"][:2] = memory.clock
+        self.arrays["counts"][:] = memory.states is not None, memory.resets
         if memory.states is not None:
-            self._block.put(memory.states[0])
+            self.put(memory.states[0])
 
     def store(self, memory: ModelMemory) -> None:
-        """Give the memory back after a call.
+        """Give the memory of a stream back after a call.
 
         Args:
             memory: The learner's.
         """
-        begun, memory.resets = self._counts.tolist()
-        memory.clock = self._clock[:2].copy()
+        begun, memory.resets = self.arrays["counts"].tolist()
+        memory.clock = self.arrays["clock"][:2].copy()
         if begun:
-            found, mean = self._block.taken(float(self._clock[0])), self._shared[2]
-            memory.states = (found._replace(weights=mean[: len(found.weights)].copy()),)
+            weights = self.arrays["mean"][: self.parameters]
+            memory.states = (self.taken(float(memory.clock[0]), weights),)

@@ -120,12 +120,10 @@ class Perceptron:
         Returns:
             (m, n_out), and (m, n_out, size).
         """
-        function, slope = ACTIVATIONS[self.activation]
-        layers = list(self._layers(weights))
-        inputs, sums = [features], []
-        for matrix, bias in layers:
-            sums.append(inputs[-1] @ matrix.T + bias)
-            inputs.append(function(sums[-1]))
+        slope, (layers, inputs, sums) = (
+            ACTIVATIONS[self.activation][1],
+            self._pass(features, weights),
+        )
         items, outputs = len(features), self.widths[-1]
         seed = np.broadcast_to(np.eye(outputs), (items, outputs, outputs))
         parts: list[Array] = []
@@ -152,18 +150,16 @@ class Perceptron:
         Returns:
             (m, n_out); x of each layer, (m, in); dy / dz of each layer, (m, out, n_y).
         """
-        function, slope = ACTIVATIONS[self.activation]
-        layers = list(self._layers(weights))
-        inputs, sums = [features], []
-        for matrix, bias in layers:
-            sums.append(inputs[-1] @ matrix.T + bias)
-            inputs.append(function(sums[-1]))
+        slope, (layers, inputs, sums) = (
+            ACTIVATIONS[self.activation][1],
+            self._pass(features, weights),
+        )
         shape = (len(readout), len(features), self.widths[-1])
         seeds = [np.ascontiguousarray(np.moveaxis(readout.reshape(shape), 0, -1))]
         for number in reversed(range(1, len(layers))):
             steps = slope(sums[number - 1])[:, :, None]
             seeds.insert(0, steps * (layers[number][0].T @ seeds[0]))
-        return sums[-1], inputs[:-1], seeds
+        return sums[-1], inputs, seeds
 
     def input_slopes(self, features: Array, weights: Array, readout: Array) -> Array:
         """Derivative of y = readout . outputs for the inputs, (n_y, m, n_in).
@@ -176,6 +172,17 @@ class Perceptron:
         _, _, seeds = self.sensitivities(features, weights, readout)
         matrix, _ = next(self._layers(weights))
         return np.asarray(np.einsum("oj,moy->ymj", matrix, seeds[0]))
+
+    def _pass(
+        self, features: Array, weights: Array
+    ) -> tuple[list[tuple[Array, Array]], list[Array], list[Array]]:
+        """Weights, inputs (m, in) and sums (m, out) of each layer."""
+        function, layers = ACTIVATIONS[self.activation][0], list(self._layers(weights))
+        inputs, sums = [features], []
+        for matrix, bias in layers:
+            sums.append(inputs[-1] @ matrix.T + bias)
+            inputs.append(function(sums[-1]))
+        return layers, inputs[:-1], sums
 
     def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
         start, leading = 0, weights.shape[:-1]

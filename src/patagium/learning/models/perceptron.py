@@ -84,12 +84,7 @@ class PerceptronNetwork(Network):
         return np.asarray(normal / np.sqrt(self.fan_in))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
-        """y of samples encoded before, (N, n_y).
-
-        Args:
-            encoding: Of N samples.
-            weights: (n,).
-        """
+        """y of N encoded samples at weights (n,), (N, n_y)."""
         out = self.perceptron.forward(encoding.features, weights)
         flat = out.reshape(len(out), encoding.readout.shape[-1])
         if encoding.readout.strides[0] == 0:  # the same for all samples
@@ -97,23 +92,13 @@ class PerceptronNetwork(Network):
         return np.asarray(encoding.offset + (encoding.readout @ flat[:, :, None])[:, :, 0])
 
     def values(self, encoding: Encoding, points: Array) -> Array:
-        """y of one encoded sample at many weights, (p, n_y), computed in their precision.
-
-        Args:
-            encoding: Of one sample.
-            points: (p, n).
-        """
+        """y of one encoded sample at weights (p, n), (p, n_y)."""
         out = self.perceptron.forward(encoding.features.astype(points.dtype)[None], points)
         flat = out.astype(float).reshape(len(points), -1)
         return np.asarray(flat @ encoding.readout.T + encoding.offset)
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
-        """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
-
-        Args:
-            encoding: Of one sample.
-            weights: (n,).
-        """
+        """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         out, inner = self.perceptron.linearized(encoding.features, weights)
         y = encoding.offset + encoding.readout @ out.ravel()
         return np.asarray(y), np.asarray(encoding.readout @ inner.reshape(-1, self.size))

@@ -8,19 +8,17 @@ neighbors, Reynolds number), forces on anything but strips, section moments.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.models.dense import described
 from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.wing import WingNetwork
@@ -73,6 +71,7 @@ class StripNetwork(WingNetwork):
     """
 
     kind = "strip"
+    options = ("measured", "chord_fraction", "rotation", "coefficient_scale")
 
     def __init__(
         self,
@@ -101,15 +100,20 @@ class StripNetwork(WingNetwork):
         pressure = self.air.density * self.coefficient_scale
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
         symbolic, _ = robot.symbolic()
-        options = f"{self._names} {self._matrix_key()} {chord_fraction} {rotation}"
+        matrix = "" if self._matrix is None else repr(self._matrix.tolist())
+        options = f"{self._names} {matrix} {chord_fraction} {rotation}"
         key, label = f"strip network {options} {symbolic!r}", f"strip network of {robot.name}"
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        measured = self._names if self._matrix is None else self._matrix
-        hidden, activation = self._perceptron.widths[1:-1], self._perceptron.activation
-        arguments = (self.robot, hidden, self.air, activation, measured)
-        return _again, (arguments, self._options())
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y."""
+        return self._names
+
+    @property
+    def measured(self) -> tuple[str, ...] | Array:
+        """Coordinates whose force y is, or the matrix on strip forces, (n_y, 3 n_strips)."""
+        return self._names if self._matrix is None else self._matrix
 
     @property
     def flight_terms(self) -> FlightTerms:
@@ -143,44 +147,6 @@ class StripNetwork(WingNetwork):
         weights[-(below + 1) * above :] *= 0.25
         return weights
 
-    def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
-        return {
-            "kind": self.kind,
-            "robot": self.robot.source,
-            "hidden": list(self._perceptron.widths[1:-1]),
-            "air": self.air.describe(),
-            "activation": self._perceptron.activation,
-            "measured": list(self._names) if self._matrix is None else self._matrix.tolist(),
-            **self._options(),
-        }
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> StripNetwork:
-        """Inverse of `describe`.
-
-        Raises:
-            ParameterError: If a key is missing or unknown.
-            RobotFileError: If the text of the robot does not describe one.
-        """
-        from patagium.robot import load_robot_text
-
-        names = ("robot", "hidden", "air", "activation", "measured")
-        keys = (*names, "chord_fraction", "rotation", "coefficient_scale")
-        values = described(cls.kind, description, keys)
-        air = air_from_description(values.pop("air"))
-        return cls(load_robot_text(values.pop("robot")), air=air, **values)
-
-    def _options(self) -> dict[str, Any]:
-        return {
-            "chord_fraction": self.chord_fraction,
-            "rotation": self.rotation,
-            "coefficient_scale": self.coefficient_scale,
-        }
-
-    def _matrix_key(self) -> str:
-        return "" if self._matrix is None else repr(self._matrix.tolist())
-
     def _function(self) -> ca.Function:
         robot, robot_parameters = self.robot.symbolic()
         x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
@@ -209,11 +175,6 @@ class StripNetwork(WingNetwork):
         parameters = ca.vertcat(wind, pressure, robot_parameters)
         names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
         return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
-
-
-def _again(arguments: tuple[Any, ...], options: dict[str, Any]) -> StripNetwork:
-    """A network unpickled."""
-    return StripNetwork(*arguments, **options)
 
 
 def parted(direction: ca.SX) -> ca.SX:

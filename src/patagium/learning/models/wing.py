@@ -1,39 +1,108 @@
-"""What networks that know the robot have in common: a compiled encoder of the state.
+"""Networks that know the robot: their description, and a compiled encoder of the state.
 
-Neglected: what the encoder sees; each network says it.
+Neglected: gusts; density and steady wind are known.
 """
 
 from __future__ import annotations
 
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.air import Air, air_from_description
+from patagium.learning.models.dense import described
 from patagium.learning.models.mlp import Perceptron
-from patagium.learning.models.network import Encoding
+from patagium.learning.models.network import Encoding, Network
 from patagium.learning.models.perceptron import PerceptronNetwork
 from patagium.native import NativeFunction
+from patagium.robot.files import load_robot_text
 from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
 
 
-class WingNetwork(PerceptronNetwork):
-    """A network of the air's force in which robot and density are known; nothing in it changes."""
+class RobotNetwork(Network):
+    """An immutable network of the air's force on a robot, whose last part is a perceptron.
 
+    A network names its own arguments in `options` and has an attribute for each; pickles and
+    descriptions follow.
+
+    Attributes:
+        kind: Name in descriptions.
+        options: Arguments of the constructor beside robot, hidden, air and activation.
+        readers: Inverse of `describe` of those arguments that are not JSON themselves.
+        robot: The machine.
+        air: Density and steady wind.
+    """
+
+    kind: ClassVar[str]
+    options: ClassVar[tuple[str, ...]]
+    readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"air": air_from_description}
     robot: Robot
     air: Air
     _perceptron: Perceptron
-    _names: tuple[str, ...]
-    _offset: Array
-    _parameters: Array
-    _encode: NativeFunction
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._arguments()), ()
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y: by default all coordinates."""
+        return self.robot.dof_names
+
+    @property
+    def perceptron(self) -> Perceptron:
+        """The part at the end of the weights."""
+        return self._perceptron
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """Neurons of each hidden layer of the perceptron."""
+        return self._perceptron.widths[1:-1]
+
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to make the network again, as JSON-able values."""
+        values = {name: _described(value) for name, value in self._arguments().items()}
+        return {"kind": self.kind, **values, "robot": self.robot.source}
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
+        """Inverse of `describe`.
+
+        Args:
+            description: What `describe` gave.
+
+        Raises:
+            ParameterError: If a key is missing or unknown.
+            RobotFileError: If the text of the robot does not describe one.
+        """
+        keys = ("robot", "hidden", "air", "activation", *cls.options)
+        values = described(cls.kind, description, keys)
+        values |= {name: read(values[name]) for name, read in cls.readers.items()}
+        make: Callable[..., Self] = cls
+        return make(load_robot_text(values.pop("robot")), **values)
+
+    def _arguments(self) -> dict[str, Any]:
+        """Arguments that make the network again."""
+        activation = self._perceptron.activation
+        common = {"robot": self.robot, "hidden": self.hidden, "air": self.air}
+        own = {name: getattr(self, name) for name in self.options}
+        return {**common, "activation": activation, **own}
+
+
+class WingNetwork(RobotNetwork, PerceptronNetwork):
+    """A network of one perceptron between a compiled encoder of the state and a readout."""
+
+    _offset: Array
+    _parameters: Array
+    _encode: NativeFunction
 
     @property
     def inputs(self) -> int:
@@ -41,40 +110,30 @@ class WingNetwork(PerceptronNetwork):
         return self.robot.state_size
 
     @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
-
-    @property
     def offset(self) -> Array:
         """No air, no force: zero, (n_y,)."""
         return self._offset
 
-    @property
-    def perceptron(self) -> Perceptron:
-        """From what the air does at the wings to coefficients."""
-        return self._perceptron
-
     def encode(self, x: Array) -> Encoding:
-        """What the perceptron sees, (N, m, n_in), and force of unit coefficients, (N, n_y, r)."""
+        """Inputs of the perceptron, (N, m, n_in), and force of unit coefficients, (N, n_y, r)."""
         features, readout = self._encode.batch(x, self._parameters)
         return Encoding(
             features.reshape(len(x), self._perceptron.widths[0], -1).transpose(0, 2, 1),
-            readout.reshape(len(x), len(self._names), -1),
+            readout.reshape(len(x), self.outputs, -1),
             self._offset,
         )
 
     def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample."""
+        """Inputs of the perceptron, (m, n_in), and force of unit coefficients, (n_y, r)."""
         features, readout = self._encode(x, self._parameters)
         return Encoding(
             features.reshape(self._perceptron.widths[0], -1).T,
-            readout.reshape(len(self._names), -1),
+            readout.reshape(self.outputs, -1),
             self._offset,
         )
 
     def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """What the perceptron sees and force of unit coefficients, as expressions of x (n_x,)."""
+        """Inputs of the perceptron and force of unit coefficients, as expressions of x (n_x,)."""
         features, readout = self._encode.expression(x, self._parameters)
         return features, readout
 
@@ -82,3 +141,12 @@ class WingNetwork(PerceptronNetwork):
         """Address of the compiled encoder and its constants; None without a compiler."""
         address = self._encode.address
         return None if address is None else (address, self._parameters)
+
+
+def _described(value: Any) -> Any:
+    """An argument of a network as a JSON-able value; a robot is left as it is."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return list(value)
+    return value.describe() if hasattr(value, "describe") else value

@@ -24,12 +24,20 @@ typedef struct {
   int32_t parameters; /* weights that z depends on */
   int32_t all;        /* z */
   int32_t driver;     /* numbers of the sample that the next step starts from */
+  int32_t own;        /* coded numbers */
   function begin;     /* x, coded, constants -> carried */
   function step;      /* x, coded, constants, time step, carried -> carried */
   double *coded;
   const double *constants;
   double *weights;    /* parameters: that hold over the block */
   double *carried;    /* two rows: of the sample before, and of the next */
+  /* of samples that come one by one, as `ModelMemory` has them */
+  const double *prior; /* own: coded = prior + reach W */
+  const double *reach; /* own */
+  const double *mean;  /* W of the filter */
+  double *x;           /* of the filter: measured, then [z, vec S, W] */
+  double *clock;       /* last stamp, usual step, the next stamp */
+  int64_t *counts;     /* whether there is a memory; how often it began anew */
 } lags;
 
 static int row_size(const lags *g) { return g->states * (1 + g->parameters) + g->parameters; }
@@ -65,41 +73,27 @@ void memory_block(lags *g, int64_t count, const double *x, const int8_t *anew,
   }
 }
 
-/* Memory of samples that come one by one, as `ModelMemory` has it. */
-typedef struct {
-  lags lags;           /* its weights and coded numbers are written here */
-  int32_t own;         /* coded numbers */
-  const double *prior; /* own: coded = prior + reach W */
-  const double *reach; /* own */
-  const double *mean;  /* W of the filter */
-  double *x;           /* of the filter: measured, then [z, vec S, W] */
-  double *clock;       /* last stamp, usual step, the next stamp */
-  int64_t *counts;     /* whether there is a memory; how often it began anew */
-} live_memory;
-
-static int follows(const live_memory *g) {
+static int follows(const lags *g) {
   const double step = g->clock[2] - g->clock[0], usual = g->clock[1];
   const double longest = isnan(usual) ? INFINITY : fmax(LONGEST_STEP, USUAL_STEPS * usual);
   return g->counts[0] && step > 0 && step <= longest;
 }
 
 /* The rest of the input of the next sample. */
-void memory_next(live_memory *g, double stamp) {
-  const lags *l = &g->lags;
+void memory_next(lags *g, double stamp) {
   const double step = stamp - g->clock[0];
   g->clock[2] = stamp;
-  for (int k = 0; k < g->own; k++) l->coded[k] = g->prior[k] + g->reach[k] * g->mean[k];
-  memcpy(l->weights, g->mean, sizeof(double) * l->parameters);
-  advance(l, !follows(g), g->x, &step, g->x + l->measured);
+  for (int k = 0; k < g->own; k++) g->coded[k] = g->prior[k] + g->reach[k] * g->mean[k];
+  memcpy(g->weights, g->mean, sizeof(double) * g->parameters);
+  advance(g, !follows(g), g->x, &step, g->x + g->measured);
 }
 
 /* The filter is done with that sample: the memory goes on, moved along S. */
-void memory_settle(live_memory *g, int outcome) {
-  const lags *l = &g->lags;
-  const int length = row_size(l), all = l->all;
+void memory_settle(lags *g, int outcome) {
+  const int length = row_size(g), all = g->all;
   const double step = g->clock[2] - g->clock[0], usual = g->clock[1];
   double sum = 0;
-  for (int k = 0; k < length; k++) sum += g->x[l->measured + k] - g->x[l->measured + k];
+  for (int k = 0; k < length; k++) sum += g->x[g->measured + k] - g->x[g->measured + k];
   if (sum != 0 || outcome == BAD_INPUT || outcome == LATE || outcome == DUPLICATE) return;
   if (g->counts[0]) {
     g->counts[1] += !follows(g);
@@ -108,9 +102,9 @@ void memory_settle(live_memory *g, int outcome) {
   }
   g->clock[0] = g->clock[2];
   g->counts[0] = 1;
-  memcpy(l->carried, l->carried + carried_size(l), sizeof(double) * carried_size(l));
-  for (int j = 0; j < l->parameters; j++) {
-    const double change = g->mean[j] - l->weights[j];
-    for (int i = 0; i < all; i++) l->carried[i] += l->carried[all + j * all + i] * change;
+  memcpy(g->carried, g->carried + carried_size(g), sizeof(double) * carried_size(g));
+  for (int j = 0; j < g->parameters; j++) {
+    const double change = g->mean[j] - g->weights[j];
+    for (int i = 0; i < all; i++) g->carried[i] += g->carried[all + j * all + i] * change;
   }
 }
