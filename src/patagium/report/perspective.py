@@ -172,7 +172,7 @@ def normals_of(faces: Array) -> Array:
     return np.asarray(np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1]))
 
 
-def parted(corners: Array, times: int) -> Array:
+def subdivide(corners: Array, times: int) -> Array:
     """A quadrangle cut into times x times smaller ones, (times^2, 4, 3).
 
     Args:
@@ -184,7 +184,7 @@ def parted(corners: Array, times: int) -> Array:
     s, t = np.meshgrid(u, u, indexing="ij")
     s, t = s[..., None], t[..., None]
     grid = (1 - s) * ((1 - t) * a + t * d) + s * ((1 - t) * b + t * c)
-    return _woven(grid)
+    return _quadrangles(grid)
 
 
 def solid_faces(kind: str, center: Sequence[float], axis: Sequence[float], size: Any) -> Array:
@@ -205,7 +205,7 @@ def solid_faces(kind: str, center: Sequence[float], axis: Sequence[float], size:
                 middle = sign * np.eye(3)[k]
                 ring = [middle - u - v, middle + sign * (u - v), middle + u + v]
                 ring.append(middle - sign * (u - v))
-                faces += list(parted(np.array(ring) * half, 3))
+                faces += list(subdivide(np.array(ring) * half, 3))
         return np.asarray(np.array(faces) + center)
     if kind == "ellipsoid":
         polar = np.linspace(-np.pi / 2, np.pi / 2, _ALONG + 1)
@@ -221,7 +221,7 @@ def solid_faces(kind: str, center: Sequence[float], axis: Sequence[float], size:
         cap = np.vstack([rim + [radius - fillet, length / 2 - fillet], [0.0, length / 2]])
     side = np.column_stack([np.full(9, cap[0, 0]), np.linspace(-cap[0, 1], cap[0, 1], 9)])
     profile = np.vstack([(cap * [1.0, -1.0])[::-1][:-1], side, cap[1:]])
-    return np.asarray(_turned(profile) @ _onto(np.array(axis, float)).T + center)
+    return np.asarray(_turned(profile) @ _rotation_onto(np.array(axis, float)).T + center)
 
 
 def _turned(profile: Array) -> Array:
@@ -231,16 +231,16 @@ def _turned(profile: Array) -> Array:
     grid = np.empty((len(angle), len(profile), 3))
     grid[..., :2] = circle[:, None] * profile[None, :, :1]
     grid[..., 2] = profile[:, 1]
-    return _woven(grid)
+    return _quadrangles(grid)
 
 
-def _woven(grid: Array) -> Array:
+def _quadrangles(grid: Array) -> Array:
     """Quadrangles between neighbors of a grid of points, (m, 4, 3)."""
     around = [grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]]
     return np.stack(around, axis=2).reshape(-1, 4, 3)
 
 
-def _onto(axis: Array) -> Array:
+def _rotation_onto(axis: Array) -> Array:
     """A rotation that takes z onto an axis, (3, 3)."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(helper, axis)

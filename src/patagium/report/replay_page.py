@@ -189,11 +189,11 @@ def _content(replay: Replay) -> str:
         "names": list(replay.names),
         "colors": [TRUTH, COLORS[0]],
         "look": SCENE,
-        "time": packed(replay.time, "f8"),
-        "origin": packed(replay.origin, "f8"),
-        "position": packed(replay.position),
-        "quaternion": packed(replay.quaternion),
-        "speed": packed(replay.speed),
+        "time": encode_array(replay.time, "f8"),
+        "origin": encode_array(replay.origin, "f8"),
+        "position": encode_array(replay.position),
+        "quaternion": encode_array(replay.quaternion),
+        "speed": encode_array(replay.speed),
         "ground": replay.ground,
         "solids": list(replay.solids),
         "surfaces": [
@@ -202,16 +202,16 @@ def _content(replay: Replay) -> str:
         "marks": [
             {"name": m.name, "body": m.body, "offset": m.offset.tolist()} for m in replay.marks
         ],
-        "arrows": None if replay.arrows is None else _packed_arrows(replay.arrows),
+        "arrows": None if replay.arrows is None else _encode_arrows(replay.arrows),
         "series": [
             {
                 "group": s.group,
                 "name": s.name,
                 "unit": s.unit,
                 "shown": s.shown,
-                "values": packed(s.values),
-                "predicted": None if s.predicted is None else packed(s.predicted),
-                "std": None if s.std is None else packed(s.std),
+                "values": encode_array(s.values),
+                "predicted": None if s.predicted is None else encode_array(s.predicted),
+                "std": None if s.std is None else encode_array(s.std),
             }
             for s in replay.series
         ],
@@ -219,12 +219,12 @@ def _content(replay: Replay) -> str:
     return json.dumps(words, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _packed_arrows(arrows: Arrows) -> dict[str, Any]:
+def _encode_arrows(arrows: Arrows) -> dict[str, Any]:
     kept = {name: getattr(arrows, name) for name in Arrows.__dataclass_fields__}
-    return {name: None if value is None else packed(value) for name, value in kept.items()}
+    return {name: None if value is None else encode_array(value) for name, value in kept.items()}
 
 
-def packed(values: Array, kind: str = "f4") -> dict[str, Any]:
+def encode_array(values: Array, kind: str = "f4") -> dict[str, Any]:
     """An array as JSON: its kind ("f4", "f8"), shape and bytes in base64, little-endian.
 
     Args:

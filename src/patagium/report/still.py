@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from patagium.report.perspective import Camera, Painting, normals_of, parted, solid_faces
+from patagium.report.perspective import Camera, Painting, normals_of, solid_faces, subdivide
 from patagium.report.replay_page import Replay
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down, styled, width
 
@@ -61,7 +61,9 @@ def draw_still(
     for part in (floor, shadow, painting):
         part.paint(axes)
     _frame(axes, camera, np.concatenate([points, ends]))
-    words = [f"arrows: {one:.1g} N = {_length(one * scale)}" for one in _told(scale, reach)]
+    words = [
+        f"arrows: {one:.1g} N = {_length(one * scale)}" for one in _legend_forces(scale, reach)
+    ]
     words.append(f"grid {_length(square)}")
     behind: dict[str, Any] = {
         "facecolor": SCENE["paper"],
@@ -108,7 +110,7 @@ class _Bodies:
             painting.lit(faces[(normals_of(faces) * toward).sum(axis=1) > 0], SCENE[kind])
         for corners in self.strips:
             # bones lie in the plane of their wing: they are seen on its near side
-            painting.lit(parted(corners, 4), SCENE["upper"], SCENE["lower"], nearer=-10 * thin)
+            painting.lit(subdivide(corners, 4), SCENE["upper"], SCENE["lower"], nearer=-10 * thin)
             edges = np.concatenate([np.linspace(a, b, 5) for a, b in _ring(corners)])
             painting.line(edges, SCENE["edge"], thin, alpha=0.8, nearer=-8 * thin)
 
@@ -181,7 +183,7 @@ def _arrows(painting: Painting, replay: Replay, frame: int, reach: float) -> tup
     return scale, starts + scale * known[frame]
 
 
-def _told(scale: float, reach: float) -> list[float]:
+def _legend_forces(scale: float, reach: float) -> list[float]:
     """A round force whose arrow is not too short, if there are arrows [N]."""
     return [round_down(0.4 * reach / scale)] if scale else []
 

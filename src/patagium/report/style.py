@@ -71,7 +71,7 @@ _look: ContextVar[Look] = ContextVar("look", default=LOOKS["page"])
 
 
 @contextmanager
-def drawn_for(where: str) -> Iterator[None]:
+def figures_for(where: str) -> Iterator[None]:
     """Figures made meanwhile are for a place.
 
     Args:
@@ -95,7 +95,7 @@ def width() -> float:
 
 
 def height(rows: float) -> float:
-    """Height in the present use of something so high on a page [inch]; letters scale it."""
+    """Height in the present use of something so high on a page [inch], scaled as letters are."""
     return rows * _look.get().letters
 
 

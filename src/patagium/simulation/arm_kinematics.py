@@ -77,8 +77,8 @@ class Tool:
         """
         twist, change = path_twist(target)
         _, _, jacobian = self.pose(q)
-        v = solved(jacobian, twist)
-        return PrescribedMotion(q, v, solved(jacobian, change - self.drift(q, v)))
+        v = solve_each(jacobian, twist)
+        return PrescribedMotion(q, v, solve_each(jacobian, change - self.drift(q, v)))
 
     def torque(self, motion: PrescribedMotion) -> Array:
         """Force or torque of each joint, load left out, (N, n) [N m, N]."""
@@ -106,7 +106,7 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
     ]
 
 
-def solved(matrices: Array, right: Array) -> Array:
+def solve_each(matrices: Array, right: Array) -> Array:
     """Solutions of square systems, (N, n), one right-hand side each."""
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 

@@ -22,7 +22,7 @@ CLOSED = 1e-10
 """How far the tool may be from the path [m, rad]."""
 
 
-def judged(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
+def check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
     """Clearance from singularities of a branch that the arm can follow.
 
     Args:
@@ -82,7 +82,7 @@ def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion)
             raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
 
 
-def check_closed(arm: Robot, path: Path, q: Array) -> None:
+def check_period(arm: Robot, path: Path, q: Array) -> None:
     """A periodic path must bring every joint back: a turn too many cannot go on for ever.
 
     Args:

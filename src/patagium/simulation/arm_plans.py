@@ -25,9 +25,9 @@ from patagium.simulation.arm_kinematics import (
     Array,
     Tool,
     rotation_vector,
-    solved,
+    solve_each,
 )
-from patagium.simulation.arm_limits import CLOSED, check_closed, judged
+from patagium.simulation.arm_limits import CLOSED, check_branch, check_period
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 from patagium.simulation.paths import Path, span_of
 
@@ -88,7 +88,7 @@ class ArmPlan:
         guess = self._spline(inside)
         target = self.path.motion(asked)
         turned = rotation_from_angles(target.position[:, 3:])
-        return self.tool.follow(_closed(self.tool, guess, target.position, turned, 6), target)
+        return self.tool.follow(_newton(self.tool, guess, target.position, turned, 6), target)
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
@@ -156,8 +156,8 @@ def plan_arm(
     refused: PathError | None = None
     for branch in _branches(arm, tool, time, target, start):
         try:
-            clearance = judged(arm, tool, time, target, branch)
-            check_closed(arm, path, branch)
+            clearance = check_branch(arm, tool, time, target, branch)
+            check_period(arm, path, branch)
         except PathError as error:
             if refused is None or error.time > refused.time:
                 refused = error
@@ -235,7 +235,7 @@ def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
     return CarriedGait(names, plan, gait)
 
 
-def followed(
+def track_tool(
     tool: Tool, time: Array, placed: tuple[Array, Array], start: Array, knots: int
 ) -> Array:
     """Joint positions that hold a tool where it was, from one time to the next, (N, 6).
@@ -254,14 +254,14 @@ def followed(
 
     place, turned = placed
     chosen = np.unique(np.linspace(0, len(place) - 1, min(knots, len(place))).round().astype(int))
-    found = [_sought(tool, start[None], place[:1], turned[:1])[0]]
+    found = [_damped_newton(tool, start[None], place[:1], turned[:1])[0]]
     for k in chosen[1:]:
         here = slice(k, k + 1)
-        found.append(_closed(tool, found[-1][None], place[here], turned[here], 12)[0])
+        found.append(_newton(tool, found[-1][None], place[here], turned[here], 12)[0])
     guess = np.array(found)
     if len(chosen) < len(place):
         guess = CubicSpline(time[chosen], guess)(time)
-    q = _closed(tool, guess, place, turned, 6)
+    q = _newton(tool, guess, place, turned, 6)
     error, _ = _error(tool, q, place, turned)
     if not np.abs(error).max() < CLOSED:
         lost = int(np.argmax(~(np.abs(error).max(axis=1) < CLOSED)))
@@ -271,17 +271,17 @@ def followed(
     return q
 
 
-def _closed(tool: Tool, q: Array, place: Array, turned: Array, steps: int) -> Array:
+def _newton(tool: Tool, q: Array, place: Array, turned: Array, steps: int) -> Array:
     """Joint positions that put the tool on the path, by Newton's method, (N, 6)."""
     for _ in range(steps):
         error, jacobian = _error(tool, q, place, turned)
         if not np.isfinite(error).all() or np.abs(error).max() < 1e-13:
             break
-        q = q + solved(jacobian, error)
+        q = q + solve_each(jacobian, error)
     return q
 
 
-def _sought(tool: Tool, q: Array, place: Array, turned: Array) -> Array:
+def _damped_newton(tool: Tool, q: Array, place: Array, turned: Array) -> Array:
     """Joint positions that put the tool there, from afar, (S, 6).
 
     Damped far away, Newton's method at the end.
@@ -292,7 +292,7 @@ def _sought(tool: Tool, q: Array, place: Array, turned: Array) -> Array:
         across = np.swapaxes(jacobian, 1, 2)
         square = across @ jacobian + 1e-2 * np.minimum(size, 1.0) ** 2 * np.eye(AXES)
         square = square + 1e-15 * np.eye(AXES)
-        step = solved(square, (across @ error[..., None])[..., 0])
+        step = solve_each(square, (across @ error[..., None])[..., 0])
         q = q + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.5)
     return q
 
@@ -319,7 +319,7 @@ def _branches(
         aim = np.broadcast_to(turned[k], (len(q), 3, 3))
         for _ in range(6):
             error, jacobian = _error(tool, np.nan_to_num(q), place, aim)
-            step = _safe_solve(jacobian, error)
+            step = _solve_regular(jacobian, error)
             q = q + step
             if np.nanmax(np.abs(step), initial=0.0) < 1e-12:
                 break
@@ -330,11 +330,11 @@ def _branches(
     yield from np.swapaxes(knots, 0, 1)
 
 
-def _safe_solve(jacobian: Array, error: Array) -> Array:
+def _solve_regular(jacobian: Array, error: Array) -> Array:
     sound = np.abs(np.linalg.det(jacobian)) > 1e-12
     step = np.zeros_like(error)
     if sound.any():
-        step[sound] = solved(jacobian[sound], error[sound])
+        step[sound] = solve_each(jacobian[sound], error[sound])
     return step
 
 
@@ -350,18 +350,18 @@ def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike |
         seeds = np.random.default_rng(0).uniform(low, high, (_SEEDS, AXES))
     place = np.broadcast_to(target.position[0], (len(seeds), 6))
     turned = rotation_from_angles(place[:, 3:])
-    q = _sought(tool, seeds, place, turned)
+    q = _damped_newton(tool, seeds, place, turned)
     error, _ = _error(tool, q, place, turned)
     found = q[np.abs(error).max(axis=1) < 1e-8]
     if start is None:
-        found = _different(_unwound(arm, found))
+        found = _without_repeats(_unwind(arm, found))
     if not len(found):
         near = float(np.linalg.norm(error[:, :3], axis=1).min())
         raise PathError(0.0, "", "distance of the tool from the path's start", near, CLOSED, "m")
     return np.asarray(found[:_STARTS])
 
 
-def _unwound(arm: Robot, q: Array) -> Array:
+def _unwind(arm: Robot, q: Array) -> Array:
     """Angles by whole turns nearest to the middle of their limits."""
     low, high = np.array(arm.lower), np.array(arm.upper)
     middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
@@ -369,7 +369,7 @@ def _unwound(arm: Robot, q: Array) -> Array:
     return np.asarray(q - turns * 2 * np.pi * np.round((q - middle) / (2 * np.pi)))
 
 
-def _different(q: Array) -> Array:
+def _without_repeats(q: Array) -> Array:
     kept: list[Array] = []
     for one in q:
         if all(np.abs(one - other).max() > 1e-4 for other in kept):

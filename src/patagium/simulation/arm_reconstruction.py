@@ -18,7 +18,7 @@ from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError, PatagiumError, PathError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.arm_kinematics import Tool
-from patagium.simulation.arm_plans import followed
+from patagium.simulation.arm_plans import track_tool
 from patagium.simulation.flight import robot_of
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         arm = load_robot_text(words["source"], words["name"])
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
         time, start = np.asarray(flight["time"].values, float), np.array(words["start"], float)
-        q = followed(tool, time, _placed(flight), start, _KNOTS)
+        q = track_tool(tool, time, _placed(flight), start, _KNOTS)
     except (KeyError, PathError, PatagiumError) as problem:
         raise FlightError(f"the flight's arm cannot be made again: {problem}") from None
     return Carrier(arm, words["at"], np.array(words["position"], float), q)

@@ -43,7 +43,7 @@ class GustField:
         """Number of strips."""
         return self.meet.size_out[0][1]
 
-    def ahead(self, states: Array, rows: Array, first: float, last: float) -> CubicPieces:
+    def gust_pieces(self, states: Array, rows: Array, first: float, last: float) -> CubicPieces:
         """All of the gust that can be met in a stretch of time.
 
         Args:
@@ -57,7 +57,7 @@ class GustField:
         earliest, latest = delays[:, :, 0].min(), delays[:, :, 0].max()
         return self.pieces(float(first - latest - reach), float(last - earliest + reach))
 
-    def whole(self, states: Array, rows: Array, times: Array, pieces: CubicPieces) -> Array:
+    def with_gust(self, states: Array, rows: Array, times: Array, pieces: CubicPieces) -> Array:
         """Rows with what strips meet, (N, row_size + 9 n).
 
         Args:
@@ -68,13 +68,13 @@ class GustField:
         """
         return np.column_stack([rows, _met(pieces, times, self._delays(states, rows))])
 
-    def unmet(self, rows: Array) -> Array:
+    def without_gust(self, rows: Array) -> Array:
         """Rows of full length, with nothing met, (N, row_size + 9 n)."""
         return np.column_stack([rows, np.zeros((len(rows), GUST_COMPONENTS * self.strips))])
 
     def _delays(self, states: Array, rows: Array) -> Array:
         """Strip after strip, (N, n, 4)."""
-        pairs = zip(states, self.unmet(rows), strict=True)
+        pairs = zip(states, self.without_gust(rows), strict=True)
         found = [np.reshape(self.meet(*pair, *self.constants), (4, -1)).T for pair in pairs]
         return np.ascontiguousarray(found)
 

@@ -148,14 +148,14 @@ class Integration:
         states = np.empty((count + 1, self._state.size))
         field, pieces = self._equations.field, None
         if field is not None:
-            pieces = field.ahead(self._state[None], table[:1], times[0], times[-1])
+            pieces = field.gust_pieces(self._state[None], table[:1], times[0], times[-1])
         stretch = Stretch(count, self._time_step, times, table, pieces)
         with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
             self._outcome, taken, self._which = self._advance(stretch, self._state, states)
         flown, states = slice(0, 2 * taken + 1, 2), states[: taken + 1]
         rows = table[flown]
         if field is not None and pieces is not None:
-            rows = field.whole(states, rows, times[flown], pieces)
+            rows = field.with_gust(states, rows, times[flown], pieces)
         _record(self._equations, states, rows, self._samples, self.done)
         self.done += taken
         self._recorded = True
@@ -298,13 +298,13 @@ def _in_python(equations: Equations) -> Advance:
             at = slice(place, place + 1)
             row = table[place]
             if field is not None and pieces is not None:
-                row = field.whole(reached[None], table[at], stretch.times[at], pieces)[0]
+                row = field.with_gust(reached[None], table[at], stretch.times[at], pieces)[0]
             return np.asarray(equations.rate(reached, row, *constants))
 
         for step in range(count + 1):
             if equations.prepare is not None:
                 row = table[2 * step]
-                row = row if field is None else field.unmet(row[None])[0]
+                row = row if field is None else field.without_gust(row[None])[0]
                 state[:] = equations.prepare(state, row, *constants)
             states[step] = state
             if step == count:

@@ -46,7 +46,7 @@ from patagium.simulation.state_limits import (
     SPEED_LIMIT,
     check_start,
     limits,
-    message_of,
+    outcome_message,
     singular_places,
 )
 from patagium.simulation.stiffness import StepTooLong, diagnose_step
@@ -155,7 +155,7 @@ class Simulator:
         """
         flown = self.outcome is Outcome.COMPLETED
         if self._integration.advance(steps, progress) is not Outcome.COMPLETED and flown:
-            self._cause = self._why()
+            self._cause = self._failure_cause()
         return self.outcome
 
     @property
@@ -189,7 +189,7 @@ class Simulator:
         run, names, singular = self.run, self._layout.state_names, self._singular
         steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
         time_step, cause = self._time_step, self._cause
-        return message_of(run, names, self._equations, steps, time_step, singular, cause)
+        return outcome_message(run, names, self._equations, steps, time_step, singular, cause)
 
     def flight(self) -> xr.Dataset:
         """The flight so far."""
@@ -199,7 +199,7 @@ class Simulator:
         origin = replace(self._origin, gait=self._gait.describe())
         return flight_record(origin, time, run.samples, self.outcome, self.message())
 
-    def _why(self) -> StepTooLong | None:
+    def _failure_cause(self) -> StepTooLong | None:
         """Cause of the failure where the step was too long; else None."""
         run = self.run
         return diagnose_step(

@@ -96,7 +96,7 @@ def check_start(
             raise ParameterError(name, f"a start from {low:.4g} to {high:.4g}{hint}", state[k])
 
 
-def message_of(
+def outcome_message(
     run: IntegrationResult,
     names: tuple[str, ...],
     equations: Equations,

@@ -29,7 +29,7 @@ _SAMPLES = 2000  # of a period, for mean and extremes
 
 
 @dataclass(frozen=True)
-class _Answer:
+class _Response:
     """A quantity that goes to a target: x = target + exp(-k t) (c0 + c1 t + c2 t^2)."""
 
     target: float
@@ -53,27 +53,27 @@ class _Answer:
         left = whole + (c1 / k + 2 * c2 / k**2) * time + c2 / k * time**2
         return np.asarray(self.target * time + whole - np.exp(-k * time) * left)
 
-    def asked(self, target: float, time: float) -> _Answer:
+    def toward(self, target: float, time: float) -> _Response:
         """The answer to another target, from where this one is t after it began."""
         value, rate, bend = (float(x) for x in self.at(np.array(time)))
         k, gap = self.sharpness, value - target
         c1 = rate + k * gap
-        return _Answer(target, k, (gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2))
+        return _Response(target, k, (gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2))
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Command:
     """Command that holds from a time on."""
 
     time: float
     phase: float
-    rate: _Answer
-    amplitude: _Answer
+    rate: _Response
+    amplitude: _Response
 
 
 @dataclass(frozen=True)
 class SteeredGait:
-    """A gait that is steered; `steered` gives it, `asked` one that goes on otherwise.
+    """A gait that is steered; `steerable_gait` makes it, `command` changes it.
 
     Attributes:
         gait: The gait itself.
@@ -83,7 +83,7 @@ class SteeredGait:
 
     gait: Gait
     mean: Array
-    pieces: tuple[_Piece, ...]
+    pieces: tuple[_Command, ...]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ class SteeredGait:
             parts[:, inside] = found.position, found.velocity, found.acceleration
         return PrescribedMotion(*parts)
 
-    def asked(self, time: float, frequency: float, amplitude: float) -> SteeredGait:
+    def command(self, time: float, frequency: float, amplitude: float) -> SteeredGait:
         """Gait that goes to another frequency and amplitude from a time on.
 
         Args:
@@ -127,16 +127,16 @@ class SteeredGait:
         if not (np.isfinite(amplitude) and amplitude >= 0):
             raise ParameterError("amplitude", "a number that is not negative", amplitude)
         since = time - last.time
-        piece = _Piece(
+        piece = _Command(
             time,
             last.phase + float(last.rate.integral(np.array(since))),
-            last.rate.asked(frequency * (self.gait.period or 1.0), since),
-            last.amplitude.asked(amplitude, since),
+            last.rate.toward(frequency * (self.gait.period or 1.0), since),
+            last.amplitude.toward(amplitude, since),
         )
         kept = self.pieces[:-1] if time == last.time and len(self.pieces) > 1 else self.pieces
         return SteeredGait(self.gait, self.mean, (*kept, piece))
 
-    def now(self, time: float) -> tuple[float, float]:
+    def command_at(self, time: float) -> tuple[float, float]:
         """Frequency [Hz] and amplitude over the gait's own at a time [s]."""
         piece = self.pieces[max(bisect_right([k.time for k in self.pieces], time) - 1, 0)]
         since = np.array(time - piece.time)
@@ -156,7 +156,7 @@ class SteeredGait:
             "asked": [dict(zip(names, one, strict=True)) for one in asked],
         }
 
-    def _piece(self, piece: _Piece, time: Array) -> PrescribedMotion:
+    def _piece(self, piece: _Command, time: Array) -> PrescribedMotion:
         since = time - piece.time
         rate, bend, _ = (k[:, None] for k in piece.rate.at(since))
         size, growth, spurt = (k[:, None] for k in piece.amplitude.at(since))
@@ -171,7 +171,7 @@ class SteeredGait:
         )
 
 
-def steered(gait: Gait) -> SteeredGait:
+def steerable_gait(gait: Gait) -> SteeredGait:
     """A gait that may be steered, as it is at first.
 
     Args:
@@ -184,9 +184,9 @@ def steered(gait: Gait) -> SteeredGait:
         raise ParameterError("gait", "one that moves, to be steered", "one that stands still")
     times = gait.period * np.arange(_SAMPLES) / _SAMPLES
     sharpness = SHARPNESS / gait.period
-    still = _Answer(1.0, sharpness)
+    still = _Response(1.0, sharpness)
     mean = gait.motion(times).position.mean(axis=0)
-    return SteeredGait(gait, mean, (_Piece(0.0, 0.0, still, still),))
+    return SteeredGait(gait, mean, (_Command(0.0, 0.0, still, still),))
 
 
 def largest_amplitude(robot: Robot, gait: SteeredGait) -> float:

@@ -68,10 +68,10 @@ def diagnose_step(
         time_step: Step [s].
     """
     first = max(0, broken - REACH)
-    places = _spread(first, broken)
+    places = _sample_numbers(first, broken)
     states = [state_of(samples, k) for k in places]
     times = np.asarray(time_step * places)
-    found = _stiffest(equations, states, rows, times, time_step)
+    found = _tightest_limit(equations, states, rows, times, time_step)
     if found is None:
         return None
     began, parts = first * time_step, ceil(time_step / found.longest)
@@ -81,14 +81,14 @@ def diagnose_step(
     again = integrate(equations, states[0], rows, count, time_step / parts, began=began)
     if again.outcome is not Outcome.COMPLETED:
         return None
-    places = _spread(0, count)
+    places = _sample_numbers(0, count)
     states = [state_of(again.samples, k) for k in places]
     # a run about to break is nowhere near its motion: the second one knows better
     times = np.asarray(began + time_step / parts * places)
-    return _stiffest(equations, states, rows, times, time_step) or found
+    return _tightest_limit(equations, states, rows, times, time_step) or found
 
 
-def _spread(first: int, last: int) -> NDArray[np.int64]:
+def _sample_numbers(first: int, last: int) -> NDArray[np.int64]:
     """Numbers of some samples from the first to the last, both included."""
     return np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
 
@@ -118,7 +118,7 @@ def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -
     return float(trials[max(last - 1, 0)])
 
 
-def _stiffest(
+def _tightest_limit(
     equations: Equations,
     states: Sequence[Array],
     rows: Callable[[Array], Array],
@@ -130,10 +130,10 @@ def _stiffest(
     table, field = rows(times), equations.field
     if field is not None:
         flown = np.array(states)
-        pieces = field.ahead(flown, table, times[0], times[-1])
-        table = field.whole(flown, table, times, pieces)
+        pieces = field.gust_pieces(flown, table, times[0], times[-1])
+        table = field.with_gust(flown, table, times, pieces)
     for state, row in zip(states, table, strict=True):
-        slope = _slope(equations, state, row)
+        slope = _rate_jacobian(equations, state, row)
         if not np.isfinite(slope).all():
             continue
         eigenvalues, modes = np.linalg.eig(slope)
@@ -151,7 +151,7 @@ def _stiffest(
     return replace(found, longest=floor(found.longest / digits) * digits)
 
 
-def _slope(equations: Equations, state: Array, row: Array) -> Array:
+def _rate_jacobian(equations: Equations, state: Array, row: Array) -> Array:
     """Derivative of the rate by the state, (size, size) [1/s], by central differences."""
     constants = equations.constants
     columns = []

@@ -34,7 +34,7 @@ class CarryingArm(NamedTuple):
     solids: list[Solid]
 
 
-def arm_under(
+def carrying_arm(
     robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]
 ) -> CarryingArm | None:
     """Arm under the robot of a flight; None if there is no arm.

@@ -16,7 +16,7 @@ from patagium.errors import FlightError
 from patagium.learning import evaluate
 from patagium.learning.identify import Trained
 from patagium.report.figures import comparison, histories
-from patagium.report.style import drawn_for
+from patagium.report.style import figures_for
 from patagium.report.views import flight_overview, wingbeat
 from patagium.robot.drawing import draw_robot
 from patagium.simulation import cycle_statistics, gait_period, robot_of
@@ -39,7 +39,7 @@ def flight_figures(
         ParameterError: If there is no such look.
         FlightError: If the flight misses a quantity.
     """
-    with drawn_for(look):
+    with figures_for(look):
         figures = {
             "robot": draw_robot(robot_of(flight), flight["q"].values[0]),
             "flight": flight_overview(flight),

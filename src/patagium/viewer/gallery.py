@@ -74,7 +74,7 @@ EXHIBITS = {
 }
 
 
-def fly(name: str, duration: float) -> xr.Dataset:
+def gallery_flight(name: str, duration: float) -> xr.Dataset:
     """A flight of a robot of the gallery.
 
     Args:
@@ -94,7 +94,7 @@ def fly(name: str, duration: float) -> xr.Dataset:
     return simulate(robot, aero, gait, duration=duration, time_step=exhibit.time_step, v=start)
 
 
-def on_an_arm(duration: float) -> xr.Dataset:
+def arm_flight(duration: float) -> xr.Dataset:
     """The aerobat, carried by the gallery's arm.
 
     Args:
@@ -118,12 +118,12 @@ def draw_gallery(folder: Path) -> Iterator[Path]:
         folder: Where they go; made if missing.
     """
     for name, exhibit in EXHIBITS.items():
-        flight = fly(name, exhibit.shown)
-        yield kept(still(flight, exhibit.shown, seen_from=exhibit.seen_from), folder, name)
-    yield kept(still(on_an_arm(0.5), 0.5, seen_from=(0.8, -1.0, 0.4)), folder, "ur5e")
+        flight = gallery_flight(name, exhibit.shown)
+        yield save_picture(still(flight, exhibit.shown, seen_from=exhibit.seen_from), folder, name)
+    yield save_picture(still(arm_flight(0.5), 0.5, seen_from=(0.8, -1.0, 0.4)), folder, "ur5e")
 
 
-def kept(picture: Figure, folder: Path, name: str) -> Path:
+def save_picture(picture: Figure, folder: Path, name: str) -> Path:
     """File of a picture, reduced to 96 colors because a page loads all pictures.
 
     Args:

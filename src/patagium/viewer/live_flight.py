@@ -25,8 +25,8 @@ from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.runge_kutta import times_of
 from patagium.simulation.simulator import Simulator
-from patagium.simulation.steered_gait import largest_amplitude, steered
-from patagium.viewer.live_frames import Feed, Steering, Subject, unlearned
+from patagium.simulation.steered_gait import largest_amplitude, steerable_gait
+from patagium.viewer.live_frames import Feed, Steering, Subject, records_without_learner
 from patagium.viewer.live_view import PERIOD, LiveView
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
     outputs = robot.dof_names if network is None else network.output_names
     steering = None
     if gait.period:
-        most = min(_MOST_AMPLITUDE, largest_amplitude(robot, steered(gait)))
+        most = min(_MOST_AMPLITUDE, largest_amplitude(robot, steerable_gait(gait)))
         own = 1.0 / gait.period
         steering = Steering(own, _SLOWEST * own, _FASTEST * own, max(1.0, most))
     title = f"{robot.name}: flying" + ("" if network is None else " and learning")
@@ -123,7 +123,7 @@ class LiveFlight:
             if not steps:
                 stop.wait(_NAP)
         self._post()
-        return self._flying.flight()
+        return self._simulator.flight()
 
     @property
     def _sound(self) -> bool:
@@ -131,20 +131,20 @@ class LiveFlight:
 
     @property
     def _over(self) -> bool:
-        return self._outcome is Outcome.COMPLETED and self._done >= self._flying.steps
+        return self._outcome is Outcome.COMPLETED and self._done >= self._simulator.steps
 
     def _begin(self) -> None:
         """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
-        self._gait = steered(self._own) if self._steering else None
-        self._flying = self._start(self._gait or self._own)
+        self._gait = steerable_gait(self._own) if self._steering else None
+        self._simulator = self._start(self._gait or self._own)
         self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
-        self._show(np.zeros(1), {k: part[:1] for k, part in self._flying.run.samples.items()})
+        self._show(np.zeros(1), {k: part[:1] for k, part in self._simulator.run.samples.items()})
         if self._asked != self._first:
             self._steer(*self._asked)
         self._anchor()
 
     def _anchor(self) -> None:
-        self._clock, self._from = time.monotonic(), self._flying.time
+        self._clock, self._from = time.monotonic(), self._simulator.time
 
     def _obey(self) -> None:
         """Do what was asked for on the page."""
@@ -165,14 +165,14 @@ class LiveFlight:
         if self._gait is None:
             return
         self._asked = frequency, amplitude
-        self._gait = self._gait.asked(self._flying.time, frequency, amplitude)
-        self._flying.steer(self._gait)
+        self._gait = self._gait.command(self._simulator.time, frequency, amplitude)
+        self._simulator.steer(self._gait)
 
     def _steps_due(self) -> int:
         """Number of steps by which the flight is behind the clock."""
         if not self._sound:
             return 0
-        now, flown = time.monotonic(), self._flying.time
+        now, flown = time.monotonic(), self._simulator.time
         behind = self._from + now - self._clock - flown
         if behind > _BEHIND:
             self._anchor()
@@ -180,14 +180,14 @@ class LiveFlight:
 
     def _advance(self, steps: int) -> None:
         began, before = time.thread_time(), self._done
-        self._outcome = self._flying.advance(steps)
-        run = self._flying.run
+        self._outcome = self._simulator.advance(steps)
+        run = self._simulator.run
         self._done = run.steps
         if self._outcome is not Outcome.COMPLETED:
-            self._said = self._flying.message()
+            self._said = self._simulator.message()
         fresh = slice(before + 1, run.steps + 1)
         if run.steps > before:
-            self._flown_for = _faded(
+            self._flown_for = _running_mean(
                 self._flown_for, (time.thread_time() - began) / (run.steps - before)
             )
             samples = {name: values[fresh] for name, values in run.samples.items()}
@@ -200,7 +200,9 @@ class LiveFlight:
     def _show(self, times: Array, samples: dict[str, Array]) -> None:
         """Samples that nobody learns from."""
         packets = self._packets(times, samples)
-        self._feed.append(packets, unlearned(packets, samples["aero_force"][:, self._felt]))
+        self._feed.append(
+            packets, records_without_learner(packets, samples["aero_force"][:, self._felt])
+        )
 
     def _packets(self, times: Array, samples: dict[str, Array]) -> Array:
         """Packets that sensors would have sent, known forces beside the torque in u1."""
@@ -220,7 +222,7 @@ class LiveFlight:
         began = time.thread_time()
         records: Records = pipeline.run(chosen)
         spent = (time.thread_time() - began) / len(chosen)
-        self._learned_for = _faded(self._learned_for, spent)
+        self._learned_for = _running_mean(self._learned_for, spent)
         self._counters.add(records)
         self._feed.append(chosen, records)
         left = _SHARE * max(self._step - self._flown_for, 0.05 * self._step)
@@ -231,7 +233,7 @@ class LiveFlight:
         facts |= {"paused": self._paused, "ended": self._outcome is not Outcome.COMPLETED}
         facts["words"] = self._words()
         if self._gait is not None:
-            facts["frequency"], facts["amplitude"] = self._gait.now(self._flying.time)
+            facts["frequency"], facts["amplitude"] = self._gait.command_at(self._simulator.time)
         counters = self._counters
         if self._pipeline is not None:
             facts |= {"samples": counters.samples, "failed": counters.samples - counters.learned}
@@ -247,6 +249,6 @@ class LiveFlight:
         return "Paused." if self._paused else ""
 
 
-def _faded(before: float, now: float) -> float:
+def _running_mean(before: float, now: float) -> float:
     """A running mean over about ten values."""
     return now if math.isnan(before) else 0.9 * before + 0.1 * now

@@ -159,7 +159,7 @@ class Feed:
         return np.hstack([np.concatenate(times), *forces])[:TRACE]
 
 
-def words_of(letter: Any) -> str:
+def message_of_frame(letter: Any) -> str:
     """Words of a frame.
 
     Args:
@@ -168,7 +168,7 @@ def words_of(letter: Any) -> str:
     return bytes(letter["words"]).decode(errors="replace")
 
 
-def unlearned(packets: Array, force: Array) -> Records:
+def records_without_learner(packets: Array, force: Array) -> Records:
     """Records of samples that nobody learned from.
 
     Args:

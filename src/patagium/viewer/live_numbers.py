@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.viewer.live_frames import Subject, words_of
+from patagium.viewer.live_frames import Subject, message_of_frame
 
 Row = tuple[str, str]
 
@@ -86,7 +86,7 @@ def table(*groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any) -
         key: What each color stands for.
         letter: The last frame, for its words.
     """
-    words = words_of(letter)
+    words = message_of_frame(letter)
     tint = "#8f2d1d" if letter["ended"] else "#46627a"
     said = f'<p style="margin:0 0 6px;color:{tint};font-size:13px"><b>{escape(words)}</b></p>'
     lines: list[str] = []

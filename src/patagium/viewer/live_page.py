@@ -20,7 +20,7 @@ from patagium.viewer.live_mailbox import Mailbox
 from patagium.viewer.live_numbers import flight_rows, learner_rows, picture_rows, table
 from patagium.viewer.live_plots import LivePlots
 from patagium.viewer.live_scene import LiveScene, rgb
-from patagium.viewer.predicted_forces import strip_measuring
+from patagium.viewer.predicted_forces import strip_force_network
 
 Array = NDArray[np.float64]
 
@@ -205,4 +205,4 @@ class LivePage:
 def _strip_network(subject: Subject) -> Any:
     """The network seen through the forces on strips, or None where it has none."""
     network = subject.network
-    return None if network is None else strip_measuring(network, subject.robot)
+    return None if network is None else strip_force_network(network, subject.robot)

@@ -69,18 +69,18 @@ def predict_flight(
         LogError: If the identification is of another flight.
     """
     if not isinstance(predicted, Identification):
-        return _asked(flight, robot, predicted, frames)
-    kept = _kept(flight, predicted, frames)
+        return _from_model(flight, robot, predicted, frames)
+    kept = _from_identification(flight, predicted, frames)
     if not isinstance(getattr(predicted.learner, "network", None), _WINGED):
         return kept
-    strips = _asked(flight, robot, predicted.learner, frames).strips
+    strips = _from_model(flight, robot, predicted.learner, frames).strips
     if strips is None:
         return kept
     words = f"{kept.words} (plots); by the weights of the end (arrows on strips)"
     return replace(kept, strips=strips, words=words)
 
 
-def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Prediction:
+def _from_identification(flight: xr.Dataset, result: Identification, frames: Frames) -> Prediction:
     record = result.prediction
     time = np.asarray(flight["time"].values, float)
     found = np.asarray(record["time"].values, float)
@@ -91,31 +91,31 @@ def _kept(flight: xr.Dataset, result: Identification, frames: Frames) -> Predict
     names = tuple(str(name) for name in record["output"].values)
     values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
     return Prediction(
-        names, values, None, "before the sample was used", _checked(record, time[frames])
+        names, values, None, "before the sample was used", _kept_std(record, time[frames])
     )
 
 
-def _checked(record: xr.Dataset, time: Array) -> Array | None:
+def _kept_std(record: xr.Dataset, time: Array) -> Array | None:
     """Predicted standard deviations, interpolated between the times that were kept."""
     checks = np.asarray(record["check_time"].values, float)
     kept = np.asarray(record["predicted_std"].transpose("check_time", "output").values, float)
-    return _between(checks, kept, time)
+    return _interpolate(checks, kept, time)
 
 
-def _between(known: Array, values: Array, time: Array) -> Array | None:
+def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
     """Straight between known times, (F, k); None where any is unknown."""
     if not len(known) or not np.isfinite(values).all():
         return None
     return np.column_stack([np.interp(time, known, column) for column in values.T])
 
 
-def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
+def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
     if isinstance(network, _WINGED):
-        _check(network, robot)
+        _check_strips(network, robot)
     if isinstance(network, StripNetwork):
-        network = _measuring(network, list(robot.dof_names))
+        network = _with_measurements(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)
     seen = network_inputs(network, model.weights, time, x)[frames]
     return Prediction(
@@ -123,11 +123,11 @@ def _asked(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> 
         network.evaluate(seen, model.weights),
         _strip_forces(network, robot, seen, model.weights),
         "by the learned model",
-        _sure(model, network, seen, time[frames]),
+        _model_std(model, network, seen, time[frames]),
     )
 
 
-def _sure(model: Trained, network: Network, seen: Array, time: Array) -> Array | None:
+def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Array | None:
     """Deviations that the model itself gives, asked at some of the times."""
     if model.network.output_names != network.output_names or not hasattr(model, "predict"):
         return None
@@ -135,16 +135,16 @@ def _sure(model: Trained, network: Network, seen: Array, time: Array) -> Array |
     covariances = np.array([np.atleast_2d(model.predict(seen[k])[1]) for k in asked])
     with np.errstate(invalid="ignore"):
         found = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    return _between(time[asked], found, time)
+    return _interpolate(time[asked], found, time)
 
 
-def _check(network: Any, robot: Robot) -> None:
+def _check_strips(network: Any, robot: Robot) -> None:
     names, expected = ([s.name for s in one.strips] for one in (network.robot, robot))
     if names != expected:
         raise ShapeError("strips of the model", ", ".join(expected), ", ".join(names))
 
 
-def _measuring(network: Network, measured: Any) -> StripNetwork:
+def _with_measurements(network: Network, measured: Any) -> StripNetwork:
     """Strip network with the same weights and other measurements."""
     return StripNetwork.from_description(network.describe() | {"measured": measured})
 
@@ -155,11 +155,11 @@ def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> A
         return strip_forces(network, x, weights)
     if not isinstance(network, StripNetwork):
         return None
-    every = _measuring(network, np.eye(3 * len(robot.strips)).tolist())
+    every = _with_measurements(network, np.eye(3 * len(robot.strips)).tolist())
     return every.evaluate(x, weights).reshape(len(x), len(robot.strips), 3)
 
 
-def strip_measuring(network: Network, robot: Robot) -> StripNetwork | None:
+def strip_force_network(network: Network, robot: Robot) -> StripNetwork | None:
     """Network with the same weights whose outputs are the forces on the strips.
 
     Args:
@@ -171,4 +171,4 @@ def strip_measuring(network: Network, robot: Robot) -> StripNetwork | None:
     """
     if type(network) is not StripNetwork:
         return None
-    return _measuring(network, np.eye(3 * len(robot.strips)).tolist())
+    return _with_measurements(network, np.eye(3 * len(robot.strips)).tolist())

@@ -24,7 +24,7 @@ from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import carried_body, solids, wing_tips
 from patagium.simulation import carrier_of, robot_of
-from patagium.viewer.carrying_arm import arm_under
+from patagium.viewer.carrying_arm import carrying_arm
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
 from patagium.viewer.total_force import TotalForce, floating_body, total_force
 
@@ -73,10 +73,10 @@ def replay(
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """
-    return write_replay(path, shown_of(flight, predicted, title, start, end))
+    return write_replay(path, replay_content(flight, predicted, title, start, end))
 
 
-def shown_of(
+def replay_content(
     flight: xr.Dataset,
     predicted: Predicted | None = None,
     title: str | None = None,
@@ -92,7 +92,7 @@ def shown_of(
     arms = 0 if carrier is None else len(carrier.arm.bodies) + 1
     frames = _frames(span, time, period, _bytes_per_frame(robot, arms, predicted is not None))
     prediction = None if predicted is None else predict_flight(flight, robot, predicted, frames)
-    shown, arm = flight.isel(time=frames), arm_under(robot, carrier, frames)
+    shown, arm = flight.isel(time=frames), carrying_arm(robot, carrier, frames)
     q = np.asarray(flight["q"].values, float)[span]
     position, rotation = poses_at(robot, q)
     inside = frames - span[0]

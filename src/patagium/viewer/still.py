@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from patagium.errors import ParameterError
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.viewer.predicted_forces import Predicted
-from patagium.viewer.replay import shown_of
+from patagium.viewer.replay import replay_content
 
 
 def still(
@@ -43,5 +43,5 @@ def still(
         raise ParameterError("time", f"within {first:g} to {last:g} s", f"{when:g} s")
     if not np.hypot(*seen_from[:2]) > 0:
         raise ParameterError("seen_from", "a direction that is not straight up", seen_from)
-    shown = shown_of(flight, predicted)
+    shown = replay_content(flight, predicted)
     return draw_still(shown, int(np.abs(shown.time - when).argmin()), seen_from=seen_from)

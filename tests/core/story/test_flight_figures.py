@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.model_file import save_model
-from patagium.report.style import LOOKS, drawn_for, width
+from patagium.report.style import LOOKS, figures_for, width
 from patagium.viewer.flight_figures import flight_figures
 
 
@@ -44,7 +44,7 @@ def test_a_flight_of_one_beat_has_no_wingbeat_figure(flight: xr.Dataset) -> None
 
 def test_an_unknown_place_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"page, paper, slides.*found 'wall'"):
-        with drawn_for("wall"):
+        with figures_for("wall"):
             pass
 
 

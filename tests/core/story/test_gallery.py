@@ -14,7 +14,7 @@ import patagium as pt
 from patagium.report.style import SCENE
 from patagium.robot import preset_names
 from patagium.viewer import still
-from patagium.viewer.gallery import EXHIBITS, fly, kept
+from patagium.viewer.gallery import EXHIBITS, gallery_flight, save_picture
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "gallery.md").read_text("utf-8")
@@ -23,7 +23,7 @@ FLAPPING = [name for name, exhibit in EXHIBITS.items() if exhibit.gait]
 
 @pytest.mark.parametrize("name", FLAPPING)
 def test_a_robot_of_the_gallery_flies_and_keeps_its_books(name: str) -> None:
-    flight = fly(name, 0.2)
+    flight = gallery_flight(name, 0.2)
     # RK4 at some fifty to five hundred steps a beat
     assert flight.attrs["energy_audit"] < 1e-8
     assert flight.attrs["momentum_audit"] < 1e-8
@@ -33,13 +33,13 @@ def test_a_robot_of_the_gallery_flies_and_keeps_its_books(name: str) -> None:
 def test_the_dragonfly_and_the_ornithopter_stay_up() -> None:
     for name in ("dragonfly", "ornithopter"):
         weight = 9.81 * sum(body.mass for body in pt.load_robot(name).bodies)
-        lift = pt.cycle_statistics(fly(name, 0.5), skip=0).attrs["mean_lift"]
+        lift = pt.cycle_statistics(gallery_flight(name, 0.5), skip=0).attrs["mean_lift"]
         assert 0.6 * weight < lift < 1.5 * weight
 
 
 def test_pictures_of_the_gallery_are_made_by_the_program(tmp_path: Path) -> None:
     assert sorted([*EXHIBITS, "ur5e"]) == sorted({*preset_names()} - {"aerobat-published"})
-    picture = kept(still(fly("hawk", 0.3), 0.3), tmp_path, "hawk")
+    picture = save_picture(still(gallery_flight("hawk", 0.3), 0.3), tmp_path, "hawk")
     with Image.open(picture) as made, Image.open(ROOT / "docs/gallery/hawk.png") as shown:
         assert made.size == shown.size
         dots = np.asarray(made.convert("RGB"), int)

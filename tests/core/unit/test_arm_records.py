@@ -15,7 +15,7 @@ from patagium.dynamics.poses import poses_at
 from patagium.errors import FlightError
 from patagium.robot.solids import carried_body, solids
 from patagium.simulation import carrier_of
-from patagium.viewer.carrying_arm import arm_under
+from patagium.viewer.carrying_arm import carrying_arm
 
 SEAT = (0.0, 0.0, 0.06)
 TURN = (0.0, -np.pi / 2, 0.0)
@@ -49,7 +49,7 @@ def test_the_joints_of_the_arm_are_those_of_its_plan(
 
 def test_the_arm_holds_the_robot_where_it_is(flight: xr.Dataset) -> None:
     robot, frames = pt.load_robot("aerobat"), np.array([0, 500, 1999])
-    standing = arm_under(robot, carrier_of(flight), frames)
+    standing = carrying_arm(robot, carrier_of(flight), frames)
     assert standing is not None
     tool = standing.names.index("ur5e tool")
     held = standing.position[:, tool] + standing.rotation[:, tool] @ SEAT
@@ -77,7 +77,7 @@ def test_the_page_shows_the_arm(flight: xr.Dataset, tmp_path: Path) -> None:
 def test_without_an_arm_there_is_none(flight: xr.Dataset) -> None:
     plain = flight.assign_attrs(mount="carried")
     assert carrier_of(plain) is None
-    assert arm_under(pt.load_robot("aerobat"), None, np.array([0, 1])) is None
+    assert carrying_arm(pt.load_robot("aerobat"), None, np.array([0, 1])) is None
 
 
 def test_an_arm_that_cannot_reach_is_told(flight: xr.Dataset) -> None:
@@ -94,6 +94,6 @@ def test_a_robot_composed_with_its_arm_stands_on_its_foot() -> None:
     assert robot.bodies[own].name == "body" and robot.bodies[own - 1].name == "arm_tool"
     tubes = {robot.bodies[k.body].name: k.size[0] for k in solids(robot) if k.body < own}
     assert tubes["arm_forearm"] == pytest.approx(0.06 * 0.425)  # as thick as those of the arm alone
-    standing = arm_under(robot, None, np.array([0, 1]))
+    standing = carrying_arm(robot, None, np.array([0, 1]))
     assert standing is not None and standing.names == ("foot",)
     assert poses_at(robot, robot.coordinates()[None])[0][0, 0] == pytest.approx([0, 0, 0.1625])

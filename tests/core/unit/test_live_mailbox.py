@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError
-from patagium.viewer.live_frames import TRACE, Feed, Subject, unlearned, words_of
+from patagium.viewer.live_frames import (
+    TRACE,
+    Feed,
+    Subject,
+    message_of_frame,
+    records_without_learner,
+)
 from patagium.viewer.live_mailbox import Mailbox
 
 LAYOUT = [("number", "i8"), ("values", "f8", (300,))]
@@ -70,7 +76,7 @@ def packets_and_records(first, count):
     packets = np.zeros((count, 57))
     packets[:, 0] = first + np.arange(count)
     packets[:, 1] = -packets[:, 0]
-    return packets, unlearned(packets, np.tile(packets[:, :1], (1, 14)))
+    return packets, records_without_learner(packets, np.tile(packets[:, :1], (1, 14)))
 
 
 def test_a_frame_has_the_last_sample_and_a_thinned_trace(subject):
@@ -87,7 +93,7 @@ def test_a_frame_has_the_last_sample_and_a_thinned_trace(subject):
     trace = letter["trace"][: letter["traced"]]
     assert 3 <= len(trace) <= TRACE and (np.diff(trace[:, 0]) > 0).all()
     np.testing.assert_array_equal(trace[:, 1], trace[:, 0])  # time as the first force
-    assert words_of(letter).startswith("all www")
+    assert message_of_frame(letter).startswith("all www")
     feed.post()
     assert box.take()[0]["traced"] == 0  # the same sample, plotted once
 
@@ -103,4 +109,4 @@ def test_many_small_blocks_are_thinned_too(subject):
     assert letter["time"] == 999 and TRACE / 2 <= len(times) <= TRACE
     assert np.ptp(np.diff(times)) == 0  # evenly
     with pytest.raises(LogError, match="expected 2 rows, found 1"):
-        unlearned(np.zeros((2, 57)), np.zeros((1, 14)))
+        records_without_learner(np.zeros((2, 57)), np.zeros((1, 14)))

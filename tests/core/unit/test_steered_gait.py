@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.errors import ParameterError
 from patagium.simulation.gaits import check_gait
 from patagium.simulation.simulator import Simulator
-from patagium.simulation.steered_gait import largest_amplitude, steered
+from patagium.simulation.steered_gait import largest_amplitude, steerable_gait
 
 ROBOT = pt.load_robot("aerobat")
 
@@ -27,9 +27,9 @@ def a_gait():
 
 def on_its_way():
     """Asked for while the last answer is still under way."""
-    gait = steered(a_gait())
+    gait = steerable_gait(a_gait())
     for time, frequency, amplitude in ((0.2, 8.0, 1.3), (0.31, 3.0, 0.2), (0.35, 6.0, 1.0)):
-        gait = gait.asked(time, frequency, amplitude)
+        gait = gait.command(time, frequency, amplitude)
     return gait
 
 
@@ -37,9 +37,9 @@ def on_its_way():
 def test_unsteered_it_is_the_gait_to_the_last_bit(own):
     times = np.linspace(0.0, 3.0, 1001)
     for part in ("position", "velocity", "acceleration"):
-        found = getattr(steered(own).motion(times), part)
+        found = getattr(steerable_gait(own).motion(times), part)
         np.testing.assert_array_equal(found, getattr(own.motion(times), part))
-    assert steered(own).period == own.period
+    assert steerable_gait(own).period == own.period
 
 
 def test_velocities_and_accelerations_are_derivatives():
@@ -65,12 +65,12 @@ def test_position_velocity_and_acceleration_go_on_where_it_is_asked():
 
 
 def test_it_settles_where_it_was_asked_to_and_stays_between():
-    gait = steered(a_gait()).asked(0.1, 12.0, 0.5)
+    gait = steerable_gait(a_gait()).command(0.1, 12.0, 0.5)
     times = np.linspace(0.1, 2.0, 2000)
-    seen = np.array([gait.now(float(t)) for t in times])
+    seen = np.array([gait.command_at(float(t)) for t in times])
     assert (np.diff(seen[:, 0]) >= 0).all() and (np.diff(seen[:, 1]) <= 0).all()
     assert seen[0] == pytest.approx((5.0, 1.0))
-    assert gait.now(0.1 + 0.25)[0] == pytest.approx(12.0, rel=0.01)  # within about a beat
+    assert gait.command_at(0.1 + 0.25)[0] == pytest.approx(12.0, rel=0.01)  # within about a beat
     assert seen[-1] == pytest.approx((12.0, 0.5), rel=1e-12)
     late = gait.motion(1.5 + np.linspace(0, 1 / 12, 200)).position
     joint = list(gait.joints).index("left_plunge")
@@ -83,35 +83,35 @@ def test_it_settles_where_it_was_asked_to_and_stays_between():
 def test_the_limits_of_the_joints_are_kept():
     count = len(ROBOT.lower)
     limited = replace(ROBOT, lower=(-0.65,) * count, upper=(0.8,) * count)
-    gait = steered(a_gait())
+    gait = steerable_gait(a_gait())
     assert largest_amplitude(ROBOT, gait) == np.inf  # its file has no limits
     most = largest_amplitude(limited, gait)
     assert most == pytest.approx(0.7 / 0.5, rel=1e-5)  # plunge, about 0.1; 2000 times
-    at_most = gait.asked(0.0, 5.0, most)
+    at_most = gait.command(0.0, 5.0, most)
     position = at_most.motion(np.linspace(0.0, 3.0, 20001)).position
     assert position.min() >= -0.65 and position.max() <= 0.8 + 1e-6
     assert position.max() > 0.8 - 1e-4
 
 
 def test_what_cannot_be_is_refused():
-    gait = steered(a_gait()).asked(0.5, 5.0, 1.0)
+    gait = steerable_gait(a_gait()).command(0.5, 5.0, 1.0)
     for words in ((0.4, 5.0, 1.0), (0.6, 0.0, 1.0), (0.6, 5.0, -0.1), (np.nan, 5.0, 1.0)):
         with pytest.raises(ParameterError):
-            gait.asked(*words)
+            gait.command(*words)
     with pytest.raises(ParameterError, match="one that moves"):
-        steered(pt.gaits.still(ROBOT))
+        steerable_gait(pt.gaits.still(ROBOT))
     check_gait(ROBOT, gait)
     json.dumps(gait.describe())
 
 
 def flown(pieces, steer=None):
-    gait = steered(a_gait())
+    gait = steerable_gait(a_gait())
     aero, start = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
     flying = Simulator(ROBOT, aero, gait, duration=0.2, time_step=1e-4, v=start)
     for piece in pieces:
         flying.advance(piece)
         if steer is not None and flying.time == pytest.approx(0.1):
-            gait = gait.asked(flying.time, *steer)
+            gait = gait.command(flying.time, *steer)
             flying.steer(gait)
     return flying.flight()
 

@@ -28,7 +28,7 @@ from patagium.simulation.gaits import sinusoidal
 from patagium.simulation.initial_conditions import check_robots, whole_steps
 from patagium.simulation.runge_kutta import Array, Equations, Progress, integrate, times_of
 from patagium.simulation.state_layout import IMPULSE, WORKS
-from patagium.simulation.state_limits import check_start, limits, message_of
+from patagium.simulation.state_limits import check_start, limits, outcome_message
 
 INITIAL_YAW = 2 * np.pi
 """Heading the published experiment starts with [rad] (E7)."""
@@ -87,7 +87,7 @@ def simulate_published(
     equations, names = _equations(robot, aero, state), _state_names(robot)
     check_start(equations, names, state)
     run = integrate(equations, state, rows, steps, time_step, progress)
-    message = message_of(run, names, equations, steps, time_step)
+    message = outcome_message(run, names, equations, steps, time_step)
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
     origin = FlightOrigin(robot, aero, gait.describe(), "free", time_step, "published")
