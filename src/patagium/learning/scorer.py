@@ -11,8 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.calibration import InnovationSums, interval_scores
-from patagium.learning.scores import ErrorSums, IntervalSums, span_scores
+from patagium.learning.scores import (
+    NOMINAL,
+    ErrorSums,
+    InnovationSums,
+    IntervalSums,
+    mean_heard,
+    span_scores,
+)
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
@@ -124,12 +130,19 @@ class Scorer:
 
     def interval_scores(self) -> dict[str, Any]:
         """Coverage and reliability of the predicted intervals."""
-        whole, late = (self._intervals[half] for half in _HALVES)
-        found = interval_scores(whole, late, self.names, ~self.silent)
-        return {**found, "coverage_checks": self.checks}
+        heard = ~self.silent
+        each, late = (sums.coverage(heard) for sums in self._intervals.values())
+        within = self._intervals[_WHOLE].reliability(heard)
+        return {
+            "coverage": mean_heard(each),
+            "coverage_second_half": mean_heard(late),
+            "coverage_by_output": dict(zip(self.names, each.tolist(), strict=True)),
+            "coverage_checks": self.checks,
+            "reliability": dict(zip(map(str, NOMINAL), within, strict=True)),
+        }
 
     def innovation_scores(self) -> dict[str, Any]:
-        """Calibration by innovations; see `calibration_scores`."""
+        """Calibration of the filter by its innovations; see `InnovationSums.scores`."""
         return self._innovations.scores(self.names, ~self.silent)
 
     def scores(self) -> dict[str, Any]:

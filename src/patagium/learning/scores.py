@@ -1,7 +1,8 @@
-"""Errors of predictions and coverage of their intervals, from sums that can go on.
+"""Errors of predictions, coverage of intervals and calibration of filters, from sums.
 
 Normalized mean square error (NMSE) = mean square error / variance of the output over the same
-span, for each output. Neglected: correlation of errors in time, weights on outputs.
+span, for each output. A filter that is right has innovations e that are white, with e' P_yy^-1 e
+chi-square distributed. Neglected: correlation between outputs, and in time beyond one update.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
+from scipy.special import gammaincinv, ndtri
 
 from patagium.errors import ShapeError
 
@@ -179,6 +180,68 @@ class IntervalSums:
         return np.array(inside) / count if count else np.full(len(NOMINAL), np.nan)
 
 
+class InnovationSums:
+    """Sums over updates from which the calibration of a filter follows.
+
+    Args:
+        outputs: Number of outputs n_y.
+
+    Attributes:
+        totals: Number of updates, sum of NIS per channel, number inside its interval, (3,).
+        products: Sums of products of normalized innovations e_k e_k+1, e_k^2 and e_k+1^2,
+            (3, n_y) [-].
+        last: Normalized innovation of the last update, (n_y,) [-].
+    """
+
+    def __init__(self, outputs: int) -> None:
+        self.totals, self.products = np.zeros(3), np.zeros((3, outputs))
+        self.last = np.full(outputs, np.nan)
+
+    def add(self, innovation: Array, std: Array, nis: Array, heard: NDArray[np.bool_]) -> None:
+        """Count updates.
+
+        Args:
+            innovation: e, (U, n_y) [unit of y]; NaN where a channel was left out.
+            std: Predicted standard deviation of it, (U, n_y) [unit of y].
+            nis: e' P_yy^-1 e, (U,).
+            heard: Outputs that are not silent, (n_y,) of bool.
+        """
+        channels = np.isfinite(innovation[:, heard]).sum(axis=1)
+        counted = np.isfinite(nis) & (channels > 0)
+        counts, values = channels[counted], nis[counted]
+        low, high = (2 * gammaincinv(counts / 2, p) for p in (0.025, 0.975))  # of chi-square
+        inside = ((values >= low) & (values <= high)).sum()
+        self.totals += [len(values), (values / counts).sum(), inside]
+        scaled = np.vstack([self.last, innovation / np.where(std > 0, std, np.nan)])
+        pairs = np.isfinite(scaled[1:]) & np.isfinite(scaled[:-1])
+        before, after = np.where(pairs, scaled[:-1], 0.0), np.where(pairs, scaled[1:], 0.0)
+        self.products += [(before * after).sum(0), (before**2).sum(0), (after**2).sum(0)]
+        self.last = scaled[-1]
+
+    def scores(self, names: Sequence[str], heard: NDArray[np.bool_]) -> dict[str, Any]:
+        """Calibration of the filter in numbers.
+
+        Args:
+            names: Names of the outputs, n_y.
+            heard: Outputs that are not silent, (n_y,) of bool.
+
+        Returns:
+            nis_per_channel: mean of the normalized innovation squared, over the number of
+            channels; 1 if right, larger if too sure. nis_inside: share of updates in its central
+            95 % interval. innovation_correlation: of normalized innovations one update apart, by
+            output; 0 if white, NaN for outputs that never err.
+        """
+        count, ratio, inside = self.totals.tolist()
+        product, power = self.products[0], np.sqrt(self.products[1] * self.products[2])
+        color = np.where(power > 0, product / np.where(power > 0, power, 1.0), np.nan)
+        chosen = np.flatnonzero(heard).tolist()
+        return {
+            "nis_per_channel": ratio / count if count else np.nan,
+            "nis_inside": inside / count if count else np.nan,
+            "innovation_correlation": {names[k]: float(color[k]) for k in chosen},
+        }
+
+
 def silent_outputs(measurement: ArrayLike) -> NDArray[np.bool_]:
     """Outputs that never move: their variance is zero up to rounding.
 
@@ -257,48 +320,10 @@ def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -
     Raises:
         ShapeError: If the arrays are not (M, n_y).
     """
-    return _intervals(error, std).coverage(heard)
-
-
-def reliability(error: ArrayLike, std: ArrayLike) -> Array:
-    """Share of errors inside the predicted central interval of each nominal probability.
-
-    |y - yhat| <= sigma Phi^-1((1 + p) / 2) for p in `NOMINAL`; a calibrated Gaussian gives p.
-
-    Args:
-        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
-        std: Predicted standard deviation sigma, (M, n_y) [unit of y].
-
-    Returns:
-        Share over all samples and outputs, (len(NOMINAL),); NaN where there is no error.
-
-    Raises:
-        ShapeError: If the arrays are not (M, n_y).
-    """
-    return _intervals(error, std).reliability()
-
-
-def error_scores(
-    measurement: ArrayLike, prediction: ArrayLike, names: Sequence[str], prefix: str = "nmse"
-) -> dict[str, Any]:
-    """NMSE by output, mean and worst, over the whole span and over its second half.
-
-    Args:
-        measurement: y, (N, n_y) [unit of y].
-        prediction: yhat, (N, n_y) [unit of y].
-        names: Names of the outputs, n_y.
-        prefix: First word of the keys.
-
-    Returns:
-        `<prefix>` and `<prefix>_second_half` by output name, each with `_mean` and `_worst`;
-        mean and worst leave silent outputs out, and are nan if all are silent.
-    """
-    truth, guess = _table("measurement", measurement), _table("prediction", prediction)
-    half = len(truth) // 2
-    return {
-        **span_scores(normalized_error(truth, guess), names, prefix),
-        **span_scores(normalized_error(truth[half:], guess[half:]), names, f"{prefix}_second_half"),
-    }
+    miss, sigma = _table("error", error), _table("std", std)
+    sums = IntervalSums(miss.shape[1])
+    sums.add(miss, sigma)
+    return sums.coverage(heard)
 
 
 def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[str, Any]:
@@ -313,9 +338,19 @@ def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[st
     heard = each[~np.isnan(each)]
     return {
         prefix: {name: float(value) for name, value in zip(names, each, strict=True)},
-        f"{prefix}_mean": float(heard.mean()) if heard.size else math.nan,
+        f"{prefix}_mean": mean_heard(each),
         f"{prefix}_worst": float(heard.max()) if heard.size else math.nan,
     }
+
+
+def mean_heard(values: Array) -> float:
+    """Mean of the values that are not NaN; NaN if all are.
+
+    Args:
+        values: Score of each output, (n_y,) [-].
+    """
+    heard = values[~np.isnan(values)]
+    return float(heard.mean()) if heard.size else math.nan
 
 
 def json_ready(value: Any) -> Any:
@@ -335,13 +370,6 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value
-
-
-def _intervals(error: ArrayLike, std: ArrayLike) -> IntervalSums:
-    miss, sigma = _table("error", error), _table("std", std)
-    sums = IntervalSums(miss.shape[1])
-    sums.add(miss, sigma)
-    return sums
 
 
 def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:

@@ -7,8 +7,19 @@ import pytest
 
 import patagium as pt
 from patagium.learning import stream
-from patagium.learning.calibration import calibration_scores
-from patagium.learning.scores import NOMINAL, reliability
+from patagium.learning.scores import NOMINAL, InnovationSums, IntervalSums
+
+
+def reliability(error, std):
+    sums = IntervalSums(2)
+    sums.add(error, std)
+    return sums.reliability()
+
+
+def calibration_scores(innovation, std, nis, names):
+    sums, heard = InnovationSums(len(names)), np.ones(len(names), bool)
+    sums.add(innovation, std, nis, heard)
+    return sums.scores(names, heard)
 
 
 def test_gaussian_errors_are_on_the_diagonal(rng):

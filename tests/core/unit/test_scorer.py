@@ -7,15 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from patagium.learning.calibration import calibration_scores
 from patagium.learning.scorer import Scorer
-from patagium.learning.scores import (
-    ErrorSums,
-    coverage,
-    error_scores,
-    normalized_error,
-    reliability,
-)
+from patagium.learning.scores import ErrorSums, coverage, normalized_error
 
 NAMES = ("lift", "far", "still")
 COUNT = 900
@@ -75,16 +68,23 @@ def test_sums_give_the_scores_of_arrays(samples: dict[str, np.ndarray]) -> None:
     heard = np.array([True, True, False])
     innovation, std = samples["innovation"], samples["std"]
     assert found["silent"] == ["still"] and found["coverage_checks"] == COUNT
-    expected = error_scores(samples["y"], samples["guess"], NAMES)
-    expected |= error_scores(samples["y"], samples["held"], NAMES, "persistence")
-    expected |= calibration_scores(
-        innovation[:, heard], std[:, heard], samples["nis"], ["lift", "far"]
-    )
-    close({key: found[key] for key in expected}, expected)
+    for key, part in (("nmse", "guess"), ("persistence", "held")):
+        for end, rows in (("", slice(None)), ("_second_half", slice(COUNT // 2, None))):
+            each = normalized_error(samples["y"][rows], samples[part][rows])
+            assert list(found[key + end].values()) == pytest.approx(each, rel=1e-9, nan_ok=True)
+            assert found[f"{key}{end}_worst"] == pytest.approx(np.nanmax(each), rel=1e-9)
     each = coverage(innovation, std, heard)
     assert found["coverage"] == pytest.approx(np.nanmean(each), rel=1e-12)
-    within = reliability(innovation[:, heard], std[:, heard])
-    assert list(found["reliability"].values()) == pytest.approx(within, rel=1e-12)
+    ratio = samples["nis"] / np.isfinite(innovation[:, heard]).sum(axis=1)
+    assert found["nis_per_channel"] == pytest.approx(np.nanmean(ratio), rel=1e-12)
+    reach = (np.abs(innovation) / std)[:, heard]
+    within = np.nanmean(np.where(np.isnan(reach), np.nan, reach <= 1.959963985))
+    assert found["reliability"]["0.95"] == pytest.approx(within, rel=1e-12)
+    normal = (innovation / std)[:, 0]
+    pairs = np.isfinite(normal[1:]) & np.isfinite(normal[:-1])
+    before, after = normal[:-1][pairs], normal[1:][pairs]
+    color = before @ after / np.sqrt((before @ before) * (after @ after))
+    assert found["innovation_correlation"]["lift"] == pytest.approx(color, rel=1e-9)
 
 
 def test_an_output_far_from_zero_does_not_cancel(rng: np.random.Generator) -> None:
