@@ -75,8 +75,9 @@ def test_sums_give_the_scores_of_arrays(samples: dict[str, np.ndarray]) -> None:
             assert found[f"{key}{end}_worst"] == pytest.approx(np.nanmax(each), rel=1e-9)
     each = coverage(innovation, std, heard)
     assert found["coverage"] == pytest.approx(np.nanmean(each), rel=1e-12)
-    ratio = samples["nis"] / np.isfinite(innovation[:, heard]).sum(axis=1)
-    assert found["nis_per_channel"] == pytest.approx(np.nanmean(ratio), rel=1e-12)
+    channels = np.isfinite(innovation[:, heard]).sum(axis=1)
+    ratio = samples["nis"][channels > 0] / channels[channels > 0]
+    assert found["nis_per_channel"] == pytest.approx(ratio.mean(), rel=1e-12)
     reach = (np.abs(innovation) / std)[:, heard]
     within = np.nanmean(np.where(np.isnan(reach), np.nan, reach <= 1.959963985))
     assert found["reliability"]["0.95"] == pytest.approx(within, rel=1e-12)
