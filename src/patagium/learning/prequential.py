@@ -112,10 +112,11 @@ def learn(
         innovation = learner.update(x, y, time)
     if not np.isfinite(learner.weights).all():
         raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
-    if isinstance(learner, FilterLearner) and np.isfinite(innovation).any():
-        variances = np.diagonal(learner.innovation_covariance)
-        return Update(innovation, np.sqrt(variances), learner.nis)
-    return Update(innovation, np.full_like(innovation, np.nan), float("nan"))
+    covariance = getattr(learner, "innovation_covariance", None)
+    if covariance is None or not np.isfinite(innovation).any():
+        return Update(innovation, np.full_like(innovation, np.nan), float("nan"))
+    std = np.sqrt(np.diagonal(covariance))
+    return Update(innovation, std, getattr(learner, "nis", float("nan")))
 
 
 def prequential(

@@ -102,7 +102,7 @@ def test_what_lies_between_used_samples_is_foreseen_with():
     class Clerk:
         network, weights, innovation_covariance = LAG, WEIGHTS, np.eye(1)
 
-        def update(self, x, y):
+        def update(self, x, y, time=None):
             seen.append(x)
             return y - LAG.evaluate(x[None], WEIGHTS)[0]
 

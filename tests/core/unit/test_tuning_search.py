@@ -149,7 +149,7 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
     y = np.array([[1.0], [np.nan], [3.0], [2.0]])
     innovations = iter([[0.5], [np.nan], [np.nan], [0.1]])
     learner = SimpleNamespace(
-        update=lambda x, y: np.array(next(innovations)),
+        update=lambda x, y, time: np.array(next(innovations)),
         innovation_covariance=np.eye(1),
         network=SimpleNamespace(inputs=1, measured_inputs=1),
         weights=np.zeros(1),
@@ -162,7 +162,7 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
 
 
 def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:
-    def update(x: object, y: object) -> None:
+    def update(x: object, y: object, time: float) -> None:
         raise FilterDiverged("update 1: the covariance is lost", Outcome.COVARIANCE_LOST)
 
     network = SimpleNamespace(inputs=1, measured_inputs=1)

@@ -28,7 +28,7 @@ from scipy.ndimage import uniform_filter1d
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
-from patagium.learning.models.memory import replay
+from patagium.learning.prequential import Samples, prequential
 from patagium.learning.schedule import LogSamples
 from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
 
@@ -127,20 +127,18 @@ def score_predictions(
         y: Measurements, (N, n_y), in their units.
         scored: Measurements that count, (N, n_y); see `moving`.
     """
-    error, variance = np.empty_like(y), np.empty_like(y)
     log = x if isinstance(x, LogSamples) else _one_by_one(x)
-    memory = replay(learner.network, log.time, log.x, log.gaps)
+    measured = np.full((len(log.time), y.shape[1]), nan)
+    measured[log.used] = y
+    samples = Samples(log.time, log.x, measured, log.gaps)
     try:
-        for k, (sample, measured) in enumerate(zip(log.used.tolist(), y, strict=True)):
-            before = learner.weights
-            seen = memory.upto(sample + 1, before)[-1]
-            error[k] = learner.update(seen, measured)
-            memory.corrected(learner.weights - before)
-            variance[k] = np.diagonal(learner.innovation_covariance)
+        updates = [update for _, update in prequential(learner, samples, log.used) if update]
     except (FilterDiverged, MatrixLost) as problem:
         return PredictionScore(
             -inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem)
         )
+    error = np.array([update.innovation for update in updates])
+    variance = np.array([update.std for update in updates]) ** 2
     heard = scored.any(axis=0)
     return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
 
