@@ -1,1 +1,1 @@
-"""Experiments as programs: the reproduction of the paper, benches, measured cases."""
+"""Laboratory of patagium: studies that run as verbs, each of a plan, a run and a page."""

@@ -1,6 +1,6 @@
-"""Under what conditions a study's figures were found: program, machine, compiler, load, day.
+"""Conditions of a study's figures: program, machine, compiler, load, date.
 
-Neglected: clock rates and temperatures; a ratio of two figures of one run suffers least.
+Neglected: clock rates and temperatures, which change a ratio of two times of one run least.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from patagium.native.compiler import STRAIGHT_LINE, compiler_path
 
 
 def conditions() -> dict[str, str]:
-    """Program, machine, day and load now that the work is done, for the foot of a page."""
+    """Program, machine, date and present load, for the foot of a page."""
     return {
         "program": f"patagium {__version__}",
         "machine": machine(),
@@ -26,7 +26,7 @@ def conditions() -> dict[str, str]:
 
 
 def machine() -> str:
-    """What figures depend on: processor, system, compiler and flags, versions."""
+    """Processor, system, compiler with its flags, and versions of libraries."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("casadi", "numpy"))
     return (
         f"{_processor()}, {os.cpu_count() or 1} cores; {platform.system()} {platform.machine()}; "
@@ -35,7 +35,7 @@ def machine() -> str:
 
 
 def load_average() -> str:
-    """Processes that ran or wanted to over the last minutes; "unknown" where nobody counts."""
+    """Load average over the last minutes, or "unknown" where the system has none."""
     if not hasattr(os, "getloadavg"):
         return "unknown"
     last, five, fifteen = os.getloadavg()

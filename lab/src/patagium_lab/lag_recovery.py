@@ -1,9 +1,9 @@
-"""Lags of the air found again in noisy flights: how often the truth lies where it is said to.
+"""Recovery of the air's lags from noisy flights, and the coverage of their intervals.
 
-A robot flaps on a fixed mount in a wind, with lags of the air drawn from the prior, and forces
-are measured with noise. A grey box that starts at the usual lags learns them online. If it
-is right about how sure it is, two deviations hold the truth 19 times in 20. Neglected: noise of
-measured motion, errors of the model beside its numbers.
+A robot flaps on a fixed mount in a wind, with lags of the air drawn from the prior, and forces are
+measured with noise. A grey box that starts at the usual lags learns them online. If its covariance
+is right, two standard deviations hold the truth 19 times in 20. Neglected: noise of the measured
+motion, errors of the model beside its numbers.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ PRIORS = {
     "lags.lift[1]": 0.06,
     "section.lift_slope": 0.5,
 }
-"""Deviations that truths are drawn with, and that the learner is told."""
+"""Standard deviations of the true numbers, and of the learner's prior."""
 NOISE = 0.02
-"""Of each measured force, over its own deviation; of silent ones, over that of the loudest."""
+"""Noise of each measured force over its standard deviation, or over the loudest force's [1]."""
 LEARNERS: dict[str, Callable[..., FilterLearner]] = {
     "cubature": CubatureLearner,
     "extended": ExtendedLearner,
@@ -47,14 +47,14 @@ LEARNERS: dict[str, Callable[..., FilterLearner]] = {
 
 
 @dataclass(frozen=True)
-class Course:
-    """What is flown.
+class RecoveryPlan:
+    """Plan of the flights.
 
     Attributes:
         robot: The machine.
-        duration: Of a flight [s].
-        time_step: Of a flight [s].
-        every: One sample in so many is learned.
+        duration: Duration of a flight [s].
+        time_step: Time step of a flight [s].
+        every: One sample in this many is learned.
     """
 
     robot: Robot
@@ -64,13 +64,13 @@ class Course:
 
 
 class Recovery(NamedTuple):
-    """One flight learned.
+    """Estimates from one flight.
 
     Attributes:
-        seed: Of the flight.
-        truth: Numbers it was flown with, by name.
-        learned: What was learned of them online, in one pass.
-        refined: The same after least squares over the flight (`refine`).
+        seed: Seed of the flight.
+        truth: True numbers, by name.
+        learned: Estimates after one pass online.
+        refined: Estimates after least squares over the flight (`refine`).
         coverage: Share of forces inside the predicted 95 % interval.
     """
 
@@ -89,38 +89,38 @@ class Recovery(NamedTuple):
         return [(e.value - self.truth[e.name]) / e.std for e in estimates]
 
 
-def usual_course() -> Course:
+def usual_plan() -> RecoveryPlan:
     """The robot of the published experiment, with two strips a plate."""
     source = load_robot("aerobat").source
-    return Course(load_robot_text(source.replace("strips: 5", "strips: 2"), "aerobat"))
+    return RecoveryPlan(load_robot_text(source.replace("strips: 5", "strips: 2"), "aerobat"))
 
 
-def recover(course: Course, seed: int, learner: str = "extended") -> Recovery:
-    """One flight with lags of its own, and what is learned of them.
+def recover(plan: RecoveryPlan, seed: int, learner: str = "extended") -> Recovery:
+    """Estimates from one flight with lags of its own.
 
     Args:
-        course: What is flown.
-        seed: Of its lags, gait, wind and noise.
-        learner: One of `LEARNERS`.
+        plan: Plan of the flights.
+        seed: Seed of lags, gait, wind and noise.
+        learner: Key of `LEARNERS`.
     """
     draw = np.random.default_rng(seed)
     air = Air(wind=(-draw.uniform(3.0, 6.0), 0.0, 0.0))
-    grey = GreyBox(LiftingLine(course.robot, air), PRIORS, start="still")
+    grey = GreyBox(LiftingLine(plan.robot, air), PRIORS, start="still")
     weights = draw.normal(size=grey.size)
     truth, _ = grey.air_at(weights)
     gait = gaits.sinusoidal(
-        course.robot,
+        plan.robot,
         frequency=draw.uniform(3.0, 6.0),
         plunge=draw.uniform(0.3, 0.6),
         feather=draw.uniform(0.05, 0.25),
         phase={"feather": draw.uniform(0.0, 2 * np.pi)},
     )
     flight = simulate(
-        course.robot,
+        plan.robot,
         truth,
         gait,
-        duration=course.duration,
-        time_step=course.time_step,
+        duration=plan.duration,
+        time_step=plan.time_step,
         mount=mounts.fixed(),
     )
     time, x, y = training_data(flight)
@@ -128,8 +128,8 @@ def recover(course: Course, seed: int, learner: str = "extended") -> Recovery:
     noise = NOISE * np.maximum(loud, 1e-2 * loud.max())
     y = y + noise * draw.normal(size=y.shape)
     student = LEARNERS[learner](grey, measurement_std=noise)
-    scores = stream(student, time, x, y, every=course.every).scores
-    model = refine(student, time, x, y, every=course.every)
+    scores = stream(student, time, x, y, every=plan.every).scores
+    model = refine(student, time, x, y, every=plan.every)
     return Recovery(
         seed,
         {e.name: e.value for e in grey.estimates(weights)},
@@ -143,7 +143,7 @@ def recovery_scores(recoveries: Sequence[Recovery]) -> dict[str, Any]:
     """Shares of flights whose truth lies within two reported deviations, JSON-able.
 
     Args:
-        recoveries: Of many flights.
+        recoveries: Estimates from many flights.
     """
     return {
         "flights": len(recoveries),
@@ -170,18 +170,18 @@ def _judged(found: Sequence[tuple[Recovery, Sequence[Estimate]]]) -> dict[str, A
 def recovery_study(
     flights: int = 100,
     learner: str = "extended",
-    course: Course | None = None,
+    plan: RecoveryPlan | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Recovery]:
-    """Many flights, each with its seed.
+    """Estimates from many flights, each with its seed.
 
     Args:
-        flights: How many.
-        learner: One of `LEARNERS`.
-        course: What is flown; None: `usual_course`.
-        progress: Told flights done and flights in all.
+        flights: Number of flights.
+        learner: Key of `LEARNERS`.
+        plan: Plan of the flights; None: `usual_plan`.
+        progress: Receives the number of flights done and of all flights.
     """
-    flown = usual_course() if course is None else course
+    flown = usual_plan() if plan is None else plan
     found = []
     for seed in range(flights):
         found.append(recover(flown, seed, learner))

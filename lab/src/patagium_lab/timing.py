@@ -1,7 +1,7 @@
-"""How long a call takes: compiled functions timed in C, Python calls timed in Python.
+"""Times of calls: compiled functions are timed in C, Python calls in Python.
 
-Random states, warmed up, medians over rounds of about half a millisecond, on one
-core of the machine where the system lets a process choose. Neglected: cold caches.
+States are random, caches are warm, times are medians over rounds of about half a millisecond, on
+one core where the system lets a process choose. Neglected: cold caches.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class CompiledCall:
     """A compiled function `void f(const double *const *, double *const *)`.
 
     Attributes:
-        address: Where it is.
+        address: Address of the function.
         sizes_out: Number of entries of each result.
-        keep: Whatever must stay alive for the address to be valid.
+        keep: Object that must stay alive for the address to be valid.
     """
 
     address: int
@@ -50,7 +50,7 @@ class CompiledCall:
 
 
 def compiled_call(function: NativeFunction) -> CompiledCall | None:
-    """The compiled code behind a native function; None without a compiler."""
+    """Compiled code of a native function; None without a compiler."""
     if function.address is None:
         return None
     sizes = tuple(rows * columns for rows, columns in function.size_out)
@@ -91,7 +91,7 @@ def time_batch(function: Callable[[], object], states: int, budget: float = 0.1)
 
     Args:
         function: The call.
-        states: How many states it takes.
+        states: Number of states of one call.
         budget: Time to spend [s].
     """
     return time_python(function, budget) / states
@@ -116,7 +116,7 @@ def time_python(function: Callable[[], object], budget: float = 0.1) -> float:
 
 @contextlib.contextmanager
 def one_core() -> Iterator[int | None]:
-    """Keeps the process on one core meanwhile; gives its number, or None where it cannot."""
+    """Keep the process on one core and give its number, or None where the system cannot."""
     if not hasattr(os, "sched_setaffinity"):
         yield None
         return

@@ -1,1 +1,1 @@
-"""Times of compiled functions, beside other programs'."""
+"""Times of compiled functions beside those of other programs."""

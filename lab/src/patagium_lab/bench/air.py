@@ -1,7 +1,6 @@
-"""What a model of the air costs: one model beside another, and as strips grow in number.
+"""Times of models of the air: one model beside another, and by the number of strips.
 
-Force and rate of the model's states together, one state a call, compiled. Neglected:
-what a flight adds around them.
+Force and rate of the model's states are timed together, one state a call, compiled.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The bench of the equations of motion: ours and every rival's, on the same states.
+"""Times of the equations of motion: ours and every rival's, on the same states.
 
-Every pair is timed alternately, so that a busy machine slows both; before that the
-rival's numbers are checked against ours. Neglected: cold caches, many cores.
+Every pair is timed in turns, so that a busy machine slows both; before that the rival's numbers
+are checked against ours. Neglected: cold caches, many cores.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> States:
 
     Args:
         robot: The machine.
-        count: How many, N.
+        count: Number of states, N.
         seed: Seed of the draw.
     """
     rng = np.random.default_rng(seed)

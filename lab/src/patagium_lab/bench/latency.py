@@ -1,8 +1,8 @@
-"""How long the learner takes for a sample, from packet to prediction: median and tail.
+"""Latency of a learner from packet to prediction: median and tail.
 
-The whole pipeline in C, one packet a call, on one core, alone or beside processes that burn
-the others, as fast as it can or at the pace of a sensor. Neglected: real-time scheduling, which
-a robot would ask its system for, and the bus that packets come by.
+The whole pipeline runs in C, one packet a call, on one core, alone or beside processes that load
+the other cores, as fast as it can or at the pace of a sensor. Neglected: real-time scheduling, and
+the bus of the packets.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ class Latency:
     """Times of a pipeline's calls.
 
     Attributes:
-        learner: What learned.
-        load: What else the machine did.
+        learner: Name of the learner.
+        load: Load of the machine.
         paced: Whether packets came at 10 kHz, or one after the other.
-        samples: How many calls.
+        samples: Number of calls.
         duration: Quantiles of the time of a call [s].
-        response: Of the time from when a packet was due to when it was learned [s].
+        response: Quantiles of the time from when a packet was due until it was learned [s].
     """
 
     learner: str
@@ -66,7 +66,7 @@ class Latency:
     response: dict[str, float]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as JSON-able values."""
+        """The times as JSON-able values."""
         return asdict(self)
 
 
@@ -76,13 +76,13 @@ def measure_latency(
     pacing: Sequence[bool] = (False, True),
     progress: Progress | None = None,
 ) -> list[Latency]:
-    """The acceptance of the 10 kHz pipeline: the paper's network and the strip network.
+    """Times of the pipeline with the paper's network and with the strip network.
 
     Args:
         samples: Calls of each case.
         loads: Some of `LOADS`: processes that burn no core, all but ours, or all.
         pacing: Whether packets come at 10 kHz, each case.
-        progress: Told the case and the part of all done.
+        progress: Receives the case and the part of all that is done.
 
     Raises:
         ParameterError: If there is no such load, or no compiler.
@@ -108,10 +108,10 @@ def call_times(
     """Duration and response of each call, (samples,) [ns].
 
     Args:
-        pipeline: What is timed; its learner is taught.
-        packets: Taken in a circle, (N, 1 + n_q + 3 n).
-        samples: How many.
-        paced: At 10 kHz, or one after the other.
+        pipeline: Pipeline that is timed; its learner learns.
+        packets: Packets that are used again and again, (N, 1 + n_q + 3 n) [SI units].
+        samples: Number of calls.
+        paced: Whether packets come at 10 kHz, or one after the other.
 
     Raises:
         ParameterError: If the pipeline is not compiled.
@@ -148,7 +148,7 @@ class _Paced(ctypes.Structure):
 
 
 def _pipelines() -> tuple[dict[str, Callable[[], Pipeline]], Array]:
-    """What is timed, by name, and the packets it is timed with."""
+    """Pipelines that are timed, by name, and their packets."""
     robot = load_robot("aerobat")
     gait = gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
     air = QuasiSteady(robot, Air())
@@ -186,7 +186,7 @@ def _pipelines() -> tuple[dict[str, Callable[[], Pipeline]], Array]:
 
 @contextlib.contextmanager
 def _burning(load: str, core: int | None) -> Iterator[None]:
-    """Processes that burn cores meanwhile."""
+    """Load on the cores while the context lasts."""
     cores = set(range(os.cpu_count() or 1)) if core is not None and load != LOADS[0] else set()
     if load == LOADS[1]:
         cores -= {core} if core is not None else set()

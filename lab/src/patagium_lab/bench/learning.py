@@ -1,7 +1,7 @@
-"""The bench of the air, of networks, of updates, of a flight and of compiling it all.
+"""Times of the air, of networks, of updates, of a flight and of compiling.
 
-Actual against estimated: the force of the air by its equations, and by networks that
-learned it. Neglected: how good the estimate is; see the reproduction.
+The force of the air by its equations stands beside networks that learn it. The errors of the
+networks belong to the reproduction.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from patagium_lab.timing import (
 Array = NDArray[np.float64]
 _BATCH = 4096
 PACKETS = 50_000
-"""Of each case of the pipeline."""
+"""Number of packets of each case of the pipeline."""
 _AIR = "aerodynamic_force"
 _BATCH_NOTE = f"a state, {_BATCH} in one Python call, everything included"
 
@@ -94,7 +94,7 @@ def network_cost(network: Network, x: Array) -> float:
 
     Args:
         network: A dense one, or one that knows the wings.
-        x: What it sees, (N, n_x).
+        x: Inputs of the network, (N, n_x) [SI units].
     """
     return _time(compiled_network(network), [x, network.initial(0)])
 

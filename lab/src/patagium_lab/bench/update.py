@@ -1,8 +1,8 @@
-"""The bench of an update with the covariance of all weights, and of low rank for many.
+"""Times of an update with a full covariance, and with one of low rank for many weights.
 
-One update beside Algorithm 1 and beside the arithmetic it cannot avoid: all of them take
-turns, some calls each, so that a busy machine slows all; medians of the processor's time.
-Neglected: how much is learned; cold caches, since a learner at flight rate does nothing else.
+One update stands beside Algorithm 1 and beside the arithmetic that it cannot avoid. All take turns,
+some calls each, so that a busy machine slows all; times are medians of the processor's time.
+Neglected: cold caches, since a learner at flight rate does nothing else.
 """
 
 from __future__ import annotations
@@ -100,9 +100,9 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
     n, structure, found = robot.dof, LowRank(10), []
     for hidden in _HIDDEN:
         network = DenseNetwork(2 * n, (hidden,), robot.dof_names)
-        told = {"prior_std": PRIOR, "measurement_std": NOISE, "covariance": structure}
+        settings = {"prior_std": PRIOR, "measurement_std": NOISE, "covariance": structure}
         double, single = (
-            CubatureLearner(network, dtype=dtype, spread=3**0.5, **told)  # type: ignore[arg-type]
+            CubatureLearner(network, dtype=dtype, spread=3**0.5, **settings)  # type: ignore[arg-type]
             for dtype in ("float64", "float32")
         )
         calls = {"float64": (on_samples(robot, double.update), 4)}

@@ -1,1 +1,1 @@
-"""Learners raced against other programs'."""
+"""Our learners compared with those of other programs."""

@@ -1,10 +1,10 @@
 """A real quadrotor's log learned online: motor commands and rates to vertical specific force.
 
-The log holds two short flights that end in falls, between stretches on the ground. Static
-maps of commands and rates are asked for the force: a dense network, recursive least squares.
-They do not know the motors' lag, the battery, or whether the robot stands. One network holds
-physics as well, the rotors' lag and thrust. Beside them all: holding the last used sample, which
-at 1 kHz is hard to beat until samples become rare or the horizon long.
+The log holds two short flights that end in falls, between stretches on the ground. Static maps of
+commands and rates predict the force: a dense network, recursive least squares. They do not know
+the motors' lag, the battery, or whether the robot stands. One network holds physics as well, the
+rotors' lag and thrust. All stand beside holding the last used sample, which at 1 kHz is hard to
+beat until samples become rare or the horizon long.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ HORIZONS = {"10ms": 0.01, "100ms": 0.1, "1s": 1.0}
 HIDDEN = (8, 8)
 FEATURES = 100
 MEASUREMENT_STD = 0.6
-"""Of the vertical specific force: vibration, and what the commands do not tell [m/s^2]."""
+"""Standard deviation of the specific force: vibration, and forces not commanded [m/s^2]."""
 BOUNDED: dict[str, Any] = {"prior_share": 1e-5, "noise_estimation": NoiseEstimation(300)}
-"""A memory of 10^5 samples used, and noise found online: how learners are set to keep learning."""
+"""Settings of learners that keep learning: a memory of 10^5 samples, and noise found online."""
 FLYING_COMMAND = 0.05
 """Motors run where the mean command exceeds this share of its range."""
 DROP_OUT = 0.3
 """Motors that stop for less than this are still in flight [s]."""
 PAUSE = 1.0
-"""Time between two flights, at least [s]."""
+"""Least time between two flights [s]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class CrazyflieStudy:
 
 
 def crazyflie_mapping() -> TableMapping:
-    """What the columns of the log mean; the mapping patagium carries."""
+    """Mapping of the log's columns, from the file in this package."""
     with as_file(files("patagium_lab").joinpath("cases/crazyflie.yaml")) as path:
         return load_mapping(path)
 
@@ -95,9 +95,9 @@ def crazyflie_study(
 
     Args:
         path: The log, `log16.csv.gz`.
-        every: One sample in so many is used, for each of these.
-        samples: Use only so many from the start; None for all.
-        progress: Called with runs done and runs in all.
+        every: Rates of samples: one in this many is used.
+        samples: Number of samples used from the start; None: all.
+        progress: Receives the number of runs done and of all runs.
     """
     table = read_table(path, crazyflie_mapping()).where(slice(samples))
     flights, makers, rows = in_flight(table), _makers(table), []
@@ -117,10 +117,10 @@ def crazyflie_study(
 
 
 def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
-    """The study as a section of a report.
+    """Section of a page with the study.
 
     Args:
-        study: What `crazyflie_study` gave.
+        study: Results of `crazyflie_study`.
     """
     columns = {
         "samples": "part",

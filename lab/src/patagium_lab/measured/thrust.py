@@ -166,7 +166,7 @@ class ThrustNetwork(GroupedNetwork):
         """y of samples encoded before, (N, 1).
 
         Args:
-            encoding: Of N samples.
+            encoding: Encoding of N samples.
             weights: (n,).
         """
         seen, state, _ = self._seen(encoding.features[:, 0], weights[0])
@@ -178,7 +178,7 @@ class ThrustNetwork(GroupedNetwork):
         """y of one encoded sample at many weights, (p, 1).
 
         Args:
-            encoding: Of one sample.
+            encoding: Encoding of one sample.
             points: (p, n).
         """
         physical = points[:, :PHYSICAL].astype(float)
@@ -192,7 +192,7 @@ class ThrustNetwork(GroupedNetwork):
         """y at one encoded sample, (1,), and its derivative for the weights, (1, n).
 
         Args:
-            encoding: Of one sample.
+            encoding: Encoding of one sample.
             weights: (n,).
         """
         rest = weights[PHYSICAL:]

@@ -3,8 +3,8 @@
 Flap angle in, lift of both wings out, nothing else measured. Each cycle is predicted with
 the weights known when it begins, then streamed through the learner. The record is one
 (averaged) cycle repeated: the error says what a model can represent and how fast it
-learns. What it does where it was not taught is asked of a quarter of the cycle that is
-kept from it. Neglected: changes from cycle to cycle, which the record does not hold.
+learns. A quarter of the cycle that is not learned shows what it does elsewhere. Neglected: changes
+from cycle to cycle, which the record does not hold.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class YeoStudy:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A network, what it sees over the cycle, how its learner is set, who taught it before."""
+    """A network, its inputs over the cycle, its learner's settings, and lift it learns first."""
 
     network: Network
     x: Array
@@ -72,7 +72,7 @@ class _Candidate:
 
 
 def lift_balance(robot: Robot) -> Array:
-    """What a lift balance reads of the strip forces: the sum of their z, (1, 3 n_strips)."""
+    """Matrix that sums the z components of the strip forces, (1, 3 n_strips) [1]."""
     row = np.zeros((1, 3 * len(robot.strips)))
     row[0, 2::3] = 1.0
     return row
@@ -83,7 +83,7 @@ def quasi_steady_lift(case: YeoCase, flap_angle: FourierSeries) -> Array:
 
     Args:
         case: The measured case.
-        flap_angle: What drives the wings.
+        flap_angle: Flap angle of the wings.
     """
     robot, air = load_robot("yeo-wing"), _air(case)
     aero, state = QuasiSteady(robot, air), _state(robot, case, flap_angle)
@@ -94,8 +94,8 @@ def yeo_study(cycles: int = CYCLES, progress: Callable[[int, int], None] | None 
     """Quasi-steady prediction of the measured lift, and learning it online.
 
     Args:
-        cycles: How many cycles to learn.
-        progress: Called with models done and models in all.
+        cycles: Number of cycles that are learned.
+        progress: Receives the number of models done and of all models.
     """
     case = load_yeo_case()
     baseline = quasi_steady_lift(case, case.flap_angle)
@@ -110,10 +110,10 @@ def yeo_study(cycles: int = CYCLES, progress: Callable[[int, int], None] | None 
 
 
 def yeo_sections(study: YeoStudy) -> list[PageSection]:
-    """The study as a section of a report.
+    """Section of a page with the study.
 
     Args:
-        study: What `yeo_study` gave.
+        study: Results of `yeo_study`.
     """
     record, models = study.record, [str(m) for m in study.record["model"].values]
     curves = {name: record["predicted"].sel(model=name).values[:, None] for name in models}

@@ -37,9 +37,9 @@ class FourierSeries:
     """A periodic angle: mean + sum_k cosine_k cos(k x) + sine_k sin(k x).
 
     Attributes:
-        mean: [rad].
-        cosine: From the first harmonic on [rad].
-        sine: From the first harmonic on [rad].
+        mean: Mean [rad].
+        cosine: Coefficients from the first harmonic on [rad].
+        sine: Coefficients from the first harmonic on [rad].
     """
 
     mean: float
@@ -59,15 +59,15 @@ class YeoCase:
     """A rigid wing pair flapping in a wind tunnel, and its measured lift.
 
     Attributes:
-        source: Where it comes from.
-        licence: On what terms.
-        frequency: Beats a second [Hz].
-        airspeed: Of the tunnel [m/s].
-        density: Of the air [kg/m^3].
-        area: Of both wings [m^2].
-        flap_angle: As Yeo et al. state it, wing up positive.
-        digitized_flap_angle: Fitted to the digitized record of the wing's position.
-        lift: Of both wings at evenly spaced phases from 0, (100,) [N].
+        source: Source of the data.
+        licence: Licence of the data.
+        frequency: Wingbeat frequency [Hz].
+        airspeed: Airspeed of the tunnel [m/s].
+        density: Density of the air [kg/m^3].
+        area: Area of both wings [m^2].
+        flap_angle: Flap angle as Yeo et al. state it, wing up positive.
+        digitized_flap_angle: Flap angle fitted to the digitized record of the wing's position.
+        lift: Lift of both wings at evenly spaced phases from 0, (100,) [N].
         published_error: Mean absolute error against this lift that others reached [N].
     """
 
@@ -89,7 +89,7 @@ class YeoCase:
 
 
 def load_yeo_case() -> YeoCase:
-    """The reduced case that patagium carries."""
+    """The reduced case from the file in this package."""
     text = files("patagium_lab").joinpath("cases/yeo2011.yaml").read_text(encoding="utf-8")
     words = yaml.safe_load(text)
     series = words.pop("flap_angle")

@@ -1,9 +1,9 @@
 """A measured flapping wing learned by grey boxes: physics whose numbers the lift corrects.
 
 The wing pair of `yeo` stands on a floating body that does not move, whose vertical force is the
-lift, added mass included. The record is one averaged cycle repeated, so half of the cycles says
-what a model can represent; halves of the cycle that are kept from the learner say what it has
-understood. Neglected: as in `yeo`.
+lift, added mass included. The record is one averaged cycle repeated, so that half of the cycles
+shows what a model can represent; halves of the cycle that are not learned show whether it holds
+elsewhere. Neglected: as in `yeo`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 CYCLES = 10
 NOISE = 0.03
-"""Deviation of the lift to begin with [N]; it is estimated."""
+"""First standard deviation of the lift [N]; it is then estimated."""
 PRIORS: Mapping[str, dict[str, float]] = {
     "lifting line": {
         "section.lift_slope": 1.0,
@@ -52,7 +52,7 @@ PRIORS: Mapping[str, dict[str, float]] = {
         "added_mass.factor": 0.3,
     },
 }
-"""Numbers that are learned and how far each may be off, by model."""
+"""Prior standard deviation of each number that is learned, by model."""
 _MODELS: dict[str, Callable[[Robot, Air], Aerodynamics]] = {
     "lifting line": LiftingLine,
     "DeLaurier's strips": DeLaurier,
@@ -65,12 +65,12 @@ class GreyResult(NamedTuple):
 
     Attributes:
         untuned: Mean absolute error of the lift over a cycle before anything is learned [N].
-        learned: The same over cycles after the ones it learned [N].
+        learned: Mean absolute error over the cycles after those that were learned [N].
         coverage: Share of their lift inside the predicted 95 % interval.
         unseen: Error in the half of the cycle that was not taught, mean over halves [N].
         unseen_untuned: Error there before anything is learned [N].
         unseen_coverage: Share of the lift there inside the predicted 95 % interval.
-        scores: Of the online run over the first cycles, parameters included.
+        scores: Scores of the online run over the first cycles, parameters included.
     """
 
     untuned: float
@@ -98,7 +98,7 @@ def yeo_stand(strips: int = 12) -> Robot:
     """The measured wing pair on a body that floats, so that lift is its vertical force.
 
     Args:
-        strips: Of a wing.
+        strips: Number of strips of a wing.
     """
     source = load_robot("yeo-wing").source
     source = source.replace("strips: 12", f"strips: {strips}").replace("bodies:\n", _STAND, 1)
@@ -109,12 +109,12 @@ def yeo_stand(strips: int = 12) -> Robot:
 
 
 def yeo_grey_box(model: str, *, cycles: int = CYCLES, strips: int = 12) -> GreyResult:
-    """A grey box taught half of the cycles, or halves of the cycle, and judged on the others.
+    """Result of a grey box that learns half of the cycles, or halves of the cycle.
 
     Args:
-        model: One of `PRIORS`.
+        model: Key of `PRIORS`.
         cycles: An even number; half of them are learned.
-        strips: Of a wing.
+        strips: Number of strips of a wing.
     """
     case, robot = load_yeo_case(), yeo_stand(strips)
     air = Air(density=case.density, wind=(-case.airspeed, 0.0, 0.0))
@@ -124,13 +124,13 @@ def yeo_grey_box(model: str, *, cycles: int = CYCLES, strips: int = 12) -> GreyR
     learner = _learner(grey, len(case.lift))
     untuned = _error(grey, np.zeros(grey.size), log)
     online = stream(learner, log.time[:half], log.x[:half], log.lift[:half], every=1)
-    later = _judged(learner, log.part(half, 2 * half))
+    later = _error_and_coverage(learner, log.part(half, 2 * half))
     errors, inside, before = [], [], []
     for hidden in _halves(len(case.lift)):
         student, seen = _learner(grey, len(case.lift)), np.tile(~hidden, cycles)
         taught = np.where(seen[:, None], log.lift, np.nan)
         stream(student, log.time[:half], log.x[:half], taught[:half], every=1)
-        found = _judged(student, log.part(half, 2 * half), np.tile(hidden, cycles // 2))
+        found = _error_and_coverage(student, log.part(half, 2 * half), np.tile(hidden, cycles // 2))
         errors.append(found[0])
         inside.append(found[1])
         before.append(float(untuned[np.tile(hidden, cycles)][len(case.lift) :].mean()))
@@ -145,10 +145,10 @@ def yeo_grey_box(model: str, *, cycles: int = CYCLES, strips: int = 12) -> GreyR
 
 
 def yeo_grey_section(results: Mapping[str, GreyResult]) -> PageSection:
-    """Results as a section of a report.
+    """Section of a page with the results.
 
     Args:
-        results: By name of the model.
+        results: Result of each model, by its name.
     """
     columns = [
         *("model", "untuned [N]", "later cycles, learned [N]", "in the 95 % interval"),
@@ -171,15 +171,15 @@ def _learner(grey: GreyBox, memory: int) -> ExtendedLearner:
     return ExtendedLearner(grey, measurement_std=NOISE, noise_estimation=NoiseEstimation(memory))
 
 
-def _judged(
+def _error_and_coverage(
     learner: ExtendedLearner, log: _Log, chosen: NDArray[np.bool_] | None = None
 ) -> tuple[float, float]:
     """Mean absolute error [N] and coverage over the chosen samples, all by default."""
     model, keep = model_of(learner), np.ones(len(log.time), bool) if chosen is None else chosen
     rows = network_inputs(model.network, model.weights, log.time, log.x)
-    told = [model.predict(row) for row in rows[keep]]
-    error = log.lift[keep, 0] - [float(mean[0]) for mean, _ in told]
-    std = np.sqrt([float(covariance[0, 0]) for _, covariance in told])
+    predicted = [model.predict(row) for row in rows[keep]]
+    error = log.lift[keep, 0] - [float(mean[0]) for mean, _ in predicted]
+    std = np.sqrt([float(covariance[0, 0]) for _, covariance in predicted])
     return float(np.abs(error).mean()), float((np.abs(error) <= 1.96 * std).mean())
 
 
@@ -189,7 +189,7 @@ def _error(grey: GreyBox, weights: Array, log: _Log) -> Array:
 
 
 def _halves(samples: int) -> list[NDArray[np.bool_]]:
-    """What is kept from the learner: either stroke, or two quarters of the cycle, (100,) each."""
+    """Halves of the cycle that are not learned: a stroke, or two quarters, (100,) each."""
     quarter = 4 * np.arange(samples) // samples
     return [np.isin(quarter, chosen) for chosen in ((0, 1), (2, 3), (0, 2), (1, 3))]
 

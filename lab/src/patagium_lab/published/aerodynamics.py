@@ -80,7 +80,7 @@ class Published(Aerodynamics):
 
     @property
     def structure(self) -> str:
-        """What shapes the equations, numbers aside: part of the key of compiled functions."""
+        """Structure of the equations without their numbers, for the key of compiled functions."""
         return f"{self.name} errors={sorted(self.errors)} source={_SOURCE}"
 
     @property

@@ -50,14 +50,14 @@ def simulate_published(
 
     Args:
         robot: The machine, floating, with joints `left_plunge` and `right_plunge`.
-        aero: What the air does to it.
+        aero: Model of the air.
         frequency: Beats a second [Hz].
-        amplitude: Of both plunge angles [rad].
+        amplitude: Amplitude of both plunge angles [rad].
         speed: Initial speed along x [m/s].
         duration: A whole number of time steps [s].
         time_step: Step [s].
         throw: Whether a run that stops early raises.
-        progress: Told the steps done and to do, from time to time.
+        progress: Receives the number of steps done and of all steps.
 
     Returns:
         The flight, as `simulate` gives it. `a` is the free acceleration, u1 is zero.
@@ -102,7 +102,7 @@ def published_functions(robot: Robot, aero: Aerodynamics) -> Sequence[ca.Functio
 
     Args:
         robot: The machine.
-        aero: What the air does to it.
+        aero: Model of the air.
     """
     machine, robot_parameters = robot.symbolic()
     n, n_a = machine.dof, len(machine.actuated)

@@ -8,6 +8,7 @@ deviations, spread, memory. Nothing is taken from the flight itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from math import exp, pi, sqrt
 from typing import Any
 
@@ -164,6 +165,16 @@ class DenseSettings:
 AS_RUN = DenseSettings()
 
 
+@cache
+def preset(name: str) -> Robot:
+    """Robot of a preset, read once in a process.
+
+    Args:
+        name: Name of the preset.
+    """
+    return load_robot(name)
+
+
 def inputs_of(case: FlightCase, network: str) -> tuple[str, ...]:
     """Names of the inputs of a network: q.<coordinate> and v.<coordinate>.
 
@@ -173,7 +184,7 @@ def inputs_of(case: FlightCase, network: str) -> tuple[str, ...]:
     """
     if network == "dense_velocity":
         return case.chosen
-    names = load_robot(case.robot).dof_names
+    names = preset(case.robot).dof_names
     return tuple(f"{kind}.{name}" for kind in "qv" for name in names)
 
 
@@ -188,7 +199,7 @@ def make_network(case: FlightCase, network: str, settings: DenseSettings = AS_RU
     Raises:
         ParameterError: If there is no such network.
     """
-    robot = load_robot(case.robot)
+    robot = preset(case.robot)
     if network.startswith("strip"):
         return StripNetwork(
             robot,
@@ -239,7 +250,7 @@ def make_learner(
     squares = learner in ("linear", "features")
     model: Any = make_network(case, "inputs" if squares else network, settings)
     strip = isinstance(model, StripNetwork)
-    lever = lever_arms(load_robot(case.robot))
+    lever = lever_arms(preset(case.robot))
     if strip:
         std, forget = case.strip_std * lever, 1.0
         prior = WEIGHT_STD * np.sqrt(model.fan_in)

@@ -7,7 +7,7 @@ behind them are left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from patagium.report import Table, cell_text
@@ -151,7 +151,7 @@ def _accuracy(metrics: Metrics) -> PaperClaim:
         "The mean square error is 0.04 % for all generalized forces.",
         "No normalization is stated, and pitch is visibly wrong in its figure (E12).",
         "Normalized by the variance of each force, one sample in 100, second half: "
-        + "; ".join(found)
+        + _listed(found)
         + ".",
     )
 
@@ -175,7 +175,7 @@ def _sparse(metrics: Metrics) -> PaperClaim:
     return PaperClaim(
         "One sample in 100 is enough.",
         "Its script updates at every sample (E10).",
-        f"Strip network, worst force, second half: {'; '.join(found)}. It is enough, also for "
+        f"Strip network, worst force, second half: {_listed(found)}. It is enough, also for "
         "simpler rivals; what they lack is the next line.",
     )
 
@@ -196,7 +196,7 @@ def _unseen(metrics: Metrics) -> PaperClaim:
         "The learned model predicts the forces in a 200 ms envelope, where backpropagation would "
         "be trapped around a local attractor.",
         "Only the gait that was learned is shown, while it is learned.",
-        f"Weights frozen, gaits never seen, worst force of the worst gait: {'; '.join(found)}. "
+        f"Weights frozen, gaits never seen, worst force of the worst gait: {_listed(found)}. "
         "Without physics inside nothing carries over to another gait.",
     )
 
@@ -220,7 +220,7 @@ def _confidence(metrics: Metrics) -> PaperClaim:
         "The diagonal of P is below 1e-2, which reflects the confidence of the filter.",
         "P starts at 1e-3, so it is below 1e-2 before the first sample; the predicted P is about "
         "Q at every step (E10).",
-        f"Strip network, {'; '.join(found)}. The diagonal depends on how weights are scaled; "
+        f"Strip network, {_listed(found)}. The diagonal depends on how weights are scaled; "
         f"coverage is the test of confidence.{tail}",
     )
 
@@ -267,7 +267,7 @@ def _layers(metrics: Metrics) -> PaperClaim:
         "The network has three layers with two softplus activations.",
         "One softplus layer of 20 neurons; 400 recurrent weights are multiplied by zero (E10).",
         "Both are run: 28-16-12-14 (850 weights), 28-20-14 (874), and 8-20-14 (474). One sample "
-        f"in 10, worst force, second half: {'; '.join(found)}.",
+        f"in 10, worst force, second half: {_listed(found)}.",
     )
 
 
@@ -287,7 +287,7 @@ def _extended(metrics: Metrics) -> PaperClaim:
     return PaperClaim(
         "The extended Kalman filter is too costly, because of the Jacobian.",
         "It is not tried.",
-        f"Time of an update and worst force, one sample in 100: {'; '.join(found)}. Both are "
+        f"Time of an update and worst force, one sample in 100: {_listed(found)}. Both are "
         "written in C. The Jacobian costs one backward pass; both filters spend their time on P.",
     )
 
@@ -305,12 +305,13 @@ def _backpropagation(metrics: Metrics) -> PaperClaim:
                 )
                 if (row := scores_of_trial(metrics, flight, network, learner, 10))
             ]
-            found.append(f"{flight}, {word}: {', '.join(parts)}")
+            if parts:
+                found.append(f"{flight}, {word}: {', '.join(parts)}")
     return PaperClaim(
         "Backpropagation needs large data sets and offline training.",
         "It is not tried.",
         "One step of Adam a sample, one sample in 10, worst force, second half: "
-        f"{'; '.join(found)}. For a dense network the paper is right: a filter learns far more "
+        f"{_listed(found)}. For a dense network the paper is right: a filter learns far more "
         "from a sample. With physics inside, replay comes close.",
     )
 
@@ -351,6 +352,10 @@ def _total(row: Mapping[str, Any]) -> float:
 
 def _number(value: Any) -> bool:
     return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def _listed(found: Sequence[str]) -> str:
+    return "; ".join(found) or "not run"
 
 
 def _text(value: Any) -> str:

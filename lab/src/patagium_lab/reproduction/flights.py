@@ -1,4 +1,4 @@
-"""The flights of the reproduction: as published, corrected, and gaits never learned.
+"""Flights of the reproduction: published, corrected, and gaits that are not learned.
 
 The published experiment flaps at 15 Hz, far outside of quasi-steady theory (E8), and is
 stepped as published (E3). The corrected robot flies freely at a gait within its means: the
@@ -29,28 +29,28 @@ Array = NDArray[np.float64]
 Flights = tuple[xr.Dataset, dict[str, xr.Dataset]]
 
 TIME_STEP = 1e-4
-"""Of both experiments, the published one's [s]."""
+"""Time step of both experiments, that of the published one [s]."""
 PUBLISHED_GAIT = {"frequency": 15.0, "amplitude": 1.0, "speed": 2.0}
-"""Beats a second [Hz], plunge [rad] and initial speed [m/s] of the published experiment."""
+"""Wingbeat frequency [Hz], plunge [rad] and initial speed [m/s] of the published experiment."""
 
 
 @dataclass(frozen=True)
 class Wingbeat:
-    """A gait of the corrected robot and the state it starts from.
+    """A gait of the corrected robot and its first state.
 
     Attributes:
-        frequency: Turns of the crank a second [Hz].
-        plunge_offset: How the linkage is mounted on the body [rad].
-        elbow_offset: How the radius is mounted on the humerus [rad].
+        frequency: Frequency of the crank [Hz].
+        plunge_offset: Angle of the linkage on the body [rad].
+        elbow_offset: Angle of the radius on the humerus [rad].
         feather: Amplitude of feathering [rad].
-        feather_phase: Its lead on the crank [rad].
-        feather_offset: Its mean [rad].
+        feather_phase: Lead of feathering on the crank [rad].
+        feather_offset: Mean of feathering [rad].
         plunge: Amplitude of a sine added to plunge [rad].
         elbow: Amplitude of a sine added to the elbow [rad].
-        speed: Forward at the start [m/s].
-        climb: Upward at the start [m/s].
-        pitch: At the start [rad].
-        pitch_rate: At the start [rad/s].
+        speed: Forward speed at the start [m/s].
+        climb: Upward speed at the start [m/s].
+        pitch: Pitch angle at the start [rad].
+        pitch_rate: Pitch rate at the start [rad/s].
         linkage: Lengths that differ from the Aerobat's [m].
     """
 
@@ -69,7 +69,7 @@ class Wingbeat:
     linkage: dict[str, float] = field(default_factory=dict)
 
     def gait(self, robot: Robot) -> Gait:
-        """Linkage, feathering and what is added, for a robot with those joints."""
+        """Gait of linkage, feathering and added sines, for a robot with those joints."""
         driven = gaits.linkage(
             robot,
             frequency=self.frequency,
@@ -109,25 +109,25 @@ UNSEEN = {
     ),
     "speed 6 m/s": replace(LEARNED, speed=6.0),
 }
-"""Gaits of the corrected robot that nothing is taught of, each its own flight."""
+"""Gaits of the corrected robot that are not learned, each flown on its own."""
 UNSEEN_PUBLISHED = {
     "frequency 12 Hz": {**PUBLISHED_GAIT, "frequency": 12.0},
     "amplitude 0.8 rad": {**PUBLISHED_GAIT, "amplitude": 0.8},
     "speed 20 m/s": {**PUBLISHED_GAIT, "speed": 20.0},
     "12 Hz, 0.8 rad, 20 m/s": {"frequency": 12.0, "amplitude": 0.8, "speed": 20.0},
 }
-"""The same, as published: that stepping holds elbow and feather at zero."""
+"""Gaits of the published robot that are not learned; its elbow and feather are held at zero."""
 
 MARGIN = 1.15
-"""A gait is within what was learned if its largest incidence is at most so much larger."""
+"""Ratio of largest incidences up to which a gait is within what was learned."""
 
 
 def published_flight(duration: float, **gait: float) -> xr.Dataset:
-    """The published experiment as published, all errors in it.
+    """Flight of the published experiment with all its errors.
 
     Args:
-        duration: [s].
-        **gait: What differs from `PUBLISHED_GAIT`.
+        duration: Duration [s].
+        **gait: Values that differ from `PUBLISHED_GAIT`.
     """
     robot = load_robot("aerobat-published")
     return simulate_published(
@@ -144,7 +144,7 @@ def corrected_flight(duration: float, wingbeat: Wingbeat = LEARNED) -> xr.Datase
     """Free flight of the corrected robot through quasi-steady air.
 
     Args:
-        duration: [s].
+        duration: Duration [s].
         wingbeat: Gait and start.
     """
     robot = load_robot("aerobat")
@@ -162,22 +162,22 @@ def corrected_flight(duration: float, wingbeat: Wingbeat = LEARNED) -> xr.Datase
 
 
 def published_flights(duration: float, unseen_duration: float) -> Flights:
-    """The published experiment, and its gaits that are not learned, by name.
+    """Flight of the published experiment, and flights of gaits that are not learned, by name.
 
     Args:
-        duration: Of the one that is learned [s].
-        unseen_duration: Of each other [s].
+        duration: Duration of the flight that is learned [s].
+        unseen_duration: Duration of each other flight [s].
     """
     others = {n: published_flight(unseen_duration, **gait) for n, gait in UNSEEN_PUBLISHED.items()}
     return published_flight(duration), others
 
 
 def corrected_flights(duration: float, unseen_duration: float) -> Flights:
-    """The same of the corrected robot.
+    """Flight of the corrected robot, and flights of gaits that are not learned, by name.
 
     Args:
-        duration: Of the flight that is learned [s].
-        unseen_duration: Of each other [s].
+        duration: Duration of the flight that is learned [s].
+        unseen_duration: Duration of each other flight [s].
     """
     others = {n: corrected_flight(unseen_duration, wingbeat) for n, wingbeat in UNSEEN.items()}
     return corrected_flight(duration), others
@@ -187,11 +187,11 @@ FLIGHTS: dict[str, Callable[[float, float], Flights]] = {
     "published": published_flights,
     "corrected": corrected_flights,
 }
-"""Through air without memory, by key."""
+"""Flights through air without memory, by key."""
 
 
 def summary(flight: xr.Dataset) -> dict[str, Any]:
-    """What a flight was, in numbers.
+    """Figures of a flight.
 
     Args:
         flight: The flight.
@@ -234,14 +234,14 @@ def weight_of(flight: xr.Dataset) -> float:
 
 
 def beat_frequency(flight: xr.Dataset) -> float:
-    """Beats a second of the flight's gait, the fastest of its parts [Hz]."""
+    """Wingbeat frequency of a flight, that of the fastest part of its gait [Hz]."""
     gait = json.loads(flight.attrs["gait"])
     parts = gait["parts"] if gait["kind"] == "superposed" else [gait]
     return float(max(part["frequency"] for part in parts))
 
 
 def reduced_frequency(flight: xr.Dataset, speed: float) -> float:
-    """k = pi f c / U: how unsteady the flow is; quasi-steady theory wants well below 0.1.
+    """Reduced frequency k = pi f c / U [1]; quasi-steady theory needs k well below 0.1.
 
     Args:
         flight: The flight.
@@ -252,15 +252,15 @@ def reduced_frequency(flight: xr.Dataset, speed: float) -> float:
 
 
 def unseen_gaits(
-    learned: Mapping[str, Any], asked: Mapping[str, Mapping[str, Any]], where: str
+    learned: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], where: str
 ) -> list[str]:
-    """Gaits whose incidences stay within those that were learned, or leave them.
+    """Names of gaits whose incidences stay within those that were learned, or leave them.
 
     Args:
-        learned: Summary of the flight that is learned.
-        asked: Gait to the summary of its flight.
+        learned: Figures of the flight that is learned.
+        others: Figures of the flight of each gait.
         where: "within" or "beyond".
     """
     most = MARGIN * learned["incidence_largest"]
-    inside = {name: one["incidence_largest"] <= most for name, one in asked.items()}
+    inside = {name: one["incidence_largest"] <= most for name, one in others.items()}
     return [name for name, fits in inside.items() if fits == (where == "within")]

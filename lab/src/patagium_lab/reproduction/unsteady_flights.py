@@ -42,7 +42,7 @@ GUST = OneMinusCosineGust((-1.0, 0.0, 1.0), start=0.1, length_time=0.2)
 
 
 def unseen_wingbeats() -> dict[str, Wingbeat]:
-    """Gaits and a speed that nothing is taught of."""
+    """Gaits and a speed that are not learned."""
     slower, faster = CRUISE.frequency - 1.0, CRUISE.speed + 1.0
     return {
         f"frequency {slower:.3g} Hz": replace(CRUISE, frequency=slower),
@@ -63,7 +63,7 @@ def unsteady_flight(
 
     Args:
         mount: Key of `MOUNTS`; on a fixed one the air moves instead of the robot.
-        duration: [s].
+        duration: Duration [s].
         wingbeat: Gait, and speed and attitude at the start.
         gust: Added to the wind.
     """
@@ -87,11 +87,11 @@ def unsteady_flight(
 
 
 def unseen_flights(mount: str, duration: float) -> dict[str, xr.Dataset]:
-    """Flights that nothing is taught of, by name.
+    """Flights that are not learned, by name.
 
     Args:
         mount: Key of `MOUNTS`.
-        duration: [s].
+        duration: Duration [s].
     """
     flights = {
         name: unsteady_flight(mount, duration, wingbeat)
@@ -101,13 +101,13 @@ def unseen_flights(mount: str, duration: float) -> dict[str, xr.Dataset]:
 
 
 def relative_samples(flight: xr.Dataset) -> tuple[Array, Array, Array]:
-    """What networks see of a flight: states relative to the air, and the air's force.
+    """Samples of a flight: states relative to the air, and the air's force.
 
-    The wind is the same everywhere, so that only the velocity of the robot against it counts,
-    which a robot measures; a network then need not know of wind or gust.
+    The wind is the same everywhere, so that only the velocity of the robot relative to it counts,
+    which a robot measures; a network then needs neither wind nor gust.
 
     Args:
-        flight: Of a robot whose first coordinates are its place.
+        flight: Flight of a robot whose first coordinates are its position.
 
     Returns:
         Time (N,) [s]; x = [q, v] with the wind taken off, (N, 2n); y, (N, n) [N, N m].

@@ -1,9 +1,9 @@
-"""Who learns the air with memory: strips without memory and with it, a grey box, a dense network.
+"""Learners of the air with memory: strips without and with memory, a grey box, a dense network.
 
 Each candidate is one entry of `CANDIDATES`; its settings, chosen by small searches on these
-flights, are the same for both mounts and all rates of samples. Neglected: other learners than
-the cubature filter, and the extended one of hidden states and grey box (points cost eight
-times the time); the corrected flight compares those.
+flights, are the same for both mounts and all rates of samples. Strips and the dense network learn
+by the cubature filter; hidden states and grey box by the extended filter, since points take eight
+times as long.
 """
 
 from __future__ import annotations
@@ -25,30 +25,31 @@ from patagium_lab.reproduction.cases import SPREAD, WEIGHT_STD, lever_arms
 from patagium_lab.reproduction.unsteady_flights import CRUISE
 
 STRIP_STD = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
-"""What a strip's force may be wrong by and still fit [N]."""
+"""Standard deviation of a strip's force, by candidate [N]."""
 HIDDEN_PRIOR = 0.1
-"""Prior deviation of each weight of the network with hidden states, divided by sqrt(fan-in)."""
+"""Prior std of each weight of the network with hidden states, before division by sqrt(fan-in)."""
 GREY_START = {"lift_slope": 0.8, "profile_drag": 1.5, "rate": 1.5}
-"""What the grey box starts from, in true values; its prior deviations are half of that."""
+"""First numbers of the grey box over the true ones; its prior std is half of each number."""
 DENSE_PRIOR = 0.3
-"""Prior deviation of each weight of the dense network, divided by sqrt(fan-in)."""
+"""Prior std of each weight of the dense network, before division by sqrt(fan-in)."""
 DENSE_MEMORY = 2.0 / CRUISE.frequency
 """Time in which the dense network forgets to a share 1/e: two wingbeats [s]."""
 DENSE_LEAST_MEMORY = 100
-"""The same in samples, where they are rare: the memory is the longer of the two."""
+"""Least memory in samples, which counts where samples are rare."""
 DENSE_NOISE = 0.01
-"""Measurement deviation of the dense network, in forces at cruise with unit coefficients."""
+"""Measurement std of the dense network over the force at cruise with unit coefficients."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Something that learns the force of the air.
+    """A learner of the force of the air.
 
     Attributes:
         key: Short name.
-        title: As tables name it.
-        make: The learner at its start: robot, time between two samples it uses [s], seed.
-        most: It learns from one sample in so many at most.
+        title: Name in the tables.
+        make: Gives the learner at its start for a robot, the time between two samples [s] and
+            a seed.
+        most: Highest rate of samples: one in this many is learned.
     """
 
     key: str
@@ -131,4 +132,4 @@ CANDIDATES = {
         Candidate("dense", "dense network of the flow", _dense),
     )
 }
-"""By key, in the order of the tables; the first has no memory, "hidden" is the one of targets."""
+"""Candidates by key, in the order of the tables; targets are set for "hidden"."""

@@ -1,1 +1,1 @@
-"""A robot on an arm, seen through sensors."""
+"""The rig: a robot on an arm, measured by sensors."""

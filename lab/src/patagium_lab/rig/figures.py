@@ -29,9 +29,9 @@ SHOWN = {
     "left_plunge": "N m",
     "left_elbow": "N m",
 }
-"""Forces that are drawn, and their units; those that the robot has."""
+"""Forces that are drawn where the robot has them, and their units."""
 BEATS = 3
-"""Wingbeats of them."""
+"""Number of wingbeats that are drawn."""
 _LEAST = 1e-7  # error below which a logarithmic axis begins
 
 
@@ -40,7 +40,7 @@ def flight_figure(gallery: Gallery, flight: xr.Dataset) -> None:
 
     Args:
         gallery: Gallery that receives it.
-        flight: The truth.
+        flight: True flight.
     """
     caption = "The flight that is learned, as the simulation knows it: path, joints, air, energy."
     gallery.add("flight", flight_overview(flight), caption)
@@ -96,10 +96,10 @@ def force_figure(
 
     Args:
         gallery: Gallery that receives it.
-        plan: The plan.
-        flight: The truth.
-        run: What a log gave.
-        factor: Its noise over that of the data sheets.
+        plan: Plan of the rig.
+        flight: True flight.
+        run: Result of a log.
+        factor: Noise of the log over that of the data sheets.
     """
     one = run.runs[SOURCES[0]]
     time, robot = one.samples.time, one.samples.robot
@@ -166,7 +166,7 @@ def _wingbeat(cycles: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def limits_figure(gallery: Gallery, rows: Sequence[Mapping[str, Any]]) -> None:
-    """What limits the measured force.
+    """Figure of what limits the measured force.
 
     Args:
         gallery: Gallery that receives it.

@@ -1,7 +1,8 @@
-"""The first half of the rig: what is flown, and the logs its instruments leave.
+"""First half of the rig: flights on the arm, and the logs of the instruments.
 
-Truth: the lifting line with the lags of its wake, stall, and added mass. Logs and truth go into
-folders of their own; the second half reads logs alone. Neglected: what the robot does to the arm.
+The true air is a lifting line with the lags of its wake, stall, and added mass. Logs and truth go
+into folders of their own; the second half reads logs alone. Neglected: forces of the robot on the
+arm.
 """
 
 from __future__ import annotations
@@ -32,19 +33,19 @@ from patagium_lab.rig.plan import (
 )
 
 LEAST_BELIEVED = 0.1
-"""Noise over that of the data sheets that instruments are said to have when they have none."""
+"""Noise over the data sheets' that instruments without noise are assumed to have."""
 Part = Callable[[float], None]
-"""Told the part of a stage that is done, 0 to 1."""
+"""Receives the part of a stage that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Flown:
-    """What the first half leaves.
+    """Results of the first half.
 
     Attributes:
-        flight: The truth of the flight that is learned.
-        unseen: That of each flight that is not.
-        sensors: The instruments, their clocks and delays among what they know.
+        flight: True flight that is learned.
+        unseen: True flights that are not learned, by name.
+        sensors: Instruments with their true clocks and delays.
         logs: File of the log at each factor of noise.
         truth: File of the flight that is learned.
     """
@@ -57,12 +58,12 @@ class Flown:
 
 
 def fly(plan: RigPlan, out: Path, tell: Part) -> Flown:
-    """Fly everything, watch the first flight with instruments, write logs and truth.
+    """Flights on the arm, with logs and truth written to files.
 
     Args:
-        plan: The plan.
-        out: Folder; `logs` and `truth` are made in it.
-        tell: Told the part done.
+        plan: Plan of the rig.
+        out: Folder in which `logs` and `truth` are made.
+        tell: Receives the part done.
 
     Raises:
         PathError: If the arm cannot follow.

@@ -1,8 +1,7 @@
-"""The second half of the rig: from a log alone to a learned model of the air.
+"""Second half of the rig: from a log alone to a learned model of the air.
 
-Beside the file of the log it knows the robot (its description travels in the log), the density of
-the air and the speed of the fan, and the added mass that theory gives the wings. Neglected:
-errors of those.
+Beside the log it knows the robot (whose description is in the log), the density of the air, the
+speed of the fan, and the added mass of the wings by theory. Neglected: errors of these.
 """
 
 from __future__ import annotations
@@ -35,25 +34,26 @@ from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
 Array = NDArray[np.float64]
 
 SOURCES = ("inverse dynamics", "momentum observer", "load cell")
-"""Ways to the force of the air; the first two ask motors and load cell, the last the cell alone."""
+"""Sources of the force; the first two use motors and load cell, the last the cell alone."""
 OBSERVER_GAIN = 500.0
-"""Of the momentum observer [1/s]."""
+"""Gain of the momentum observer [1/s]."""
 PRIOR, STRIP_STD, NOISE_MEMORY = 0.1, 5.5e-4, 50
-"""Prior deviation of a weight; of a strip's force to start from [N]; samples of its estimate."""
+"""Prior std of a weight [1]; first std of a strip's force [N]; memory of its estimate [samples]."""
 
 
 @dataclass(frozen=True)
 class SourceResult:
-    """What was learned from one source of forces.
+    """Result of learning from one source of forces.
 
     Attributes:
-        samples: The forces as they were measured.
-        prediction: Of each sample before it was learned, (N, n) [N, N m].
-        checked: Samples whose interval was looked at, (C,).
-        std: Predicted there, of the force and not of its measurement, (C, n).
+        samples: Measured forces.
+        prediction: Prediction of each sample before it was learned, (N, n) [N, N m].
+        checked: Samples whose interval was computed, (C,).
+        std: Predicted standard deviation of the force there, without that of its measurement,
+            (C, n) [N, N m].
         model: File of the learner.
-        scores: Of the stream, against what was measured.
-        seconds: It took [s].
+        scores: Scores of the stream, against the measured forces.
+        seconds: Duration of the learning [s].
     """
 
     samples: ForceSamples
@@ -67,15 +67,15 @@ class SourceResult:
 
 @dataclass(frozen=True)
 class LogResult:
-    """What a log gave.
+    """Result of one log.
 
     Attributes:
-        shifts: How late the stamps of each instrument are, as found [s].
-        shift_stds: As they were stated [s].
-        motion: As it was estimated, without its covariance, and u1 of the motors.
+        shifts: Estimated delay of each instrument's stamps [s].
+        shift_stds: Standard deviation of each estimated delay [s].
+        motion: Estimated motion without its covariance, and u1 of the motors.
         whole_air: Force of the air by the load cell, added mass included.
-        runs: By source.
-        seconds: That alignment and motion took [s].
+        runs: Result of each source of forces, by its name.
+        seconds: Duration of the alignment and of the estimate of the motion [s].
     """
 
     shifts: dict[str, float]
@@ -87,10 +87,10 @@ class LogResult:
 
 
 def learn_from_log(plan: RigPlan, path: Path, models: Path) -> LogResult:
-    """Everything a laboratory would do with a log.
+    """Result of one log: clocks, motion, forces and learned models.
 
     Args:
-        plan: For the wind and the settings of the learner.
+        plan: Plan of the rig, for the wind and the settings of the learner.
         path: File of the log.
         models: Folder for the learned models.
     """
@@ -124,9 +124,9 @@ def forces_of(
 
     Args:
         log: The log.
-        motion: From `estimate_motion`.
-        air: Its density and wind.
-        cell_late: What the stamps of the load cell are late [s].
+        motion: Estimated motion.
+        air: Air with its density and wind.
+        cell_late: Delay of the load cell's stamps [s].
     """
     added = AddedMass(log.robot, air)
     joints = motor_forces(log, motion, MOTORS)
@@ -143,11 +143,11 @@ def forces_of(
 
 
 def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
-    """Strips with hidden states, their noise estimated.
+    """Learner of a strip network with hidden states that estimates its noise.
 
     Args:
         robot: The machine.
-        air: Its density and wind.
+        air: Air with its density and wind.
     """
     return ExtendedLearner(
         HiddenStripNetwork(robot, air=air),

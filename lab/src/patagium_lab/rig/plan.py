@@ -1,4 +1,4 @@
-"""What the rig is: a robot in front of a fan, an arm that carries it, instruments that watch.
+"""Plan of the rig: a robot in front of a fan, an arm that carries it, and instruments.
 
 The arm carries the robot along a lying eight across the wind while its linkage flaps. Instruments
 have the figures of their data sheets, each its own clock and delay. Neglected: the arm's own
@@ -22,7 +22,7 @@ from patagium.simulation.mounts import Mount
 from patagium_lab.jobs import WORKERS
 
 CENTER = (0.65, 0.0, 0.2)
-"""Of all paths, seen from the arm's foot [m]."""
+"""Center of all paths, relative to the arm's foot [m]."""
 EIGHT = (0.9, 0.3)
 """Length (to the side) and width (up) of the lying eight [m]."""
 CIRCLE = (0.25, 0.75)
@@ -34,9 +34,9 @@ TOOL = (0.0, -pi / 2, 0.0)
 STEPS = 1000
 """Steps of the simulation in a wingbeat."""
 UNSEEN = ("gait", "path", "path and gait")
-"""What is new in each flight that is not learned."""
+"""Flights that are not learned, by what is new in them."""
 LATE = {"encoders": 0.012, "cameras": -0.007}
-"""Clock offsets that nobody tells the second half of the program [s]."""
+"""Clock offsets that the second half of the program does not know [s]."""
 UNIT, WING_UNIT, ENCODERS, CAMERAS = "unit", "wing_unit", "encoders", "cameras"
 CELL, MOTORS = "cell", "motors"
 """Names of the instruments in a log."""
@@ -81,20 +81,20 @@ LIMIT_CASES = (
 
 @dataclass(frozen=True)
 class RigPlan:
-    """What is flown, measured and learned.
+    """Flights, instruments and learner of the rig.
 
     Args:
         robot: Preset or file, with plunge and elbow on either side.
         arm: Preset or file of the arm.
-        frequency: Of the wingbeat [Hz].
-        speed: Of the arm along the eight, the greatest [m/s].
-        wind: Of the fan, against the nose [m/s].
-        noise: All errors of the instruments, over those of their data sheets.
-        eights: How many are flown, rounded up to a whole wingbeat.
+        frequency: Frequency of the wingbeat [Hz].
+        speed: Largest speed of the arm along the eight [m/s].
+        wind: Speed of the fan's wind, against the nose [m/s].
+        noise: Errors of the instruments over those of their data sheets [1].
+        eights: Number of eights that are flown, rounded up to a whole wingbeat.
         unseen_beats: Wingbeats of each flight that is not learned.
-        rate: Of all instruments but the cameras [Hz].
-        every: One sample in so many is learned.
-        seed: Of the instruments' errors.
+        rate: Rate of all instruments except the cameras [Hz].
+        every: One sample in this many is learned.
+        seed: Seed of the instruments' errors.
         limits: Names of the `LIMIT_CASES` that are run.
         workers: Number of processes; 0: everything runs in this process.
 
@@ -145,9 +145,9 @@ class Motion:
 
     Attributes:
         mount: The arm on its path.
-        gait: What the wings do.
-        duration: Whole wingbeats [s].
-        time_step: Of the simulation [s].
+        gait: Motion of the wings.
+        duration: Duration, whole wingbeats [s].
+        time_step: Time step of the simulation [s].
     """
 
     mount: Mount
@@ -160,7 +160,7 @@ def learned_motion(plan: RigPlan, robot: Robot) -> Motion:
     """The flight that is learned: the lying eight.
 
     Args:
-        plan: The plan.
+        plan: Plan of the rig.
         robot: The machine.
 
     Raises:
@@ -176,7 +176,7 @@ def unseen_motion(plan: RigPlan, robot: Robot, name: str) -> Motion:
     """A flight that is not learned.
 
     Args:
-        plan: The plan.
+        plan: Plan of the rig.
         robot: The machine.
         name: One of `UNSEEN`.
     """
@@ -186,14 +186,14 @@ def unseen_motion(plan: RigPlan, robot: Robot, name: str) -> Motion:
 
 
 def instruments(plan: RigPlan, robot: Robot, largest_torque: float) -> list[Sensor]:
-    """What watches the flight, with the figures of the data sheets.
+    """Instruments that measure the flight, with the errors of their data sheets.
 
     The unit on the body is the clock of the rig, and triggers load cell and amplifiers.
 
     Args:
-        plan: The plan.
+        plan: Plan of the rig.
         robot: The machine.
-        largest_torque: Of a joint, for which the gears are chosen [N m].
+        largest_torque: Largest torque of a joint, for which the gears are chosen [N m].
     """
     body, wing = carriers(robot)
     cameras = presets.prime_x_13(body)
@@ -211,7 +211,7 @@ def instruments(plan: RigPlan, robot: Robot, largest_torque: float) -> list[Sens
 
 
 def scaled(sensors: Sequence[Sensor], factor: float) -> list[Sensor]:
-    """The same instruments with all errors but clocks and delays times a factor."""
+    """Instruments with all errors, except clocks and delays, times a factor."""
     return [sensor.scaled(factor) for sensor in sensors]
 
 

@@ -1,7 +1,7 @@
-"""What the rig found, against the truth that the simulation knows.
+"""Scores and targets of the rig, against the truth that the simulation knows.
 
-Errors are of the force that is learned, the air's without added mass, which is known; each
-coordinate's divided by the variance of the truth. Neglected: chance; one seed is flown.
+Errors are those of the force that is learned, without added mass, which is known; the error of each
+coordinate is divided by the variance of the truth. Neglected: chance; one seed is flown.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from patagium_lab.rig.plan import UNIT, RigPlan
 Array = NDArray[np.float64]
 
 LEARNED_LIMIT, UNSEEN_LIMIT, COVERED = 0.02, 0.04, (0.90, 0.98)
-"""Targets: worst error of the second half, on what was never seen, share in the interval."""
+"""Limits of the worst error, second half and unseen flights; share of the truth in the interval."""
 CLOCK_LIMIT = 1e-3
-"""Target: what a clock may be found wrong by [s]."""
+"""Limit of the error of an estimated clock [s]."""
 
 
 def true_force(flight: xr.Dataset, times: Array) -> Array:
@@ -37,13 +37,13 @@ def true_force(flight: xr.Dataset, times: Array) -> Array:
 def compare(
     plan: RigPlan, flight: xr.Dataset, unseen: Mapping[str, xr.Dataset], run: LogResult
 ) -> dict[str, Any]:
-    """Scores of all that one log gave.
+    """Scores of the result of one log.
 
     Args:
-        plan: The plan.
-        flight: The truth of the flight of the log.
-        unseen: That of flights never seen.
-        run: What was found.
+        plan: Plan of the rig.
+        flight: True flight of the log.
+        unseen: True flights that were not learned, by name.
+        run: Result of the log.
     """
     return {
         "motion": motion_errors(flight, run.motion),
@@ -63,11 +63,11 @@ def measured_error(flight: xr.Dataset, samples: Any) -> float:
 
 
 def clock_rows(sensors: Sequence[Sensor], run: LogResult) -> list[dict[str, Any]]:
-    """How late each instrument is, against what was found.
+    """Rows of the true and the estimated delay of each instrument.
 
     Args:
-        sensors: The instruments with their secrets.
-        run: What was found.
+        sensors: Instruments with their true clocks.
+        run: Result of a log.
     """
     late = {s.name: s.clock_offset + s.delay for s in sensors}
     return [
@@ -84,11 +84,11 @@ def clock_rows(sensors: Sequence[Sensor], run: LogResult) -> list[dict[str, Any]
 
 
 def motion_errors(flight: xr.Dataset, motion: xr.Dataset) -> dict[str, dict[str, float]]:
-    """Deviation of the errors of q, v and a by coordinate, a twentieth left out at either end.
+    """Standard deviation of the errors of q, v and a, without a twentieth at each end.
 
     Args:
-        flight: The truth.
-        motion: As it was estimated.
+        flight: True flight.
+        motion: Estimated motion.
     """
     times, names = motion["time"].values, [str(name) for name in motion["dof"].values]
     inner = slice(len(times) // 20, -len(times) // 20)
@@ -100,12 +100,12 @@ def motion_errors(flight: xr.Dataset, motion: xr.Dataset) -> dict[str, dict[str,
 
 
 def cycles(plan: RigPlan, flight: xr.Dataset, run: LogResult) -> dict[str, xr.Dataset]:
-    """Cycle statistics of the truth and of what a laboratory has, over the same wingbeats.
+    """Cycle statistics of the truth and of the measurements, over the same wingbeats.
 
     Args:
-        plan: The plan.
-        flight: The truth.
-        run: What was measured: the load cell's force of the air, the motors' torques.
+        plan: Plan of the rig.
+        flight: True flight.
+        run: Result of a log: force of the air by the load cell, torques of the motors.
     """
     begin, end = run.motion["time"].values[[0, -1]]
     span = flight.sel(time=slice(begin - 1e-9, end + 1e-9))
@@ -116,7 +116,7 @@ def cycles(plan: RigPlan, flight: xr.Dataset, run: LogResult) -> dict[str, xr.Da
 
 
 def _as_flight(plan: RigPlan, run: LogResult) -> xr.Dataset:
-    """What was measured, as a flight whose air pushes on the body alone."""
+    """Measurements as a flight whose air pushes on the body alone."""
     robot, count = run.whole_air.robot, len(run.motion["time"])
     base = next(body.floating_dofs for body in robot.bodies if body.floating_dofs is not None)
     place = list(base[:3])
@@ -160,14 +160,15 @@ def _source_scores(
 def unseen_scores(
     plan: RigPlan, unseen: Mapping[str, xr.Dataset], run: SourceResult
 ) -> dict[str, dict[str, float]]:
-    """Frozen weights on flights never seen, true states in, after the first wingbeat.
+    """Scores of frozen weights on flights that were not learned, after the first wingbeat.
 
-    The wake of the first wingbeat began before the record, for the model; in truth there was none.
+    The states are true. The first wingbeat is left out because the model assumes a wake from
+    before the record, where in truth there was none.
 
     Args:
-        plan: The plan.
-        unseen: The flights.
-        run: What was learned.
+        plan: Plan of the rig.
+        unseen: True flights, by name.
+        run: Result of learning.
     """
     learner, scores = load_learner(run.model), {}
     for name, flight in unseen.items():

@@ -26,7 +26,7 @@ class Rival:
         calls: Compiled function for each quantity it offers.
         order: Index in q of each of its coordinates, (n,).
         extra: Arrays after q, v, a or f, the same for all states.
-        note: How it was made.
+        note: How the rival was made.
         compile_time: Time the compiler took when it was built [s].
         derivation_time: Time to derive and write the code [s]; zero where there is none.
         code_size: Length of the generated code [bytes].
@@ -57,10 +57,10 @@ def compile_rival(
     """A compiled library, and the seconds the compiler took to build it.
 
     Args:
-        name: What is being compiled, for the progress line.
+        name: Name of the library, for the progress line.
         sources: File name (`.c`) to text: C, or C++ where the flags say so.
         compiler: Path of the compiler.
-        flags: Its flags.
+        flags: Flags of the compiler.
 
     Raises:
         CompilerError: With the compiler's own words.

@@ -53,7 +53,7 @@ class DynamaxExtended(WeightRival):
 
     @property
     def covariance(self) -> Array:
-        """Of the weights after the last sample, (n, n)."""
+        """Covariance of the weights after the last sample, (n, n) [1]."""
         return np.asarray(self._covariance)
 
     def update(self, x: Array, y: Array) -> None:

@@ -42,7 +42,7 @@ class FilterpyCubature(WeightRival):
 
     @property
     def covariance(self) -> Array:
-        """Of the weights after the last sample, (n, n)."""
+        """Covariance of the weights after the last sample, (n, n) [1]."""
         return np.asarray(self._filter.P)
 
     def update(self, x: Array, y: Array) -> None:

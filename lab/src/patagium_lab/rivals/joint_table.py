@@ -29,7 +29,7 @@ class JointRow:
         name: Name.
         parent: Row of the parent, -1 for the world.
         kind: One of `KINDS`.
-        dofs: Its velocities, as indices in v, in the order the joint wants them.
+        dofs: Velocities of the joint, as indices in v, in the joint's own order.
         rotation: Joint axes to the parent's, (3, 3).
         position: Origin in the parent's axes, (3,) [m].
         mass: Mass [kg]; zero for an intermediate row.
@@ -85,7 +85,7 @@ def configuration_order(robot: Robot, rows: list[JointRow]) -> NDArray[np.intp]:
 
     Args:
         robot: The machine.
-        rows: Its table.
+        rows: Table of the joints.
     """
     order: list[int] = []
     for row in rows:

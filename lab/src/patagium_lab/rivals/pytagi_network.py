@@ -25,8 +25,8 @@ class PytagiNetwork:
     Args:
         network: The dense network whose shape and scales it takes.
         gain: Scales the deviation of weights and biases before any sample.
-        measurement_std: Of the measurement, scalar or (n_y,), in the unit of y.
-        seed: Of the weights to start from.
+        measurement_std: Standard deviation of the measurement, scalar or (n_y,) [as y].
+        seed: Seed of the first weights.
 
     Raises:
         ParameterError: If the network is not dense.

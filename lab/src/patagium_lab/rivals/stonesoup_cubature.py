@@ -41,7 +41,7 @@ class StoneSoupCubature(WeightRival):
 
     @property
     def covariance(self) -> Array:
-        """Of the weights after the last sample, (n, n)."""
+        """Covariance of the weights after the last sample, (n, n) [1]."""
         return np.array(self._state.covar, float)
 
     def update(self, x: Array, y: Array) -> None:
@@ -74,8 +74,8 @@ class NetworkAtX:
     """y = network(x; weights) + noise at one x: what the updater asks of a measurement model.
 
     Attributes:
-        rival: Its network and noise.
-        encoding: Of x.
+        rival: Rival with its network and noise.
+        encoding: Encoding of x.
     """
 
     rival: WeightRival
@@ -89,5 +89,5 @@ class NetworkAtX:
         return StateVector(self.rival.outputs(self.encoding, weights))
 
     def covar(self) -> Any:
-        """Of the noise, (n_y, n_y)."""
+        """Covariance of the noise, (n_y, n_y) [as y squared]."""
         return self.rival.noise

@@ -99,8 +99,8 @@ def store(code: SymbolicCode, file: Path = STORED) -> None:
     """Writes code to a file, the same bytes for the same code.
 
     Args:
-        code: What to write.
-        file: Where.
+        code: Code that is written.
+        file: File to write.
     """
     text = json.dumps(asdict(code), separators=(",", ":"))
     file.write_bytes(gzip.compress(text.encode(), 9, mtime=0))

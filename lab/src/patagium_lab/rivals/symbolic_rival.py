@@ -43,7 +43,7 @@ def symbolic_rival(
         robot: The robot the code is of.
         code: The equations.
         shared: Whether shared subexpressions are kept.
-        quantities: Which of `QUANTITIES`.
+        quantities: Names out of `QUANTITIES`.
     """
     compiler = compiler_path()
     if compiler is None:

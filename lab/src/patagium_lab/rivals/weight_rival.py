@@ -25,10 +25,10 @@ class WeightRival(ABC):
 
     Args:
         network: The network whose weights are learned.
-        prior_std: Of each weight before any sample, divided by sqrt(fan-in).
-        measurement_std: Of the measurement, scalar or (n_y,), in the unit of y.
+        prior_std: Prior standard deviation of each weight, before division by sqrt(fan-in).
+        measurement_std: Standard deviation of the measurement, scalar or (n_y,) [as y].
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
-        seed: Of the weights to start from.
+        seed: Seed of the first weights.
 
     Raises:
         ParameterError: If the network is not dense.

@@ -1,1 +1,1 @@
-"""What a learner survives."""
+"""Learners under stress: faults, damage, long runs."""

@@ -1,7 +1,7 @@
-"""Does the 95 % interval hold 95 %, and is the filter right about itself?
+"""Calibration: coverage of the 95 % interval, and the innovations of the filter.
 
-Every sample of a flight, as it is and with noise, and of a real log. Neglected: noise that is
-not white.
+Every sample of a flight is learned, as it is and with noise, and every sample of a real log.
+Neglected: noise that is not white.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from patagium_lab.reproduction.cases import (
 from patagium_lab.reproduction.flights import corrected_flight
 
 NOISES = (0.0, 0.02, 0.1)
-"""Deviations of the noise added to a flight, as shares of each output's own."""
+"""Standard deviations of the noise added to a flight, over those of each output [1]."""
 DURATION = 1.0
-"""Of the flight [s]."""
+"""Duration of the flight [s]."""
 LOWEST, HIGHEST = 0.93, 0.97
 """Coverage that counts as calibrated."""
 
@@ -45,8 +45,8 @@ def flight_calibration(noise: float, duration: float = DURATION) -> dict[str, An
     """The strip network on the corrected flight, noise found online.
 
     Args:
-        noise: Added to the measurement, as a share of each output's own deviation.
-        duration: Of the flight [s].
+        noise: Standard deviation of the added noise over that of each output [1].
+        duration: Duration of the flight [s].
 
     Returns:
         See `log_calibration`.

@@ -2,9 +2,8 @@
 
 The robot beats its wings on a fixed mount in oblique wind, as a free one would roll over; then
 the left wing loses the rear third of its chord, and every strip gets another polar. The network
-is dense: a strip network gives both wings the same coefficients and the areas it was told, so
-that damage to one side is nothing it could ever represent. Neglected: the moment of breaking,
-the mass that is lost.
+is dense: a strip network gives both wings the same coefficients and fixed areas, so that it cannot
+represent damage to one side. Neglected: the moment of breaking, the mass that is lost.
 """
 
 from __future__ import annotations
@@ -47,23 +46,23 @@ OTHER_POLAR = DickinsonPolar(
 )
 """After the damage, of every strip: a quarter less lift, more drag."""
 NOISE = 0.02
-"""Deviation of the measurement, as a share of each output's own."""
+"""Standard deviation of the noise over that of each output [1]."""
 AHEAD, APART = 100, 20
-"""Samples that frozen weights are asked for, and from one such window to the next."""
+"""Samples predicted by frozen weights, and samples between two such windows."""
 FORMER = 3
-"""Wingbeats before the damage that the former error is the mean of."""
+"""Wingbeats before the damage over which the former error is averaged."""
 HIDDEN = (20,)
 LONG, SHORT = 1e-6, 1e-5
 """Shares of the prior: memories of 100 s and of 10 s."""
 
 
 class DamagedFlight(NamedTuple):
-    """What a robot did before and after the damage.
+    """A flight before and after the damage.
 
     Attributes:
         x: States, (N, 2n).
         y: Force of the air, (N, n) [N, N m].
-        beats: Wingbeats before the damage.
+        beats: Number of wingbeats before the damage.
     """
 
     x: Array
@@ -73,13 +72,13 @@ class DamagedFlight(NamedTuple):
 
 @dataclass(frozen=True)
 class Recovery:
-    """How a learner took it.
+    """Errors of a learner before and after the damage.
 
     Attributes:
-        learner: Its name.
+        learner: Name of the learner.
         hold: NMSE by wingbeat, one sample ahead, mean over outputs.
-        ahead: The same over the 10 ms after each update, by weights frozen there.
-        beats: Wingbeats before the damage.
+        ahead: NMSE by wingbeat over the 10 ms after each update, with frozen weights.
+        beats: Number of wingbeats before the damage.
         changes: Samples after the damage at which a change was detected; before it, negative.
     """
 
@@ -147,21 +146,21 @@ def learner_names() -> list[str]:
 
 
 def damage_row(name: str) -> dict[str, Any]:
-    """What the damage did to one of the learners; see `Recovery.row`.
+    """Row of a learner through the damage; see `Recovery.row`.
 
     Args:
-        name: One of `learner_names`.
+        name: Name out of `learner_names`.
     """
     return recovery(name, damaged_flight(), learners()[name]()).row()
 
 
 def recovery(name: str, flight: DamagedFlight, learner: Learner) -> Recovery:
-    """A learner through the damage.
+    """Errors of a learner before and after the damage.
 
     Args:
-        name: What it is called.
-        flight: What it learns; noise is added to its forces.
-        learner: It is changed.
+        name: Name of the learner.
+        flight: The flight; noise is added to its forces.
+        learner: The learner; it is changed.
     """
     noise = NOISE * flight.y.std(axis=0)
     measured = flight.y + noise * np.random.default_rng(0).normal(size=flight.y.shape)
@@ -180,7 +179,7 @@ def recovery(name: str, flight: DamagedFlight, learner: Learner) -> Recovery:
 
 
 def learners() -> dict[str, Callable[[], Learner]]:
-    """What is compared: the same learner with and without detection, and its rivals."""
+    """Learners that are compared: one with and without detection, and its rivals."""
     detection = ChangeDetection(1e-9, window=50, reference=BEAT, reopening=0.3)
     return {
         "node, memory 100 s, detects changes": lambda: filter_learner(LONG, detection),
@@ -197,11 +196,11 @@ def learners() -> dict[str, Callable[[], Learner]]:
 def filter_learner(
     prior_share: float, detection: ChangeDetection | None, hidden: Sequence[int] = HIDDEN
 ) -> CubatureLearner:
-    """One block a neuron, every sample, noise found online.
+    """Learner with one covariance block a neuron that estimates its noise.
 
     Args:
-        prior_share: Its memory.
-        detection: When it opens anew.
+        prior_share: Share of the prior that is mixed in before each sample.
+        detection: Change detection, or None.
         hidden: Neurons of its network's hidden layers.
     """
     subject = FLIGHT_CASES["corrected"]

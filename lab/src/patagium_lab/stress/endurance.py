@@ -1,7 +1,4 @@
-"""Learners that run on and on: a glide that excites nothing, ten million updates in float32.
-
-Neglected: what wears out besides numbers.
-"""
+"""Very long runs: a glide that excites few weights, and ten million updates in float32."""
 
 from __future__ import annotations
 
@@ -24,20 +21,20 @@ Array = NDArray[np.float64]
 GLIDE = 1_000_000
 UPDATES = 10_000_000
 LOOKS = 100
-"""How often the covariance is looked at."""
+"""Number of times that the covariance is checked."""
 SHARE = 1e-5
-"""Of the prior: a memory of 1e5 samples."""
+"""Share of the prior, which gives a memory of 1e5 samples."""
 TURN = 500
-"""Updates between two turns of the teacher."""
+"""Updates between two changes of the network that is learned."""
 _NOISE = 0.05
 
 
 def steady_glide(samples: int = GLIDE, share: float = SHARE) -> dict[str, Any]:
-    """One state again and again, with noise: most directions of the weights are never excited.
+    """Figures of one state repeated with noise, which excites few directions of the weights.
 
     Args:
-        samples: How many.
-        share: Of the prior, mixed in before each sample.
+        samples: Number of samples.
+        share: Share of the prior that is mixed in before each sample.
 
     Returns:
         samples, share; largest and smallest of the diagonal of P over that of the prior;
@@ -64,14 +61,14 @@ def steady_glide(samples: int = GLIDE, share: float = SHARE) -> dict[str, Any]:
 def single_precision(
     updates: int = UPDATES, progress: Callable[[float], None] | None = None
 ) -> dict[str, Any]:
-    """A teacher that turns slowly, followed in float32 and in float64 by the same samples.
+    """Figures of learning a slowly changing network in float32 and in float64.
 
     The compiled filter is called as a flight computer would call it. An update that finds its
     covariance indefinite gives an outcome other than zero.
 
     Args:
-        updates: How many in each precision.
-        progress: Told the part of the work done.
+        updates: Number of updates in each precision.
+        progress: Receives the part of the work that is done.
 
     Returns:
         updates; refused: outcomes other than zero by precision; error: mean square error over
@@ -109,7 +106,7 @@ def single_precision(
 
 
 def _turning(network: DenseNetwork, x: Array, turns: Array) -> Array:
-    """Outputs of a teacher between two sets of weights, a turn after so many samples."""
+    """Outputs of a network whose weights turn between two sets, (N, n_y) [1]."""
     ends = network.initial(5), network.initial(6)
     angles = 2 * np.pi * turns
     parts = zip(np.array_split(x, len(turns)), np.cos(angles), np.sin(angles), strict=True)

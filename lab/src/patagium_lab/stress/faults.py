@@ -1,6 +1,6 @@
-"""What sensors, wires and clocks do to a stream of samples, drawn from a seed.
+"""Faults of sensors, wires and clocks in a stream of samples, drawn from a seed.
 
-Each fault changes a stretch of a stream and says what a learner should count. Neglected:
+Each fault changes a stretch of a stream and gives the counts that a learner should have. Neglected:
 faults that look right sample by sample, such as a slow drift of a sensor.
 """
 
@@ -22,7 +22,7 @@ STUCK_SAMPLES = 10
 _POSITION = 3
 """Inputs that say where the robot is."""
 CLEAR = 300.0
-"""Deviations of the noise beyond which any network should see that it is a spike."""
+"""Standard deviations of the noise beyond which any network should detect a spike."""
 CLOCK_RUN = 10
 """Late samples in a row after which a learner should believe the clock."""
 
@@ -34,7 +34,7 @@ class Feed(NamedTuple):
         time: Stamps, (M,) [s].
         x: Inputs, (M, n_x).
         y: Measurements, (M, n_y).
-        sample: Which sample of the flight each is, (M,).
+        sample: Number of each sample in the flight, (M,).
     """
 
     time: Array
@@ -46,7 +46,7 @@ class Feed(NamedTuple):
         """Some of the samples, or all in another order.
 
         Args:
-            rows: Which.
+            rows: Rows that are taken.
         """
         return Feed(self.time[rows], self.x[rows], self.y[rows], self.sample[rows])
 
@@ -55,7 +55,7 @@ class Faulted(NamedTuple):
     """A feed with a fault in it.
 
     Attributes:
-        feed: What the learner gets.
+        feed: Samples that the learner gets.
         exact: Event to the count that it adds, no more and no less.
         least: Event to the count that it adds at least.
         last: Last sample of the flight that the fault touches.
@@ -74,10 +74,10 @@ def not_a_number(draw: np.random.Generator, feed: Feed, begin: int, std: Array) 
     """Channels that are NaN or infinite for a while, one of them or all.
 
     Args:
-        draw: Where lengths and places come from.
+        draw: Generator of lengths and places.
         feed: The clean samples.
         begin: First sample touched.
-        std: Of the measurement, (n_y,).
+        std: Standard deviation of the measurement, (n_y,) [as y].
     """
     end = begin + _length(draw)
     channels = _channels(draw, feed.y.shape[1])

@@ -1,1 +1,1 @@
-"""Models of the air beside theory and measurement."""
+"""Validation: models of the air beside theory and measurement."""

@@ -25,14 +25,14 @@ class PitchLoop:
     """Lift of a section that pitches about its quarter chord.
 
     Attributes:
-        name: Of the measurement.
-        frequency: Oscillations a second [Hz].
-        mean: Of the fitted incidence, mean + amplitude cos(phase) [rad].
-        amplitude: Of the fitted incidence [rad].
-        samples_per_cycle: Of the record, fitted.
-        first_phase: Of the first sample, fitted [rad].
-        incidence: As measured, (N,) [rad].
-        lift: C_L as measured, (N,).
+        name: Name of the measurement.
+        frequency: Frequency of the oscillation [Hz].
+        mean: Mean of the fitted incidence, mean + amplitude cos(phase) [rad].
+        amplitude: Amplitude of the fitted incidence [rad].
+        samples_per_cycle: Samples of the record in an oscillation, fitted.
+        first_phase: Phase of the first sample, fitted [rad].
+        incidence: Measured incidence, (N,) [rad].
+        lift: Measured C_L, (N,) [1].
     """
 
     name: str
@@ -63,13 +63,13 @@ class PitchLoop:
 
 @dataclass(frozen=True)
 class PitchingCase:
-    """A section in a wind tunnel: its static polar, and what it did when it pitched.
+    """A section in a wind tunnel: its static polar, and its lift when it pitched.
 
     Attributes:
-        source: Where it comes from.
-        licence: On what terms.
-        chord: [m].
-        airspeed: Of the tunnel [m/s].
+        source: Source of the data.
+        licence: Licence of the data.
+        chord: Chord [m].
+        airspeed: Airspeed of the tunnel [m/s].
         angle: Angles of attack of the static polar, (n,) [rad].
         static_lift: C_L at each, (n,).
         static_drag: C_D at each, (n,).
@@ -87,7 +87,7 @@ class PitchingCase:
 
 
 def load_pitching_case() -> PitchingCase:
-    """The reduced case that patagium carries."""
+    """The reduced case from the file in this package."""
     text = files("patagium_lab").joinpath("cases/osu_s809.yaml").read_text(encoding="utf-8")
     words = yaml.safe_load(text)
     for name in ("angle", "static_lift", "static_drag"):
@@ -104,8 +104,8 @@ def measured_loop(file: str | Path, name: str, frequency: float) -> PitchLoop:
 
     Args:
         file: Columns of incidence [deg] and lift coefficient, one line of words above.
-        name: Of the measurement.
-        frequency: Oscillations a second [Hz].
+        name: Name of the measurement.
+        frequency: Frequency of the oscillation [Hz].
 
     Raises:
         LogError: If the file is missing.

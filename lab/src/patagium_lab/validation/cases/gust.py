@@ -32,7 +32,7 @@ REDUCED_FREQUENCY = np.array([0.1, 0.2, 0.5, 1.0, 2.0])
 STEPS = 100
 """Time steps a semichord."""
 VELOCITY = 1e-3
-"""Of the gust, small beside the airspeed [m/s]."""
+"""Velocity of the gust, small beside the airspeed [m/s]."""
 
 _UPSTREAM, _UP = (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 _SEMICHORD = 0.5

@@ -67,8 +67,8 @@ def lift_loop(
     """Lift coefficient at the phases of a record, added mass included, (N,).
 
     Args:
-        case: The section.
-        loop: Its motion.
+        case: Section with its static polar.
+        loop: Motion of the section.
         wing: A wing without end of the section's chord.
         stall_delay: Lags of separation, or None.
     """

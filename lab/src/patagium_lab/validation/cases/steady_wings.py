@@ -22,7 +22,7 @@ from patagium_lab.validation.cases.wings import (
 
 STRIPS = 40
 MANY = {4.0: 40, 6.0: 40, 20.0: 100}
-"""Strips of the finest of the three elliptic wings that tell the limit, by aspect ratio."""
+"""Strips of the finest of the three elliptic wings that give the limit, by aspect ratio."""
 RECTANGULAR = {4.0: (4.0279, 1.3280), 6.0: (4.5299, 1.1413), 8.0: (4.8372, 0.9940)}
 """Aspect ratio: lift over angle, induced drag over its square (Glauert's series, 200 terms)."""
 
@@ -84,8 +84,8 @@ def limit(wing: Callable[[float, int], Robot], aspect_ratio: float) -> tuple[flo
     """Lift over angle and drag over its square of a wing in the limit of many strips.
 
     Args:
-        wing: Of an aspect ratio and a number of strips.
-        aspect_ratio: One of `MANY`.
+        wing: Function that gives the wing of an aspect ratio and a number of strips.
+        aspect_ratio: Key of `MANY`.
     """
     counts = [MANY[aspect_ratio] // division for division in (4, 2, 1)]
     values = np.array(

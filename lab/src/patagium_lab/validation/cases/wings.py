@@ -1,4 +1,4 @@
-"""Flat wings of textbooks, and how a lifting line on them answers, steady or to a step."""
+"""Flat wings of textbooks, and the response of a lifting line on them, steady or to a step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def flat_wing(ends: Array, chord: Array) -> Robot:
 
     Args:
         ends: Edges of the strips along the span, (N + 1,) [m].
-        chord: Of each strip, (N,) [m].
+        chord: Chord of each strip, (N,) [m].
     """
     middle = (ends[1:] + ends[:-1]) / 2
     strips = tuple(
