@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from patagium.learning.models.grey_box import GreyBox as GreyBox
     from patagium.learning.models.hidden_flow import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.learning.models.network import Encoding as Encoding
+    from patagium.learning.models.network import Network as Network
     from patagium.learning.models.registry import (
         network_from_description as network_from_description,
     )
@@ -57,6 +59,7 @@ _HOMES = {
     "ChangeDetection": "settings",
     "CubatureLearner": "learners.cubature",
     "DenseNetwork": "models.dense",
+    "Encoding": "models.network",
     "ExtendedLearner": "learners.extended",
     "FilterSettings": "settings",
     "FlowNetwork": "models.flow",
@@ -68,6 +71,7 @@ _HOMES = {
     "LinearLearner": "learners.linear",
     "LowRank": "settings",
     "Model": "model_file",
+    "Network": "models.network",
     "NoiseEstimation": "settings",
     "Screening": "settings",
     "Settings": "tuning.settings_file",
