@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from patagium.learning.models.registry import (
         network_from_description as network_from_description,
     )
+    from patagium.learning.models.registry import register_network as register_network
     from patagium.learning.models.strip import StripNetwork as StripNetwork
     from patagium.learning.refinement import refine as refine
     from patagium.learning.result import Identification as Identification
@@ -90,6 +91,7 @@ _HOMES = {
     "network_for": "tables",
     "network_from_description": "models.registry",
     "refine": "refinement",
+    "register_network": "models.registry",
     "save_learner": "learners.registry",
     "save_model": "model_file",
     "stream": "stream",

@@ -168,6 +168,17 @@ def test_every_public_name_is_on_a_page_of_names() -> None:
     assert len(shown) == len({*shown})
 
 
+def test_extensions_are_short_and_use_public_names_alone() -> None:
+    sections = re.split(r"^## ", (DOCS / "extend.md").read_text("utf-8"), flags=re.MULTILINE)[1:]
+    assert len(sections) >= 4
+    for section in sections:
+        code = [block for language, block in BLOCK.findall(section) if language == "python"]
+        lines = [line for block in code for line in block.splitlines() if line.strip()]
+        assert 0 < len(lines) < 40, section.splitlines()[0]
+        private = re.findall(r"\b_[a-z]\w*|\._[a-z]\w*", "\n".join(code))
+        assert private == [], section.splitlines()[0]
+
+
 def test_the_picture_of_the_architecture_is_the_drawn_one(tmp_path: Path) -> None:
     spec = spec_from_file_location("draw_architecture", DOCS / "draw_architecture.py")
     assert spec is not None and spec.loader is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork
@@ -15,10 +15,31 @@ from patagium.learning.models.linear import LinearNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 
-_KINDS: tuple[Any, ...] = (
-    *(DenseNetwork, LinearNetwork, StripNetwork, HiddenStripNetwork),
-    *(FlowNetwork, HiddenFlowNetwork, GreyBox),
-)
+_KINDS: dict[str, Any] = {
+    network.kind: network
+    for network in (
+        *(DenseNetwork, LinearNetwork, StripNetwork, HiddenStripNetwork),
+        *(FlowNetwork, HiddenFlowNetwork, GreyBox),
+    )
+}
+_OWN = frozenset(_KINDS)
+_Kind = TypeVar("_Kind", bound=type[Network])
+
+
+def register_network(network: _Kind) -> _Kind:
+    """Class decorator that lets learners and models of an own network be read from files.
+
+    Args:
+        network: Class with a text `kind` and `from_description`, the inverse of `describe`.
+
+    Raises:
+        ParameterError: If a network of the package has the kind.
+    """
+    kind = str(getattr(network, "kind", ""))
+    if not kind or kind in _OWN:
+        raise ParameterError("kind of the network", "a text of its own", kind)
+    _KINDS[kind] = network
+    return network
 
 
 def network_from_description(description: Mapping[str, Any]) -> Network:
@@ -31,10 +52,9 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
         ParameterError: If its kind is unknown, or a key is missing or unknown.
         RobotFileError: If the text of its robot does not describe one.
     """
-    kinds = {kind.kind: kind for kind in _KINDS}
-    kind = kinds.get(str(description.get("kind")))
+    kind = _KINDS.get(str(description.get("kind")))
     if kind is None:
-        raise ParameterError("network", f"of kind {', '.join(kinds)}", description.get("kind"))
+        raise ParameterError("network", f"of kind {', '.join(_KINDS)}", description.get("kind"))
     if kind is GreyBox:
         return GreyBox.from_description(description, network_from_description)
     network: Network = kind.from_description(description)
