@@ -9,6 +9,8 @@ import pytest
 
 from patagium.errors import LogError
 from patagium.sensing import read_table
+from patagium.sensing.logs.files import opening
+from patagium.sensing.logs.files.csv_file import CsvFile
 from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import parse_mapping
@@ -212,6 +214,26 @@ def test_calendar_time_stamps_a_table(tmp_path: Path) -> None:
     assert inspect_log(path).topics[0].rate == pytest.approx(500.0, rel=0.01)
     with LogRecord(brought(path).path) as record:
         np.testing.assert_allclose(record.time(), 2e-3 * np.arange(300), atol=1e-12)
+
+
+def test_a_registered_reader_is_found_by_ending_and_by_first_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))
+    monkeypatch.setattr(opening, "_MAGIC", dict(opening._MAGIC))
+    (tmp_path / "log.rec").write_bytes(b"RECORDS\n" + frame().to_csv(index=False).encode())
+    with pytest.raises(LogError, match="found one that ends in '.rec'"):
+        brought(tmp_path / "log.rec")
+
+    def read(path: Path) -> CsvFile:
+        table = path.with_suffix(".csv")
+        table.write_bytes(path.read_bytes().partition(b"\n")[2])
+        return CsvFile(table)
+
+    opening.register_reader(".rec", read, b"RECORDS")
+    assert brought(tmp_path / "log.rec").samples == 300
+    renamed = (tmp_path / "log.rec").rename(tmp_path / "log.bin")
+    assert inspect_log(renamed).topics[0].rows == 300
 
 
 def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:

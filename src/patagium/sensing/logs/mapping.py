@@ -214,9 +214,9 @@ class TableMapping(_Words):
     def is_plain(self) -> bool:
         """Whether the mapping only names columns of one table with numbers and their stamps."""
         time = self.time
-        asked = (time.base, time.rate, time.like, time.start, time.end, self.robot)
+        extras = (time.base, time.rate, time.like, time.start, time.end, self.robot)
         plain = all(c.column and c.size == 1 and not c.stamp for c in self.columns)
-        return plain and bool(time.column) and asked == (None,) * 6 and not self.channels
+        return plain and bool(time.column) and extras == (None,) * 6 and not self.channels
 
 
 def load_mapping(path: str | Path) -> TableMapping:

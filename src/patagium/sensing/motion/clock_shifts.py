@@ -89,8 +89,8 @@ def estimate_shifts(
     moved = {name: value - zero for name, value in seconds.items()}
     # the error of the reference's own shift is in all others
     of_zero = std[chosen]
-    spread = {name: float(np.hypot(value, of_zero)) for name, value in std.items()}
-    return Shifts(moved, spread | {chosen: 0.0}, unlinked)
+    std_of = {name: float(np.hypot(value, of_zero)) for name, value in std.items()}
+    return Shifts(moved, std_of | {chosen: 0.0}, unlinked)
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class _Search:
     def run(self) -> tuple[dict[str, float], dict[str, float]]:
         """Shifts and their standard deviations of all sensors linked to the first unit [s]."""
         first = self.units[0].name
-        late, spread = {first: 0.0}, {first: 0.0}
+        late, std_of = {first: 0.0}, {first: 0.0}
         for unit in self._in_order():
             seen = self.links[unit.name]
             tied = [name for name in (unit.name, *seen) if name in late]
@@ -142,8 +142,8 @@ class _Search:
                 continue
             found, std = self._fit(unit, late, free)
             late |= found
-            spread |= std
-        return late, spread
+            std_of |= std
+        return late, std_of
 
     def _in_order(self) -> list[Stream]:
         """Inertial units, each after one that shares a sensor with it if possible."""
@@ -185,8 +185,8 @@ class _Search:
         corners = best + _COARSE / 2 * np.vstack([np.zeros(len(free)), np.eye(len(free))])
         options = {"initial_simplex": corners, "xatol": 1e-6, "fatol": 1e-9}
         best = minimize(misfit, best, method="Nelder-Mead", options=options).x
-        bend = _curvature(misfit, best) * len(times) / 2
-        variance = np.diagonal(np.linalg.pinv(bend, hermitian=True))
+        curvature = _curvature(misfit, best) * len(times) / 2
+        variance = np.diagonal(np.linalg.pinv(curvature, hermitian=True))
         std = np.sqrt(np.maximum(variance, 0.0))
         return dict(zip(free, best.tolist(), strict=True)), dict(
             zip(free, std.tolist(), strict=True)
@@ -224,10 +224,10 @@ def _curvature(function: Callable[[Array], float], at: Array) -> Array:
     """Second derivatives by differences over 0.2 ms, (k, k) [1/s^2]."""
     step, count = 2e-4, len(at)
     ways = step * np.eye(count)
-    bend = np.empty((count, count))
+    curvature = np.empty((count, count))
     for i in range(count):
         for j in range(count):
             signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
             values = [u * v * function(at + u * ways[i] + v * ways[j]) for u, v in signs]
-            bend[i, j] = sum(values) / (4 * step**2)
-    return bend
+            curvature[i, j] = sum(values) / (4 * step**2)
+    return curvature

@@ -186,11 +186,11 @@ class _Pass:
         state, covariance = self.state.copy(), self.covariance.copy()
         for k in range(len(self.time) - 2, -1, -1):
             x, p = self.state[k], self.covariance[k]
-            ahead, spread = self._predict(k + 1, x, p)
+            ahead, predicted = self._predict(k + 1, x, p)
             move, _ = self._step(k + 1)
-            gain = np.swapaxes(_solve(spread, move @ p), -1, -2)
+            gain = np.swapaxes(_solve(predicted, move @ p), -1, -2)
             state[k] = x + np.einsum("bij,bj->bi", gain, state[k + 1] - ahead)
-            change = covariance[k + 1] - spread
+            change = covariance[k + 1] - predicted
             covariance[k] = _even(p + gain @ change @ np.swapaxes(gain, -1, -2))
         return state, covariance
 
@@ -258,9 +258,9 @@ def _checked(
     silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
     if len(silent):
         raise LogError(f"values: expected measurements in column {silent[0]}, found none")
-    spread = np.broadcast_to(np.asarray(std, float), y.shape)
+    noise = np.broadcast_to(np.asarray(std, float), y.shape)
     drive = np.broadcast_to(np.asarray(density, float), y.shape[1:])
-    for name, array in (("std", spread), ("density", drive)):
+    for name, array in (("std", noise), ("density", drive)):
         if not (np.isfinite(array).all() and (array > 0).all()):
             raise ParameterError(name, "positive numbers", float(np.min(array)))
-    return stamps, y, spread**2, np.array(drive)
+    return stamps, y, noise**2, np.array(drive)

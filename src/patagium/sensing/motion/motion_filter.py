@@ -263,8 +263,8 @@ class MotionFilter:
             columns = self.columns[self._turn]
             turned = levels[0, columns].copy()
             if self.order > 2:  # body axes turn while they turn
-                spin, bend = motion.levels[1, columns], motion.levels[2, columns]
-                turned += span**3 / 12 * np.cross(spin, bend)
+                spin, spin_rate = motion.levels[1, columns], motion.levels[2, columns]
+                turned += span**3 / 12 * np.cross(spin, spin_rate)
             attitude = attitude @ rotation_matrix(turned)
             levels[0, columns] = 0.0
         return Motion(levels, attitude), Step(span, turned)

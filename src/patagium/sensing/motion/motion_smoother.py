@@ -194,7 +194,7 @@ class _Run:
         estimate = initial_estimate(self.filter, self.streams)
         kept: list[MotionEstimate] = []
         self.steps: list[Step] = []
-        asked = set(self.wanted.tolist()) if only_wanted else set()
+        wanted = set(self.wanted.tolist()) if only_wanted else set()
         found: dict[int, MotionEstimate] = {}
         for k, observations in enumerate(self.events):
             if k:
@@ -206,20 +206,20 @@ class _Run:
                 estimate, _ = self.filter.update(estimate, observations)
             if not only_wanted:
                 kept.append(estimate)
-            elif k in asked:
+            elif k in wanted:
                 found[k] = estimate
         return [found[k] for k in self.wanted.tolist()] if only_wanted else kept
 
     def smoothed(self) -> list[MotionEstimate]:
         """Estimates at the wanted times, given all measurements."""
         estimates = self.forwards()
-        asked = set(self.wanted.tolist())
+        wanted = set(self.wanted.tolist())
         after = estimates[-1]
         found = {len(estimates) - 1: after}
         for k in range(len(estimates) - 2, -1, -1):
             after = self.filter.smooth_back(estimates[k], self.steps[k], after)
             estimates.pop()
-            if k in asked:
+            if k in wanted:
                 found[k] = after
         return [found[k] for k in self.wanted.tolist()]
 
@@ -324,8 +324,8 @@ def smoothed_stream(
     if isinstance(model, CaptureModel) and base is not None:
         place, turn, attitude = _smooth_base(stream, times, smoother)
         state = np.concatenate([place[0], turn[0]], axis=1)
-        spread = np.concatenate([place[1], turn[1]], axis=1)
-        return SensorMotion((*base.place, *base.turn), state, spread, attitude)
+        covariance = np.concatenate([place[1], turn[1]], axis=1)
+        return SensorMotion((*base.place, *base.turn), state, covariance, attitude)
     return None
 
 
@@ -350,15 +350,17 @@ def _smooth_base(
     four = turned.state / length
     attitude = Rotation.from_quat(np.array(four[:, :, 0]))
     spin = 2 * _vector_part(four[:, :, 0], four[:, :, 1])
-    bend = 2 * _vector_part(four[:, :, 0], four[:, :, 2])
-    spread = 4 * turned.covariance[:, :3]
+    spin_rate = 2 * _vector_part(four[:, :, 0], four[:, :, 2])
+    covariance = 4 * turned.covariance[:, :3]
     offset = model.frame.offset
     lever = np.tile(offset, (len(spin), 1))
-    swing = np.cross(spin, lever)
-    bow = np.cross(bend, lever) + np.cross(spin, swing)
-    moved = np.stack([attitude.apply(part) for part in (lever, swing, bow)], axis=-1)
-    state = np.stack([np.zeros_like(spin), spin, bend], axis=-1)
-    return (place.state - moved, place.covariance), (state, spread), attitude
+    lever_velocity = np.cross(spin, lever)
+    lever_acceleration = np.cross(spin_rate, lever) + np.cross(spin, lever_velocity)
+    moved = np.stack(
+        [attitude.apply(part) for part in (lever, lever_velocity, lever_acceleration)], axis=-1
+    )
+    state = np.stack([np.zeros_like(spin), spin, spin_rate], axis=-1)
+    return (place.state - moved, place.covariance), (state, covariance), attitude
 
 
 def _vector_part(quaternion: Array, other: Array) -> Array:

@@ -119,7 +119,7 @@ class Spline:
         spans = max(1, round((end - begin) / self.knot_step))
         inner = np.linspace(begin, end, spans + 1)
         knots = np.concatenate([[begin] * degree, inner, [end] * degree])
-        spread = np.broadcast_to(np.asarray(std, float), values.shape[1:])
+        deviations = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         rows = [_basis(knots, times, degree, k) for k in range(3)]
         state = np.empty((len(times), values.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
@@ -131,7 +131,7 @@ class Spline:
                 shapes[key] = _projection(knots, time[seen], degree, rows, self.knot_step)
             weights, unit = shapes[key]
             state[:, b] = np.einsum("kmn,n->mk", weights, column[seen])
-            covariance[:, b] = unit * spread[b] ** 2
+            covariance[:, b] = unit * deviations[b] ** 2
         return Smoothed(state, covariance)
 
 
@@ -161,7 +161,7 @@ class SavitzkyGolay:
     ) -> Smoothed:
         """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
         times = time if at is None else at
-        spread = np.broadcast_to(np.asarray(std, float), values.shape[1:])
+        deviations = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         state = np.empty((len(times), values.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
         half = self.window / 2
@@ -178,7 +178,7 @@ class SavitzkyGolay:
                     )
                 weights = _local(stamps[lo:hi], now, half, self.degree)
                 state[m, b] = weights @ known[lo:hi]
-                covariance[m, b] = weights @ weights.T * spread[b] ** 2
+                covariance[m, b] = weights @ weights.T * deviations[b] ** 2
         return Smoothed(state, covariance)
 
 

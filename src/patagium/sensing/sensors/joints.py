@@ -164,13 +164,13 @@ def names(name: str, value: object) -> tuple[str, ...]:
     return found
 
 
-def joint_names(asked: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
+def joint_names(chosen: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
     """Names of the chosen coordinates, or of all actuated ones if none is chosen.
 
     Raises:
         ParameterError: If the robot has no such coordinate, or none is actuated.
     """
-    chosen = asked or tuple(robot.dof_names[i] for i in robot.actuated)
+    chosen = chosen or tuple(robot.dof_names[i] for i in robot.actuated)
     if not chosen:
         raise ParameterError("joints", f"coordinates of {robot.name!r}: none is actuated", ())
     for name in chosen:

@@ -168,7 +168,7 @@ def low_pass(time: Array, values: Array, bandwidth: float) -> Array:
         values: Input, (N, ...) [any unit].
         bandwidth: Frequency at which the power is halved [Hz].
     """
-    from scipy.signal import lfilter  # slow to load, and rarely asked for
+    from scipy.signal import lfilter  # slow to load and rarely needed
 
     step = float(np.median(np.diff(time)))
     reach = 2 * np.pi * bandwidth * step

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import Block, Request, Topic, reading
 from patagium.sensing.logs.files.messages import (
     NO_MESSAGE,
     Message,
@@ -54,7 +54,7 @@ class BagFile:
         for kind, named in sorted(self._types.borrowed.items()):
             self.notes.append(f"the bag carries no definition of {kind}: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows in the order of the bag."""
         topics = {one.topic for one in wanted}
         with reading(self.path, self.format):

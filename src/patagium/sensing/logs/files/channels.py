@@ -31,7 +31,7 @@ _SHOWN = 12
 _CLOSE = 3
 
 
-class Base(NamedTuple):
+class StampSource(NamedTuple):
     """Source of the stamps of a topic.
 
     Attributes:
@@ -46,7 +46,7 @@ class Base(NamedTuple):
     factor: float = 1.0
 
 
-class Wanted(NamedTuple):
+class Request(NamedTuple):
     """Request for some numbers of a topic.
 
     Attributes:
@@ -56,7 +56,7 @@ class Wanted(NamedTuple):
     """
 
     topic: str
-    base: Base
+    base: StampSource
     fields: tuple[str, ...]
 
 
@@ -109,7 +109,7 @@ class Topic:
     kind: str
     count: int | None
     channels: Mapping[str, Channel]
-    base: Base
+    base: StampSource
     problem: str = ""
     aliases: Mapping[str, str] = field(default_factory=dict)
     about: int = 0
@@ -131,7 +131,7 @@ class LogFile(Protocol):
     notes: list[str]
     topics: dict[str, Topic]
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, topic by topic or interleaved as in the file.
 
         Args:

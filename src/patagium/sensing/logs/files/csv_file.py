@@ -17,7 +17,7 @@ from typing import Any
 import pandas as pd
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import BLOCK, Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import BLOCK, Block, Request, Topic, reading
 from patagium.sensing.logs.files.tables import columns_of, distinct, table_block, table_topic
 
 _LOOK = 200
@@ -54,7 +54,7 @@ class CsvFile:
         self._decimal = "," if self._separator == ";" and _comma_decimal(look) else "."
         self.topics: dict[str, Topic] = {"": self._table(look)}
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
             with reading(self.path, "CSV"), self._opened() as text:

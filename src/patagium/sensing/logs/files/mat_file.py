@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import Block, Request, Topic, reading
 from patagium.sensing.logs.files.tables import column_blocks, table_topic
 
 _MOST_COLUMNS = 64
@@ -53,12 +53,12 @@ class MatFile:
         if not lengths:
             raise LogError(f"{path}: expected arrays of numbers, found none")
         if len(lengths) > 1:
-            told = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
-            self.notes.append(f"arrays of several lengths: {told}; each needs its own stamp")
+            described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
+            self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
         types = {name: str(column.dtype) for name, column in self._columns.items()}
         self.topics: dict[str, Topic] = {"": table_topic(types, lengths.most_common(1)[0][0])}
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one request after the other."""
         for key, one in enumerate(wanted):
             yield from column_blocks(key, one, self._columns, str(self.path))

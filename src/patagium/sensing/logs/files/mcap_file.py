@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import Block, Request, Topic, reading
 from patagium.sensing.logs.files.messages import (
     NO_MESSAGE,
     Message,
@@ -53,7 +53,7 @@ class McapFile:
             for kind, named in sorted(types.borrowed.items()):
                 self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows in the order in which they were logged."""
         topics = {one.topic for one in wanted}
         with reading(self.path, self.format):

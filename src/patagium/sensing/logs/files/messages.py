@@ -18,11 +18,11 @@ import numpy as np
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     NO_STAMP,
-    Base,
     Block,
     Channel,
+    Request,
+    StampSource,
     Topic,
-    Wanted,
 )
 from patagium.sensing.logs.files.ros_units import unit_in_message
 
@@ -78,12 +78,12 @@ def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], 
     except Exception as problem:  # decoders raise their own errors
         return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
     stamp = _stamp(first, _stamp_path(first, list(channels)))
-    base = Base("header" if stamp not in (None, 0) else "received")
+    base = StampSource("header" if stamp not in (None, 0) else "received")
     return Topic(name, kind, count, channels, base, aliases=aliases)
 
 
 def message_blocks(
-    streams: Sequence[Iterable[Message]], wanted: Sequence[Wanted]
+    streams: Sequence[Iterable[Message]], wanted: Sequence[Request]
 ) -> Iterator[Block]:
     """Requested rows in the order in which messages were received.
 
@@ -112,7 +112,7 @@ def message_blocks(
 
 def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
     """Topic without numbers that says why it cannot be read."""
-    return Topic(name, kind, count, {}, Base("received"), problem)
+    return Topic(name, kind, count, {}, StampSource("received"), problem)
 
 
 def one_line(problem: Exception) -> str:
@@ -123,7 +123,7 @@ def one_line(problem: Exception) -> str:
 class _Rows:
     """Rows of one request that are collected for a block."""
 
-    def __init__(self, key: int, wanted: Wanted) -> None:
+    def __init__(self, key: int, wanted: Request) -> None:
         self.key, self.wanted = key, wanted
         self.getters = [getter(path) for path in wanted.fields]
         self.stamps: list[int] = []

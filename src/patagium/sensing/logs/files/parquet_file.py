@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from patagium.sensing.logs.files.channels import BLOCK, Block, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import BLOCK, Block, Request, Topic, reading
 from patagium.sensing.logs.files.tables import columns_of, table_block, table_topic
 
 
@@ -41,7 +41,7 @@ class ParquetFile:
         topic = table_topic(types_by_name, count, units, stamped=stamped)
         self.topics: dict[str, Topic] = {"": topic}
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
             with reading(self.path, "Parquet"):

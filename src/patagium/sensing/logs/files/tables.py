@@ -17,11 +17,11 @@ from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     BLOCK,
     Array,
-    Base,
     Block,
     Channel,
+    Request,
+    StampSource,
     Topic,
-    Wanted,
     nanoseconds,
 )
 
@@ -77,17 +77,19 @@ def unit_of_suffix(name: str) -> str:
 
 def _guessed_base(
     channels: Mapping[str, Channel], stamped: Mapping[str, float]
-) -> tuple[Base, str]:
+) -> tuple[StampSource, str]:
     for column, factor in stamped.items():
-        return Base("column", column, factor), ""
+        return StampSource("column", column, factor), ""
     for column in channels:
         match = _TIME.match(column.strip().lower())
         if match:
             unit = match[2] or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
             guess = f"column {column!r} taken for time in s; a mapping says it better"
-            return Base("column", column, _NANOSECONDS.get(unit, 1e9)), guess if plain else ""
-    return Base("rows"), "no column is named like time; rows are counted instead"
+            return StampSource(
+                "column", column, _NANOSECONDS.get(unit, 1e9)
+            ), guess if plain else ""
+    return StampSource("rows"), "no column is named like time; rows are counted instead"
 
 
 def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
@@ -125,14 +127,14 @@ def _from_words(words: NDArray[Any], column: str, where: str, first: int) -> Arr
     return numbers
 
 
-def columns_of(wanted: Wanted) -> list[str]:
+def columns_of(wanted: Request) -> list[str]:
     """Columns to read for a request, each once."""
     stamped = (wanted.base.column,) if wanted.base.kind == "column" else ()
     return list(dict.fromkeys((*stamped, *wanted.fields)))
 
 
 def table_block(
-    key: int, wanted: Wanted, columns: Mapping[str, Any], first: int, count: int, where: str
+    key: int, wanted: Request, columns: Mapping[str, Any], first: int, count: int, where: str
 ) -> Block:
     """Block of consecutive rows of a table.
 
@@ -159,7 +161,7 @@ def table_block(
 
 
 def column_blocks(
-    key: int, wanted: Wanted, columns: Mapping[str, NDArray[Any]], where: str
+    key: int, wanted: Request, columns: Mapping[str, NDArray[Any]], where: str
 ) -> Iterator[Block]:
     """Blocks of a table that is in memory.
 
@@ -189,9 +191,9 @@ def column_blocks(
 def distinct(names: Iterable[str]) -> list[str]:
     """Names with a number added to those that repeat, like the names of pandas."""
     seen: dict[str, int] = {}
-    told = []
+    names_in_order = []
     for name in names:
         count = seen.get(name, 0)
         seen[name] = count + 1
-        told.append(f"{name}.{count}" if count else name)
-    return told
+        names_in_order.append(f"{name}.{count}" if count else name)
+    return names_in_order

@@ -13,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from patagium.sensing.logs.files.channels import Base, Block, Channel, Topic, Wanted, reading
+from patagium.sensing.logs.files.channels import (
+    Block,
+    Channel,
+    Request,
+    StampSource,
+    Topic,
+    reading,
+)
 from patagium.sensing.logs.files.tables import column_blocks, unit_of_suffix
 
 
@@ -47,7 +54,7 @@ class UlogFile:
             self._note_damage(log)
         self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._parts.items()}
 
-    def blocks(self, wanted: tuple[Wanted, ...]) -> Iterator[Block]:
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, topic by topic."""
         for key, one in enumerate(wanted):
             yield from column_blocks(key, one, self._parts[one.topic], str(self.path))
@@ -86,4 +93,4 @@ def _topic(name: str, columns: Any) -> Topic:
         for field, values in columns.items()
     }
     count = len(next(iter(columns.values()), ()))
-    return Topic(name, "ULog", count, channels, Base("column", "timestamp", 1e3))
+    return Topic(name, "ULog", count, channels, StampSource("column", "timestamp", 1e3))

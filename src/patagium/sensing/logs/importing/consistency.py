@@ -16,7 +16,7 @@ import numpy as np
 from patagium.sensing.logs.axes import rotate, turning_rate
 from patagium.sensing.logs.files.channels import Array
 from patagium.sensing.logs.importing.findings import GRAVITY, Finding
-from patagium.sensing.logs.importing.plan import Item
+from patagium.sensing.logs.importing.plan import Quantity
 from patagium.sensing.logs.importing.resample import TimeBase, resampled, stamps_in
 from patagium.sensing.logs.importing.spool import Spool
 from patagium.sensing.logs.importing.survey import SECOND
@@ -125,7 +125,7 @@ class _Stretches:
         starts = np.linspace(0, last, min(_STRETCHES, 1 + last // length)).astype(int)
         self._places = [(int(start), int(start) + length) for start in np.unique(starts)]
 
-    def of(self, *items: Item) -> list[tuple[Array, list[Array]]]:
+    def of(self, *items: Quantity) -> list[tuple[Array, list[Array]]]:
         """Times, (k,) [s], and values of items, (k, n) each, where all are valid, without a gap."""
         pieces = []
         for begin, end in self._places:
@@ -152,7 +152,9 @@ class _Stretches:
         return values[:: self.span][: (len(values) - 1) // self.span + 1]
 
 
-def _compare(looked: _Stretches, place: Item, rate: Item, *, turning: bool) -> list[Finding]:
+def _compare(
+    looked: _Stretches, place: Quantity, rate: Quantity, *, turning: bool
+) -> list[Finding]:
     sums = _Sums()
     for time, (where, measured) in looked.of(place, rate):
         ends, stamps = looked.ends(where), looked.ends(time)
@@ -196,7 +198,7 @@ _SLIPS = {
 
 
 def _forces(
-    looked: _Stretches, attitude: Item, force: Item, speed: Item | None
+    looked: _Stretches, attitude: Quantity, force: Quantity, speed: Quantity | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
     sums = _Forces()
     items = (attitude, force) if speed is None else (attitude, force, speed)
@@ -222,10 +224,10 @@ def _forces(
     if sums.compared and speed is not None:
         fact["velocity"] = speed.column.label
         offset = sums.offset / sums.compared
-        spread = np.maximum(0.0, sums.residual / sums.compared - offset**2)
+        variance = np.maximum(0.0, sums.residual / sums.compared - offset**2)
         fact["residual_mean"] = offset.tolist()
         fact["residual_rms"] = np.sqrt(sums.residual / sums.compared).tolist()
-        fact["residual_std"] = np.sqrt(spread).tolist()
+        fact["residual_std"] = np.sqrt(variance).tolist()
         fact["acceleration_rms"] = np.sqrt(sums.change / sums.compared).tolist()
         fact["span"] = looked.duration
     return _gravity_findings(name, attitude.column.label, mean), [fact]
@@ -233,18 +235,20 @@ def _forces(
 
 def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
     size = float(np.linalg.norm(mean))
-    if size < 0.3 * GRAVITY:  # gravity taken out, or another unit: told elsewhere
+    if size < 0.3 * GRAVITY:  # gravity taken out, or another unit: reported elsewhere
         return []
     where = f"{name} and {attitude}"
-    told = ", ".join(f"{value:.3g}" for value in mean)
+    components = ", ".join(f"{value:.3g}" for value in mean)
     if mean[2] < -0.5 * size:
-        text = f"the mean in the world is ({told}) m/s^2, down; a body that is carried feels up"
+        text = (
+            f"the mean in the world is ({components}) m/s^2, down; a body that is carried feels up"
+        )
         return [Finding("warning", where, "axes", f"{text}: check frame and body")]
     if np.hypot(mean[0], mean[1]) > _LEVEL * size:
-        text = f"the mean in the world is ({told}) m/s^2, far from upright"
+        text = f"the mean in the world is ({components}) m/s^2, far from upright"
         return [Finding("warning", where, "axes", f"{text}: check frame, body, order, inverted")]
     return []
 
 
-def _of_world(item: Item) -> bool:
+def _of_world(item: Quantity) -> bool:
     return (item.column.frame or "").strip().lower() in _WORLDS

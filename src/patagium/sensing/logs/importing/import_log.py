@@ -27,7 +27,7 @@ from patagium.sensing.logs.importing.findings import (
     stamp_findings,
     unit_findings,
 )
-from patagium.sensing.logs.importing.plan import Item, Plan, plan_import
+from patagium.sensing.logs.importing.plan import Plan, Quantity, plan_import
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
     TimeBase,
@@ -212,7 +212,7 @@ def _findings(log: LogFile, spool: Spool, base: TimeBase, gap: float) -> list[Fi
     return found
 
 
-def _item_findings(item: Item, values: ValueSurvey) -> list[Finding]:
+def _item_findings(item: Quantity, values: ValueSurvey) -> list[Finding]:
     name, places = item.column.label, list(item.places)
     found = missing_findings(name, values, places) + constant_findings(name, values, places)
     if not item.is_quaternion:
@@ -225,7 +225,7 @@ def _item_findings(item: Item, values: ValueSurvey) -> list[Finding]:
     return found
 
 
-def _stated_unit(item: Item, plan: Plan, log: LogFile) -> list[Finding]:
+def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
     """Finding that the file states another unit than the mapping."""
     wanted = plan.wanted[item.stream]
     path = wanted.fields[item.places[0]]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Topic, Wanted
+from patagium.sensing.logs.files.channels import Request, Topic
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.findings import (
     Finding,
@@ -139,7 +139,7 @@ def inspect_log(
     with closing(open_log(paths)) as log:
         readable = [topic for topic in log.topics.values() if not topic.problem]
         lost = [topic for topic in log.topics.values() if topic.problem]
-        wanted = tuple(Wanted(one.name, one.base, tuple(_fields(one))) for one in readable)
+        wanted = tuple(Request(one.name, one.base, tuple(_fields(one))) for one in readable)
         total = sum(topic.count or topic.about for topic in readable)
         surveys = survey_streams(log, wanted, total, progress=progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
@@ -187,8 +187,8 @@ def _topic_facts(topic: Topic, survey: StreamSurvey, origin: int) -> TopicFacts:
 
 def _channel_facts(topic: Topic, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:
     values = survey.values
-    heard, mean, rms = values.count > 0, values.mean, values.rms
-    low, high = (np.where(heard, ends, np.nan) for ends in (values.low, values.high))
+    present, mean, rms = values.count > 0, values.mean, values.rms
+    low, high = (np.where(present, ends, np.nan) for ends in (values.low, values.high))
     return tuple(
         ChannelFacts(
             name=name,

@@ -12,10 +12,10 @@ from patagium.errors import LogError
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
     Array,
-    Base,
     LogFile,
+    Request,
+    StampSource,
     Topic,
-    Wanted,
     components_are_named,
     find_fields,
     find_topic,
@@ -32,7 +32,7 @@ _SOUND = re.compile(
 
 
 @dataclass(frozen=True)
-class Item:
+class Quantity:
     """Quantity of the mapping, located in the log.
 
     Attributes:
@@ -107,9 +107,9 @@ class Plan:
         counts: Number of rows of each stream, or an estimate; 0 where unknown.
     """
 
-    wanted: tuple[Wanted, ...]
+    wanted: tuple[Request, ...]
     names: tuple[str, ...]
-    items: tuple[Item, ...]
+    items: tuple[Quantity, ...]
     counts: tuple[int, ...]
 
     def stream_of(self, topic: str) -> int | None:
@@ -129,7 +129,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     Raises:
         LogError: If the log lacks a topic or field of the mapping; the message names those it has.
     """
-    streams: dict[tuple[str, Base], list[str]] = {}
+    streams: dict[tuple[str, StampSource], list[str]] = {}
     topics: dict[str, Topic] = {}
     found, taken = [], {"time"}
     for role, columns in (
@@ -155,7 +155,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
         _item(role, column, keys.index(key), [streams[key].index(f) for f in fields], fields)
         for role, column, key, fields in found
     )
-    wanted = tuple(Wanted(name, base, tuple(streams[name, base])) for name, base in keys)
+    wanted = tuple(Request(name, base, tuple(streams[name, base])) for name, base in keys)
     names = tuple((name or "table") + _suffix(base, keys, name) for name, base in keys)
     return Plan(wanted, names, items, tuple(topics[n].count or topics[n].about for n, _ in keys))
 
@@ -187,15 +187,17 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
         taken.add(name)
 
 
-def _base(topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str) -> Base:
+def _base(
+    topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str
+) -> StampSource:
     time = mapping.time
     stamp = (column.stamp if column is not None else "") or time.column
     if stamp:
         where = f"{source}: time" if not column or not column.stamp else f"{source}: stamp"
         field = find_fields(topic, stamp, 1, where)[0]
         if topic.channels[field].dtype == "timestamp":
-            return Base("column", field, 1.0)
-        return Base("column", field, conversion(time.unit, "s", where)[0] * 1e9)
+            return StampSource("column", field, 1.0)
+        return StampSource("column", field, conversion(time.unit, "s", where)[0] * 1e9)
     if time.base is not None:
         if topic.base.kind not in ("header", "received"):
             raise LogError(f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a "
@@ -205,7 +207,7 @@ def _base(topic: Topic, column: ValueColumn | None, mapping: TableMapping, sourc
                 f"{source}: time.base: expected a stamp in the header of topic {topic.name!r} "
                 f"({topic.kind}), found none; use received"
             )
-        return Base(time.base)
+        return StampSource(time.base)
     if topic.kind == "table":
         raise LogError(f"{source}: time.column: expected the column with stamps of a table; it "
                        f"holds {', '.join(list(topic.channels)[:12])}")  # fmt: skip
@@ -214,7 +216,7 @@ def _base(topic: Topic, column: ValueColumn | None, mapping: TableMapping, sourc
 
 def _item(
     role: str, column: ValueColumn, stream: int, places: list[int], fields: list[str]
-) -> Item:
+) -> Quantity:
     si_factor, si = conversion(column.unit, None, column.label)
     factor, unit = conversion(column.unit, column.as_unit, column.label)
     order: str | None = column.order
@@ -222,10 +224,10 @@ def _item(
         order = "wxyz"
     if order is not None:
         factor, unit = 1.0, "1"
-    return Item(column, role, stream, tuple(places), factor, unit, si_factor, si, order)
+    return Quantity(column, role, stream, tuple(places), factor, unit, si_factor, si, order)
 
 
-def _suffix(base: Base, keys: list[tuple[str, Base]], name: str) -> str:
+def _suffix(base: StampSource, keys: list[tuple[str, StampSource]], name: str) -> str:
     return f" by {base.column}" if sum(other == name for other, _ in keys) > 1 else ""
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import continuous, slerp
 from patagium.sensing.logs.files.channels import Array, Stamps
-from patagium.sensing.logs.importing.plan import Item, Plan
+from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.spool import Spool
 from patagium.sensing.logs.importing.survey import SECOND
 from patagium.sensing.logs.mapping import TableMapping
@@ -68,12 +68,12 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
     ends = [spool.surveys[k].stamps.last for k in used]
     begin, end = max(begins), min(ends)
     if end <= begin:
-        told = "; ".join(
+        described = "; ".join(
             f"{plan.names[k]} from {(b - min(begins)) / SECOND:.6g} s to "
             f"{(e - min(begins)) / SECOND:.6g} s"
             for k, b, e in zip(used, begins, ends, strict=True)
         )
-        raise LogError(f"{source}: expected streams that overlap in time, found {told}")
+        raise LogError(f"{source}: expected streams that overlap in time, found {described}")
     origin = begin
     begin = origin + round((time.start or 0.0) * SECOND)
     if time.end is not None:
@@ -100,7 +100,7 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
 
 
 def resampled(
-    spool: Spool, item: Item, stamps: Stamps, gap: float
+    spool: Spool, item: Quantity, stamps: Stamps, gap: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Quantity at given stamps.
 
@@ -119,7 +119,7 @@ def resampled(
 
 
 def _resampled(
-    spool: Spool, item: Item, stamps: Stamps, gap: float
+    spool: Spool, item: Quantity, stamps: Stamps, gap: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     known = spool.stamps_of(item.stream)
     begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
@@ -143,7 +143,7 @@ def _resampled(
     return _between(item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
 
 
-def _between(item: Item, seconds: Array, values: Array, wanted: Array) -> Array:
+def _between(item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
     turns = item.si == "rad" and item.column.size == 1

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, LogFile, Stamps, Wanted
+from patagium.sensing.logs.files.channels import NO_STAMP, Array, LogFile, Request, Stamps
 
 Progress = Callable[[int, int], None]
 Keep = Callable[[int, Stamps, Array], None]
@@ -183,7 +183,7 @@ class StreamSurvey:
 
 def survey_streams(
     log: LogFile,
-    wanted: tuple[Wanted, ...],
+    wanted: tuple[Request, ...],
     total: int,
     *,
     keep: Keep | None = None,
