@@ -512,7 +512,7 @@ class LinearSettings:
         ParameterError: If a number is out of its range.
     """
 
-    prior_std: float | None = _same_as_filters("prior_std")
+    prior_std: Numbers | None = _same_as_filters("prior_std")
     measurement_std: Numbers | None = _same_as_filters("measurement_std")
     forgetting_factor: float = _same_as_filters("forgetting_factor")
     features: int = setting(
@@ -523,6 +523,12 @@ class LinearSettings:
     )
 
     def __post_init__(self) -> None:
+        for name in ("prior_std", "measurement_std"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _plain_numbers(name, value))
+        if isinstance(self.prior_std, tuple):
+            raise ParameterError("prior_std", "one number", self.prior_std)
         _check_fields(self)
 
 
@@ -590,13 +596,11 @@ def settings_from(learner: str, values: Mapping[str, Any]) -> Any:
     return RECORDS[learner](**{name: _made(known[name], value) for name, value in found.items()})
 
 
-def chosen_settings(
-    learner: str, settings: FilterSettings | None, given: Mapping[str, Any]
-) -> FilterSettings:
+def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> Any:
     """Settings of a learner from a record and from values that override it.
 
     Args:
-        learner: Kind of the learner, one of `FILTERS`.
+        learner: Kind of the learner, a key of `RECORDS`.
         settings: The record; None: the defaults.
         given: Values by name of the setting, older names too.
 
@@ -607,7 +611,22 @@ def chosen_settings(
     for name in values:
         if name not in known:
             raise ParameterError(f"{learner} learner", f"settings among {', '.join(known)}", name)
-    return replace(settings or FilterSettings(), **values)
+    return replace(RECORDS[learner]() if settings is None else settings, **values)
+
+
+def check_needed(learner: str, settings: Any) -> None:
+    """Refuse settings without a value that a learner cannot do without.
+
+    Args:
+        learner: Kind of the learner, a key of `RECORDS`.
+        settings: Its record.
+
+    Raises:
+        ParameterError: If one is missing.
+    """
+    for one in settings_of(learner):
+        if one.metadata["meaning"].needed and getattr(settings, one.name) is None:
+            raise ParameterError(one.name, f"a number for the {learner} learner", None)
 
 
 def learner_signature(learner: str) -> Signature:

@@ -8,13 +8,14 @@ Neglected: mini-batches other than the sample and those replayed.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import Outcome, ParameterError, positive
+from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen, usable_channels
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.learners.learner import (
@@ -26,6 +27,7 @@ from patagium.learning.learners.learner import (
 )
 from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Encoding, Network
+from patagium.learning.settings import GradientSettings, check_needed, chosen_settings
 
 Array = NDArray[np.float64]
 
@@ -42,9 +44,10 @@ class GradientLearner(Saved):
 
     Args:
         network: The network whose weights are learned.
-        learning_rate: Step of Adam, in the unit of the weights.
-        replay: How many earlier samples, drawn evenly from the last 4096, join each step.
+        settings: Record of settings; None: the defaults. Single settings override it by name.
+            Samples that are replayed are drawn evenly from the last 4096.
         seed: Seed of the weights to start from and of the draws.
+        **given: Settings by name, which override the record.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -54,12 +57,17 @@ class GradientLearner(Saved):
     """
 
     def __init__(
-        self, network: Network, *, learning_rate: float, replay: int = 0, seed: int = 0
+        self,
+        network: Network,
+        settings: GradientSettings | None = None,
+        *,
+        seed: int = 0,
+        **given: Any,
     ) -> None:
-        if not (isinstance(replay, int) and replay >= 0):
-            raise ParameterError("replay", "a whole number of at least 0", replay)
-        self._network, self._replay, self._seed = network, replay, seed
-        self._rate = positive("learning_rate", learning_rate)
+        chosen: GradientSettings = chosen_settings("gradient", settings, given)
+        check_needed("gradient", chosen)
+        self.settings, self._network, self._seed = chosen, network, seed
+        self._replay, self._rate = chosen.replay, float(chosen.learning_rate or 0.0)
         self._weights = network.initial(seed)
         self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
         self._scatter = np.zeros((network.outputs, network.outputs))
@@ -171,8 +179,7 @@ class GradientLearner(Saved):
         return {
             "kind": "gradient",
             "network": self._network.describe(),
-            "learning_rate": self._rate,
-            "replay": self._replay,
+            **asdict(self.settings),
             "seed": self._seed,
         }
 

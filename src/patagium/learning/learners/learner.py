@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping
-from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
+from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.network import Network
 
@@ -196,14 +195,3 @@ def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged
     return FilterDiverged(
         f"update {count + 1}: {reason}; the learner is as it was before; {remedy}", outcome
     )
-
-
-def forgetting(value: float) -> float:
-    """A forgetting factor, 0 < factor <= 1.
-
-    Raises:
-        ParameterError: If it is not.
-    """
-    if not (isfinite(value) and 0 < value <= 1):
-        raise ParameterError("forgetting_factor", "above 0 and at most 1", value)
-    return float(value)

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.deprecation import renamed_arguments
-from patagium.errors import Outcome, positive
+from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen, usable_channels
 from patagium.learning.filters.state import (
     arrays_like,
@@ -32,12 +31,12 @@ from patagium.learning.learners.learner import (
     Stopwatch,
     as_input,
     diverged,
-    forgetting,
     shaped_sample,
 )
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.linear import LinearNetwork
 from patagium.learning.models.scaling import scale_of
+from patagium.learning.settings import LinearSettings, check_needed, chosen_settings
 
 Array = NDArray[np.float64]
 
@@ -52,12 +51,10 @@ class LinearLearner(Saved):
 
     Args:
         network: A DenseNetwork without hidden layers: inputs, outputs and their scales.
-        prior_std: Standard deviation of each weight before any sample.
-        measurement_std: Standard deviation of the measurement, scalar or (n_y,), in
-            the unit of y; its mean over the outputs, in their scales, weighs all of them.
-        features: Number of random softplus features; 0: linear in the inputs.
-        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
+        settings: Record of settings; None: the defaults. Single settings override it by name.
+            The mean of measurement_std over the outputs, in their scales, weighs all of them.
         seed: Seed of the features.
+        **given: Settings by name, which override the record.
 
     Raises:
         ParameterError: If a number is out of its range.
@@ -67,21 +64,21 @@ class LinearLearner(Saved):
         Ljung (1999), System Identification, section 11.2.
     """
 
-    @renamed_arguments(prior_deviation="prior_std", measurement_deviation="measurement_std")
     def __init__(
         self,
         network: DenseNetwork,
+        settings: LinearSettings | None = None,
         *,
-        prior_std: float,
-        measurement_std: ArrayLike,
-        features: int = 0,
-        forgetting_factor: float = 1.0,
         seed: int = 0,
+        **given: Any,
     ) -> None:
-        self._network = LinearNetwork(network, features, seed)
-        self._prior = positive("prior_std", prior_std)
-        self._std = scale_of("measurement_std", measurement_std, network.outputs)
-        self._forgetting = forgetting(forgetting_factor)
+        chosen: LinearSettings = chosen_settings("linear", settings, given)
+        check_needed("linear", chosen)
+        self.settings = chosen
+        self._network = LinearNetwork(network, chosen.features, seed)
+        self._std = scale_of("measurement_std", np.asarray(chosen.measurement_std), network.outputs)
+        self._prior = float(np.asarray(chosen.prior_std))
+        self._forgetting = float(chosen.forgetting_factor)
         self._variance = float(np.mean((self._std / network.output_scale) ** 2))
         count = self._network.perceptron.widths[0] + 1
         self._slopes = np.zeros((count, network.outputs))

@@ -11,8 +11,6 @@ from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from patagium.errors import LogError, ParameterError, PatagiumError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
@@ -22,9 +20,8 @@ from patagium.learning.learners.learner import Learner, Resumable
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.physical import own_prior
 from patagium.learning.models.registry import network_from_description
-from patagium.learning.settings import FilterSettings, renamed, settings_from, settings_of
+from patagium.learning.settings import FilterSettings, renamed, settings_from
 
 FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
@@ -56,14 +53,7 @@ def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
     if kind not in LEARNERS:
         raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
     record = settings_from(kind, settings) if isinstance(settings, Mapping) else settings
-    known = {"prior_std"} if not np.isnan(own_prior(network)).any() else set()
-    values: dict[str, Any] = {}
-    for one in settings_of(kind):
-        value = getattr(record, one.name)
-        if value is None and one.metadata["meaning"].needed and one.name not in known:
-            raise ParameterError(one.name, f"a number for the {kind} learner", None)
-        values[one.name] = value
-    return LEARNERS[kind](network, seed=seed, **values)
+    return LEARNERS[kind](network, record, seed=seed)
 
 
 def learner_from_description(description: Mapping[str, Any]) -> Resumable:
