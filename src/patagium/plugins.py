@@ -1,4 +1,4 @@
-"""What installed packages add to patagium: verbs, models of the air, steppings.
+"""Plugins of installed packages: verbs, models of the air, steppings.
 
 A package adds something by an entry point of one of the groups below. The laboratory in `lab/`
 adds the authors' verbs and the published air this way. Neglected: versions of plugins.
@@ -29,7 +29,7 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 
 
 def plugin(group: str, name: str) -> Any:
-    """The object behind an entry point, or None where no installed package has it.
+    """Object behind an entry point; None if no installed package has it.
 
     Args:
         group: One of the groups above.

@@ -42,7 +42,7 @@ class Gallery:
         self.captions[name] = caption
 
     def vectors(self) -> Gallery:
-        """The same figures, shown as vectors."""
+        """Figures shown as vectors."""
         return Gallery(self.folder, self.captions, "svg")
 
     def pictures(self, *names: str) -> list[Picture]:

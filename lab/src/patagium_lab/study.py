@@ -50,7 +50,7 @@ class Page:
     sections: Sequence[PageSection]
 
     def only(self, titles: Sequence[str]) -> Page:
-        """The same page with some of its sections.
+        """Page with some of its sections.
 
         Args:
             titles: Titles of the sections in reading order; titles without a section are skipped.

@@ -124,7 +124,7 @@ def grey_box(
 
 
 def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:
-    """The same with the model that least squares over the whole flight give.
+    """Identification refined by least squares over the whole flight.
 
     Args:
         result: Of a learner of this flight.

@@ -15,7 +15,7 @@ EXAMPLES = (
 
 
 class Look(StrEnum):
-    """Where figures go."""
+    """Place that figures are made for."""
 
     PAGE = "page"
     PAPER = "paper"
@@ -23,7 +23,7 @@ class Look(StrEnum):
 
 
 class Format(StrEnum):
-    """How they are written; pdf and svg stay sharp."""
+    """File format of the figures; pdf and svg stay sharp."""
 
     PDF = "pdf"
     SVG = "svg"

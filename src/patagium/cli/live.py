@@ -50,7 +50,7 @@ class LiveChoice(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What a stream does for its live view.
+    """Sinks and rhythms of a stream for its live view.
 
     Attributes:
         sinks: Take what was learned.

@@ -1,4 +1,4 @@
-"""What `patagium simulate` says of mounts: the path, the arm that follows it, load cells."""
+"""Options of `patagium simulate` for mounts: path, arm that follows it, load cells."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
 
 
 class MountKind(StrEnum):
-    """What holds the robot."""
+    """Mount that holds the robot."""
 
     FREE = "free"
     FIXED = "fixed"

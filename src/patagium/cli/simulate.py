@@ -38,7 +38,7 @@ class AttitudeKind(StrEnum):
 
 
 class Stepping(StrEnum):
-    """How joints follow the gait: exactly, or overwritten as in the published experiment."""
+    """Stepping of the joints: exactly along the gait, or as in the published experiment."""
 
     PRESCRIBED = "prescribed"
     PUBLISHED = "published"
@@ -229,7 +229,7 @@ def simulate(
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
-    """What a flight is and how well it keeps its books, for a table or JSON.
+    """Facts and audits of a flight, for a table or JSON.
 
     Args:
         flight: A flight Dataset.

@@ -236,7 +236,7 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
 
 
 def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
-    """How a stream goes, in one line.
+    """Progress of a stream, in one line.
 
     Args:
         status: Rate, error, coverage.

@@ -1,4 +1,4 @@
-"""What all verbs share: quantities with units, progress on stderr, answers on stdout."""
+"""Parts that all verbs share: quantities with units, progress on stderr, answers on stdout."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def show_table(table: Table, *, err: bool = False) -> None:
 
 
 def existing(path: Path) -> Path:
-    """A file that is there.
+    """Path of an existing file.
 
     Raises:
         LogError: If it is not.

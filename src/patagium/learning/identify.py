@@ -48,7 +48,7 @@ class Trained(Protocol):
 
     @property
     def weights(self) -> Array:
-        """Its weights, (n,)."""
+        """Weights of the learner, (n,)."""
         ...
 
 

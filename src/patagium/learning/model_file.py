@@ -77,7 +77,7 @@ class Model:
 
     @property
     def covariance(self) -> Array | None:
-        """Of the weights, (n, n); None if the learner had none.
+        """Covariance of the weights, (n, n); None if the learner had none.
 
         Raises:
             ParameterError: If it was kept by parts and would be a very large matrix.
@@ -106,7 +106,7 @@ class Model:
 
 
 def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
-    """What a learner has learned, without the learner.
+    """Model that a learner has learned.
 
     Args:
         learner: The learner.
@@ -198,7 +198,7 @@ def _model(words: Mapping[str, Any]) -> Model:
 
 
 def _kept(learner: Learner) -> WeightCovariance | None:
-    """What a learner keeps of its covariance; of a stranger the whole matrix."""
+    """Covariance as the learner keeps it; the whole matrix for a learner of another package."""
     if isinstance(learner, _Structured):
         return learner.kept_covariance()
     whole = learner.covariance

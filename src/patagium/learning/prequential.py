@@ -66,7 +66,7 @@ class Samples:
 
 
 class Update(NamedTuple):
-    """What a learner said of itself at one update.
+    """Facts of a learner at one update.
 
     Attributes:
         innovation: (n_y,) [unit of y]; NaN where a channel was left out.

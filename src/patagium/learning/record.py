@@ -31,7 +31,7 @@ class Check(NamedTuple):
 
 
 class Updates(NamedTuple):
-    """What the learner said of itself after each update.
+    """Facts of the learner after each update.
 
     Attributes:
         samples: Used for an update, (U,).

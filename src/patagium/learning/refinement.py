@@ -30,7 +30,7 @@ _HALVINGS = 8
 
 
 class _Log(NamedTuple):
-    """What is fitted: samples, which of them count, and how well they were measured."""
+    """Samples to fit, with those that count and their measurement noise."""
 
     time: Array
     x: Array

@@ -1,4 +1,4 @@
-"""What identification hands back: scores, the predictions they came from, the learner.
+"""Result of an identification: scores, predictions, learner.
 
 An `Identification` saves itself as one netCDF file and draws itself as one page.
 """

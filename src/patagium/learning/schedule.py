@@ -1,4 +1,4 @@
-"""When a stream learns and what it may know then: hold intervals and horizons.
+"""Schedule of a stream: hold intervals and horizons.
 
 Sample k is predicted before it is used, by weights that saw earlier samples only. With
 one sample in `every` used, the weights hold for the `every` samples that follow, and all of

@@ -52,7 +52,7 @@ class Alternatives:
 
 
 class Meaning(NamedTuple):
-    """What a setting is, beside its name, type and default.
+    """Metadata of a setting: unit, range, sentence.
 
     Attributes:
         text: A phrase with its noun: help of the option and row of the documentation's table.
@@ -188,7 +188,7 @@ OLD_NAMES = {
 @renamed_fields(outlier_deviation="outlier_std")
 @dataclass(frozen=True)
 class Screening:
-    """How far a sample is believed.
+    """Settings of the screening of samples.
 
     A channel whose innovation e is further off than c predicted standard deviations,
     c = `outlier_std`, has its noise raised until e is c standard deviations: its pull on the
@@ -257,7 +257,7 @@ class NoiseEstimation:
 
 @dataclass(frozen=True)
 class ChangeDetection:
-    """When a learner takes its weights for outdated, and how far it opens its covariance.
+    """Settings of change detection: alarm rate and growth of the covariance.
 
     Where the innovations are white and Gaussian, a sample raises a false alarm with
     probability `false_alarm_rate` at most; after an alarm the test starts anew and is silent

@@ -31,7 +31,7 @@ _SHOWN = 3
 
 @dataclass
 class Intake:
-    """What came in, and what did not.
+    """Counts of packets received and refused.
 
     Attributes:
         received: Packets that were read.
@@ -57,7 +57,7 @@ class Intake:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many, by name."""
+        """Counts by name."""
         return {name: value for name, value in vars(self).items() if isinstance(value, int)}
 
 
@@ -141,7 +141,7 @@ class DatagramPackets:
         self._session, self._expected = nan, 0
 
     def take(self, datagram: bytes) -> Array:
-        """Its packets that are new, (k, 1 + n_q + 3 n)."""
+        """New packets of a message, (k, 1 + n_q + 3 n)."""
         try:
             return self._in_order(*self._read(datagram))
         except ValueError as problem:
@@ -188,7 +188,7 @@ def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> 
 
 
 def most_rows(columns: int) -> int:
-    """How many packets of so many numbers a datagram holds."""
+    """Number of packets that one datagram holds."""
     return (LARGEST_DATAGRAM // 8 - _HEADER) // columns
 
 

@@ -177,7 +177,7 @@ class Pipeline:
 
     @property
     def memory_resets(self) -> int:
-        """How often the network's memory began anew; 0 without one."""
+        """Number of restarts of the network's memory; 0 without one."""
         return 0 if self._memory is None else self._memory.resets
 
     def run(self, packets: ArrayLike) -> Records:

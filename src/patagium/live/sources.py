@@ -1,4 +1,4 @@
-"""Where packets come from while a robot flies: a text that grows, a pipe, datagrams.
+"""Sources of packets in flight: a growing text, a pipe, datagrams.
 
 A thread reads and puts packets into a queue of bounded size; who learns takes them out. A text
 waits where the queue is full, for it can; datagrams do not, and what found no room is counted.
@@ -254,7 +254,7 @@ class RecordSource:
             record.values(self._columns[1:], 0, 1)
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Its samples, as fast as they are learned from."""
+        """Samples of the source, as fast as the learner takes them."""
         with LogRecord(self._path) as record:
             for begin in range(0, record.count, _ROWS):
                 if stop.is_set():

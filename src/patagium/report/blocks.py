@@ -1,6 +1,6 @@
 """Blocks of a page: prose, tables, pictures, remarks and links in titled sections.
 
-`page` writes them as HTML or Markdown.
+Neglected: how it is set; `page` writes HTML or Markdown of it.
 """
 
 from __future__ import annotations

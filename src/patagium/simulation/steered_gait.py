@@ -73,7 +73,7 @@ class _Command:
 
 @dataclass(frozen=True)
 class SteeredGait:
-    """Steered gait: `steerable_gait` makes one, `command` changes frequency and amplitude.
+    """A gait that is steered; `steerable_gait` makes it, `command` changes it.
 
     Attributes:
         gait: The gait itself.

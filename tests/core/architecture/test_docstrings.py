@@ -16,7 +16,7 @@ NO_NOUN = re.compile(
     In|By|Here|There|That|Only|Not|Nothing|Everything|And|Or|But|If|Says|Told|Asked|Given)\b""",
     re.VERBOSE,
 )
-ENDS_OPEN = re.compile(r"\b(made|it|them|so|too|there|of|by|with|to|and|or|does|is|are)\.?$")
+ENDS_OPEN = re.compile(r"^(\w+,? ){1,4}(made|it|them|so|too|there|of|by|with|to|does|is|are)\.?$")
 SHAPE = re.compile(r"\((?:\w+|\.\.\.|[-\w]+(?: [-+*] \w+)?)(?:, ?[\w.+*-]+)*,?\)")
 ARRAY = re.compile(r"\((?:n|N|T|M|m|3|4|6|k|B|S|n_\w+|time)(?:, ?[\w .+*-]*)*\)")
 UNIT = re.compile(r"\[[^\]]+\]|\b(in the unit|unit of|units of|as [`\w]+|like [`\w]+|per)\b")

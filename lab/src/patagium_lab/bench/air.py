@@ -112,7 +112,7 @@ def strip_results(robot: Robot, counts: Sequence[int] = STRIPS) -> Iterator[Resu
 
 
 def restriped(robot: Robot, count: int) -> Robot:
-    """The same robot with another number of strips, of one width, on the span of its own.
+    """Robot with another number of strips of equal width on the same span.
 
     Args:
         robot: A machine whose strips follow each other along its wings, as many on each.

@@ -14,7 +14,7 @@ from patagium_lab.learners.entries import ENTRIES, Entry, entries_of
 
 @dataclass(frozen=True)
 class LearnersPlan:
-    """What is compared.
+    """Plan of the comparison.
 
     Attributes:
         after: Times of flight after which errors are given [s].
@@ -48,7 +48,7 @@ class LearnersPlan:
                 raise ParameterError("entry", f"one of {', '.join(known)}", key)
 
     def quick(self) -> LearnersPlan:
-        """The same comparison in about a minute."""
+        """Plan of a comparison of about a minute."""
         return replace(self, after=(0.05, 0.1, 0.3), tuning=0.1, draws=4, limit=2.0, twin_limit=2.0)
 
     def entries(self, data: DataSet) -> list[Entry]:

@@ -206,7 +206,7 @@ class ThrustNetwork(GroupedNetwork):
         return self._scale * y, self._scale * slope[None]
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         return {**self._dense.describe(), "kind": self.kind}
 
     @classmethod

@@ -94,7 +94,7 @@ class Published(Aerodynamics):
         return np.array([self.air.density, *DickinsonPolar().parameters])
 
     def describe(self) -> dict[str, Any]:
-        """Everything but the robot needed to make the model again, as JSON-able values."""
+        """Description from which the model is made again for a robot, as JSON values."""
         return {"model": self.name, "air": self.air.describe(), "errors": sorted(self.errors)}
 
     def expressions(

@@ -43,7 +43,7 @@ LIMITS = {
 
 @dataclass(frozen=True)
 class ReproductionPlan:
-    """What the reproduction runs.
+    """Plan of the reproduction.
 
     Attributes:
         duration: Duration of each flight [s].
@@ -134,7 +134,7 @@ class ReproductionPlan:
 
     @property
     def left_out(self) -> list[str]:
-        """What is not run, and why, in sentences."""
+        """Sentences about what is not run, and why."""
         words = [
             "The extended filter, a rival, learns from one sample in 10 at most, with the large "
             "network from one in 100. Gradient steps with replay learn from one sample in 10 at "

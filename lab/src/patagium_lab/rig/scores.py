@@ -191,7 +191,7 @@ def unseen_scores(
 
 
 def targets(metrics: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the rig set out to reach at the noise of the data sheets, and what it reached.
+    """Targets of the rig at the noise of the data sheets, and its results.
 
     Args:
         metrics: Of the rig.

@@ -43,7 +43,7 @@ class Rival:
 
     @property
     def story(self) -> str:
-        """How it was made, in words."""
+        """Story of the compiled code, in words."""
         parts = [self.note]
         if self.code_size:
             size, seconds = self.code_size / 1e6, self.derivation_time

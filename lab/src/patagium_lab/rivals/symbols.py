@@ -13,7 +13,7 @@ _INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 def with_symbols(robot: Robot, symbols: Mapping[str, Any]) -> Robot:
-    """The same robot, its bodies' numbers and gravity replaced where a symbol is given.
+    """Robot whose bodies' numbers and gravity are replaced where a symbol is given.
 
     Args:
         robot: The machine.

@@ -12,7 +12,7 @@ from patagium_lab.stress.endurance import GLIDE, UPDATES
 
 @dataclass(frozen=True)
 class StressPlan:
-    """What the stress study runs.
+    """Plan of the stress study.
 
     Attributes:
         runs: Number of runs of the fault campaign.

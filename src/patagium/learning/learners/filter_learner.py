@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.learning.filters.array import CholeskyFilter
+from patagium.learning.filters.choice import weight_filter
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
-from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     Saved,
     Stopwatch,
@@ -82,7 +83,7 @@ class FilterLearner(Saved):
         numbers = filter_numbers(network, chosen, self.kind)
         self.settings, self.memory = compact_settings(numbers), memory_of(network)
         self._network, self._seed, self._numbers = network, seed, numbers
-        self._filter = WeightFilter(numbers, network.initial(seed))
+        self._filter = weight_filter(numbers, network.initial(seed))
         self._stopwatch = Stopwatch()
         self._changes: list[int] = []
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
@@ -104,7 +105,7 @@ class FilterLearner(Saved):
 
     @property
     def variances(self) -> Array:
-        """Its diagonal, (n,), without the rest."""
+        """Variances of the weights, the diagonal of P, (n,)."""
         return self._filter.variances()
 
     @property
@@ -124,7 +125,7 @@ class FilterLearner(Saved):
 
     @property
     def events(self) -> dict[str, int]:
-        """What happened to samples so far, and how often.
+        """Number of samples of each event so far.
 
         Channels of samples: missing (no number), outliers (doubted, or too far off to be
         looked at), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets
@@ -135,7 +136,7 @@ class FilterLearner(Saved):
 
     @property
     def measurement_std(self) -> Array:
-        """Of the measurement, (n_y,) in the unit of y: as given, or as estimated by now."""
+        """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y]."""
         return np.sqrt(self._filter.screen.variances)
 
     @property
@@ -242,8 +243,9 @@ class FilterLearner(Saved):
 
     @property
     def compiled(self) -> Compiled | None:
-        """Its filter as C code meets it; None where a sample takes Python as well."""
-        return self._filter.compiled
+        """Filter as C code calls it; None where a sample needs Python as well."""
+        found: Compiled | None = getattr(self._filter, "compiled", None)
+        return found
 
     def account_for(self, outcomes: ArrayLike, nanoseconds: ArrayLike) -> None:
         """Account for samples that C code learned through `compiled`, as `update` would.
@@ -280,7 +282,7 @@ class FilterLearner(Saved):
         if outcome in REFUSALS:
             return
         # a root is definite: what was not is P_yy, at an input beyond all reason
-        lost = outcome is Outcome.COVARIANCE_LOST and self.settings.square_root == "cholesky"
+        lost = outcome is Outcome.COVARIANCE_LOST and isinstance(self._filter, CholeskyFilter)
         if screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
         screen.note("refused")
@@ -303,13 +305,13 @@ class FilterLearner(Saved):
             raise diverged(lost.outcome, self.count, np.zeros(0), np.zeros(0)) from None
 
     def describe(self) -> dict[str, Any]:
-        """What the learner is made of, as JSON-able values; not what it has learned."""
+        """Kind, network and settings of the learner as JSON values, without the weights."""
         network = self._network.describe()
         settings = self.settings.describe(self.kind)
         return {"kind": self.kind, "network": network, **settings, "seed": self._seed}
 
     def kept_covariance(self) -> WeightCovariance:
-        """What is kept of the covariance after the last sample, in its own size."""
+        """Covariance of the weights as kept after the last sample."""
         structure = self.settings.covariance
         return covariance_of_state(self._network, structure, self._filter.state())
 

@@ -100,7 +100,7 @@ class GradientLearner(Saved):
 
     @property
     def events(self) -> dict[str, int]:
-        """What happened to samples, and how often; see `screening.EVENTS`."""
+        """Number of samples of each event; see `screening.EVENTS`."""
         return self._screen.events
 
     @property
@@ -175,7 +175,7 @@ class GradientLearner(Saved):
         return np.where(kept, innovation, np.nan)
 
     def describe(self) -> dict[str, Any]:
-        """What the learner is made of, as JSON-able values; not what it has learned."""
+        """Kind, network and settings of the learner as JSON values, without the weights."""
         return {
             "kind": "gradient",
             "network": self._network.describe(),

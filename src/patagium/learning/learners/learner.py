@@ -1,4 +1,4 @@
-"""What every learner has in common: it predicts, it updates, it says what it is.
+"""Interface of all learners: prediction, update, description.
 
 A learner holds a network and an estimate of its weights, and takes one sample at a
 time. Neglected: threads.
@@ -54,7 +54,7 @@ class Learner(Protocol):
 
     @property
     def events(self) -> dict[str, int]:
-        """What happened to samples, and how often; see `screening.EVENTS`."""
+        """Number of samples of each event; see `screening.EVENTS`."""
         ...
 
     @property
@@ -71,7 +71,7 @@ class Learner(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """What the learner is made of, as JSON-able values; not what it has learned."""
+        """Kind, network and settings of the learner as JSON values, without the weights."""
         ...
 
 
@@ -133,7 +133,7 @@ class Stopwatch:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of samples."""
         return self._count
 
     @property

@@ -114,7 +114,7 @@ class LinearLearner(Saved):
 
     @property
     def events(self) -> dict[str, int]:
-        """What happened to samples, and how often; see `screening.EVENTS`."""
+        """Number of samples of each event; see `screening.EVENTS`."""
         return self._screen.events
 
     @property
@@ -183,7 +183,7 @@ class LinearLearner(Saved):
         return np.where(kept, error * scale, np.nan)
 
     def describe(self) -> dict[str, Any]:
-        """What the learner is made of, as JSON-able values; not what it has learned."""
+        """Kind, network and settings of the learner as JSON values, without the weights."""
         return {
             "kind": "linear",
             "network": self._network.describe(),

@@ -1,1 +1,1 @@
-"""What maps flows to forces: networks, what they know of the robot, what they remember."""
+"""Models that map flows to forces: networks, their physics, their memory."""

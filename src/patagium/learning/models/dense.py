@@ -98,7 +98,7 @@ class DenseNetwork(PerceptronNetwork):
         return Encoding(features[:, None, :], readout, self.output_center)
 
     def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample, (1, n_x)."""
+        """Encoding of one sample, x (n_x,)."""
         features = ((x - self.input_center) / self.input_scale)[None]
         return Encoding(features, self._readout, self.output_center)
 
@@ -114,7 +114,7 @@ class DenseNetwork(PerceptronNetwork):
         return None if address is None else (address, constants)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         return {
             "kind": self.kind,
             "inputs": self.inputs,

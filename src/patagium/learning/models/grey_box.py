@@ -275,7 +275,7 @@ class GreyBox(GroupedNetwork):
         return changed_air(self.model, self.added_mass, self.estimates(weights))
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         return {
             "kind": self.kind,
             "robot": self.model.robot.source,
@@ -431,7 +431,7 @@ class GreyLags(NamedTuple):
 
 @dataclass(frozen=True)
 class GreyEquations:
-    """What a grey box computes, as expressions and as compiled functions.
+    """Equations of a grey box, as expressions and as compiled functions.
 
     Attributes:
         model: The air.
@@ -478,7 +478,7 @@ class GreyEquations:
         return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
 
     def functions(self) -> list[ca.Function]:
-        """The same as CasADi functions."""
+        """CasADi functions of the equations."""
         n_z, count = self.model.state_size, len(self.parameters)
         x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", n_z)
         theta, numbers = ca.SX.sym("theta", count), ca.SX.sym("numbers", self._count + count)

@@ -171,7 +171,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     @property
     def items(self) -> int:
-        """How often the perceptron is evaluated for one x: once a strip."""
+        """Number of evaluations of the perceptron for one x: one a strip."""
         return len(self.robot.strips)
 
     def initial(self, seed: int) -> Array:
@@ -374,7 +374,7 @@ class StripLags(NamedTuple):
 
 
 def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array | None:
-    """What each strip adds to the force along x, y, z, (N, m, 3) [N]; None if none floats.
+    """Force of each strip along x, y, z, (N, m, 3) [N]; None if no body floats.
 
     Args:
         network: The network.
@@ -425,7 +425,7 @@ def learned_air(coded: Any, lags: int) -> LearnedAir:
 
 
 def coded_size(lags: int) -> tuple[int, int]:
-    """How many coded numbers there are, and on how many of them, the first, memory depends.
+    """Number of coded numbers, and number of the first ones that memory depends on.
 
     Args:
         lags: How many a strip.
@@ -448,7 +448,7 @@ def coded_start(lags: Indicial, lift_slope: float, stall: tuple[float, float]) -
 
 
 def coded_reach(lags: int) -> Array:
-    """What a weight of one adds to each coded number, (n,).
+    """Change of each coded number for a weight of one, (n,).
 
     Args:
         lags: How many a strip.
@@ -489,7 +489,7 @@ def _shares(logarithms: Sequence[Any]) -> list[Any]:
 
 
 def _logarithms(shares: Sequence[float]) -> Array:
-    """Of positive numbers over what their sum leaves of one."""
+    """Logarithms of positive numbers over one less their sum."""
     return np.asarray(np.log(shares) - np.log(1.0 - sum(shares)))
 
 
@@ -625,7 +625,7 @@ def _slopes(air: _Air) -> ca.Function:
 
 
 def _seen(air: _Air, outputs: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """What the perceptron sees of each strip, and y as its outputs say."""
+    """Inputs of the perceptron at each strip, and y from its outputs."""
     wash = air.wash(air.state, air.numbers.lags)
     seen: list[ca.SX] = []
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}

@@ -64,7 +64,7 @@ class LinearNetwork(DenseNetwork):
         return Encoding(mixed[:, None, :], readout, self.output_center)
 
     def encode_one(self, x: Array) -> Encoding:
-        """The same of one sample, (1, n_f)."""
+        """Encoding of one sample, features (1, n_f)."""
         many = self.encode(x[None])
         return Encoding(many.features[0], self._readout, self.output_center)
 
@@ -80,7 +80,7 @@ class LinearNetwork(DenseNetwork):
         return np.zeros(self.size)
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         base = self._base.describe()
         return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
 

@@ -116,7 +116,7 @@ class LagEquations(Protocol):
         ...
 
     def drivers(self, weights: Array, x: Array) -> Sequence[Any] | Array:
-        """What drives the lags at each sample, N items that `begin` and `step` take.
+        """Drivers of the lags at each sample: N items that `begin` and `step` take.
 
         Args:
             weights: From the first one of the lags on.
@@ -509,7 +509,7 @@ def _advanced_in_c(
     anew: NDArray[np.int8],
     before: MemoryState | None,
 ) -> tuple[Array, MemoryState] | None:
-    """The same as `_advanced` by one call of C; None without a compiler."""
+    """Lags advanced by one call of C; None without a compiler."""
     kernel = load_kernel("memory") if lags.compiled is not None else None
     if kernel is None or lags.compiled is None:
         return None

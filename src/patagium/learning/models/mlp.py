@@ -72,7 +72,7 @@ class Perceptron:
 
     @property
     def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums, 1 for a bias, (size,)."""
+        """Number of inputs that the neuron of each weight sums, 1 for a bias, (size,)."""
         parts = []
         for below, above in pairwise(self.widths):
             parts += [np.full(below * above, float(below)), np.ones(above)]

@@ -82,7 +82,7 @@ class Network(Protocol):
 
     @property
     def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
         ...
 
     @property
@@ -135,7 +135,7 @@ class Network(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         ...
 
     def __call__(self, x: ArrayLike, weights: ArrayLike) -> Array:
@@ -201,7 +201,7 @@ class GroupedNetwork(Network):
 
     @property
     def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums; 1 for a bias or a number, (n,)."""
+        """Number of inputs that the neuron of each weight sums; 1 for a bias or a number, (n,)."""
         return self._groups.fan_in
 
 

@@ -31,7 +31,7 @@ class PerceptronNetwork(Network):
     @property
     @abstractmethod
     def items(self) -> int:
-        """How often the perceptron is evaluated for one x, m."""
+        """Number of evaluations of the perceptron for one x, m."""
         ...
 
     @property
@@ -71,7 +71,7 @@ class PerceptronNetwork(Network):
 
     @property
     def fan_in(self) -> Array:
-        """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
         return self.perceptron.fan_in
 
     def initial(self, seed: int) -> Array:
@@ -109,7 +109,7 @@ class Evaluated(Network, Protocol):
 
     @property
     def items(self) -> int:
-        """How often the perceptron is evaluated for one x, m."""
+        """Number of evaluations of the perceptron for one x, m."""
         ...
 
     @property

@@ -97,11 +97,11 @@ class PhysicalParameter(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """What a weight is multiplied by: the deviation of the parameter or of its logarithm."""
+        """Factor of the weight: standard deviation of the parameter or of its logarithm."""
         return self.std / self.prior if self.positive else self.std
 
     def estimate(self, weight: float, variance: float = float("nan")) -> Estimate:
-        """What a weight says, linear in its deviation.
+        """Estimate of the parameter at a weight, linear in its standard deviation.
 
         Args:
             weight: In prior deviations.
@@ -174,7 +174,7 @@ def unit_of(name: str) -> str:
 
 
 def written_unit(name: str) -> str:
-    """The same as it may be written behind a number; empty for pure numbers.
+    """Unit as written behind a number; empty for pure numbers.
 
     Args:
         name: Of the parameter.
@@ -247,7 +247,7 @@ def process_stds(parameters: Sequence[PhysicalParameter], wandering: Mapping[str
 def changed_air(
     model: Aerodynamics, added_mass: AddedMass | None, estimates: Sequence[Estimate]
 ) -> tuple[Aerodynamics, AddedMass | None]:
-    """The same air around the same robot, with other numbers.
+    """Model of the air of the same robot with other numbers.
 
     Args:
         model: The model of the air.
@@ -300,7 +300,7 @@ def _examples(robot: Robot) -> str:
 
 
 def _last(name: str) -> str:
-    """What a parameter is, without of what and which."""
+    """Last part of a parameter's name."""
     return re.sub(r"\[\d+\]$", "", name.rpartition(".")[2])
 
 

@@ -31,7 +31,7 @@ def center_of(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def scale_of(name: str, value: ArrayLike, size: int) -> Array:
-    """The same, of positive numbers, (size,).
+    """Scale of positive numbers, (size,).
 
     Raises:
         ShapeError: If it is neither scalar nor (size,).

@@ -1,4 +1,4 @@
-"""What a learner remembers of how its weights vary together: all of it, or parts.
+"""Groups of weights that vary together: all weights, a layer, a neuron, or low rank.
 
 Full: every pair of weights. Layer: pairs within a layer. Node: pairs within a neuron, its
 bias included. Low rank: the inverse of a diagonal plus a product of few columns. After each
@@ -34,7 +34,7 @@ class Layered(Protocol):
 
     @property
     def fan_in(self) -> NDArray[np.float64]:
-        """How many inputs the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
         ...
 
     @property

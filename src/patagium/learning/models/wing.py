@@ -68,7 +68,7 @@ class RobotNetwork(Network):
         return self._perceptron.widths[1:-1]
 
     def describe(self) -> dict[str, Any]:
-        """Everything needed to make the network again, as JSON-able values."""
+        """Description from which the network is made again, as JSON values."""
         values = {name: _described(value) for name, value in self._arguments().items()}
         return {"kind": self.kind, **values, "robot": self.robot.source}
 

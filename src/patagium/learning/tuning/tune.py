@@ -186,7 +186,7 @@ def _scored_trials(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What all trials have in common.
+    """Problem that all trials share.
 
     Attributes:
         networks: Networks by their hidden layers.
@@ -209,7 +209,7 @@ class _Problem:
     source: str
 
     def question(self) -> dict[str, Any]:
-        """What the trials of a journal have in common, JSON-able."""
+        """Question that the trials of a journal answer, as JSON values."""
         described = next(iter(self.networks.values())).describe()
         seen = self.log.x.tobytes() + self.y.tobytes()
         rest = {key: value for key, value in described.items() if key != "hidden"}

@@ -1,1 +1,1 @@
-"""What the air did to the robot, from how it moved."""
+"""Force of the air on the robot, from measured motion."""

@@ -96,7 +96,7 @@ class MomentumObserver:
 
     @property
     def force(self) -> Array:
-        """Of the air by now, (n,) [N, N m]."""
+        """Force of the air estimated so far, (n,) [N, N m]."""
         return self._force.copy()
 
     def step(self, time: float, q: Array, v: Array, known: Array) -> Array:
@@ -141,7 +141,7 @@ def _observed(apart: Array, slope: Array, step: float, gain: float) -> Array:
 
 
 def _seen(force: Array, step: float, gain: float) -> Array:
-    """What an observer would see of a force."""
+    """Force as the observer sees it."""
     whole = np.vstack([np.zeros(force.shape[1]), np.cumsum(0.5 * (force[1:] + force[:-1]), axis=0)])
     return _observed(whole * step, force, step, gain)
 

@@ -1,4 +1,4 @@
-"""What the air did to a robot, as measured: one type for all the ways to measure it.
+"""Measured force of the air: one type for all ways to measure it.
 
 Neglected: that errors of neighboring samples are alike, as smoothing leaves them; who learns from
 each sample should leave out those closer than a time constant of the smoother.
@@ -57,7 +57,7 @@ class ForceSamples:
 
     @property
     def std(self) -> Array:
-        """Of the force, (N, n) [N, N m]; NaN where it was not measured."""
+        """Standard deviation of the force, (N, n) [N, N m]; NaN where it was not measured."""
         return np.asarray(np.sqrt(np.einsum("nii->ni", self.covariance)))
 
     @property

@@ -47,7 +47,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Wrench:
-    """What a load cell showed, on the time axis of a motion.
+    """Wrench of a load cell, on the time axis of a motion.
 
     Args:
         measured: Force and moment of the mount on the robot, the cell's axes, (N, 6) [N, N m].
@@ -93,7 +93,7 @@ def motor_forces(
 
 
 def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float = 0.0) -> Wrench:
-    """What a load cell showed, at the times of a motion.
+    """Wrench of a load cell at the times of a motion.
 
     Args:
         log: The log.
