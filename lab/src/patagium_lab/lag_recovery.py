@@ -81,10 +81,10 @@ class Recovery(NamedTuple):
     coverage: float
 
     def distances(self, estimates: Sequence[Estimate]) -> list[float]:
-        """Error over reported deviation, of each number.
+        """Error of each number over its reported standard deviation.
 
         Args:
-            estimates: Learned or refined.
+            estimates: Estimates, learned or refined.
         """
         return [(e.value - self.truth[e.name]) / e.std for e in estimates]
 
@@ -140,7 +140,7 @@ def recover(plan: RecoveryPlan, seed: int, learner: str = "extended") -> Recover
 
 
 def recovery_scores(recoveries: Sequence[Recovery]) -> dict[str, Any]:
-    """Shares of flights whose truth lies within two reported deviations, JSON-able.
+    """Shares of flights whose truth lies within two reported standard deviations, JSON-able.
 
     Args:
         recoveries: Estimates from many flights.

@@ -31,7 +31,7 @@ LIMITS = {
         "dense_velocity",
         replace(AS_RUN, memory=None, spread=None),
     ),
-    "measurement deviation ten times smaller": (
+    "measurement std ten times smaller": (
         "dense_velocity",
         replace(AS_RUN, noise=0.1 * AS_RUN.noise),
     ),

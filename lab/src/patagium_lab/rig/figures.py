@@ -139,9 +139,9 @@ def wingbeat_figure(gallery: Gallery, cycles: Mapping[str, xr.Dataset], factor: 
         factor: Noise over that of the data sheets.
     """
     caption = (
-        "Lift, thrust and power over a wingbeat, averaged over all wingbeats of the flight; bands "
-        f"are one deviation between them, most of it the arm's eight. Measured at {factor:g} times "
-        "the noise of the data sheets."
+        "Lift, thrust and power over a wingbeat, averaged over all wingbeats of the flight. Bands "
+        "are one standard deviation between them, most of it from the arm's eight. Measured at "
+        f"{factor:g} times the noise of the data sheets."
     )
     gallery.add("wingbeat", _wingbeat(cycles), caption)
 

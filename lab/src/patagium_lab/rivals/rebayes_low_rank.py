@@ -26,7 +26,7 @@ class RebayesLowRank(WeightRival):
     Args:
         *arguments: As `WeightRival`.
         rank: Columns of the precision beside its diagonal.
-        wandering: Deviation by which a weight wanders between two samples, in deviations of
+        wandering: Process standard deviation of a weight between two samples, over that of
             its prior, root mean square.
         **settings: As `WeightRival`.
     """

@@ -183,9 +183,9 @@ def learners() -> dict[str, Callable[[], Learner]]:
     detection = ChangeDetection(1e-9, window=50, reference=BEAT, reopening=0.3)
     return {
         "node, memory 100 s, detects changes": lambda: filter_learner(LONG, detection),
-        "the same, detects nothing": lambda: filter_learner(LONG, None),
+        "node, memory 100 s, detects no changes": lambda: filter_learner(LONG, None),
         "node, memory 10 s, detects changes": lambda: filter_learner(SHORT, detection),
-        "the same with memory 10 s, detects nothing": lambda: filter_learner(SHORT, None),
+        "node, memory 10 s, detects no changes": lambda: filter_learner(SHORT, None),
         "gradient descent": lambda: GradientLearner(dense_network(HIDDEN), learning_rate=0.003),
         "gradient descent, replay of 8": lambda: GradientLearner(
             dense_network(HIDDEN), learning_rate=0.03, replay=8

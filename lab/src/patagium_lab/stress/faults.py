@@ -100,10 +100,10 @@ def no_input(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> F
 
 
 def spikes(draw: np.random.Generator, feed: Feed, begin: int, std: Array) -> Faulted:
-    """Single measurements off by a hundred deviations, or by numbers beyond all reason.
+    """Single measurements off by a hundred standard deviations, or by absurdly large numbers.
 
-    Of every ten samples one is hit at most, in a channel that is not silent. A hundred deviations
-    of 2 % noise are two of the signal: what a poor network predicts no better than that, it
+    Of every ten samples one is hit at most, in a channel that is not silent. A hundred times the
+    noise of 2 % are two of the signal: what a poor network predicts no better than that, it
     cannot call an outlier. See `not_a_number` for the arguments.
     """
     count = int(draw.integers(1, LONGEST // 10))

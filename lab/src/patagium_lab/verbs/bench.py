@@ -1,4 +1,4 @@
-"""`patagium bench`: compiled functions and learners, against their rivals."""
+"""`patagium bench`: compiled functions and learners beside their rivals."""
 
 from __future__ import annotations
 
@@ -27,30 +27,35 @@ class Topic(StrEnum):
 
 def bench(
     topic: Annotated[
-        Topic, typer.Argument(help="Times of the compiled functions, or learners.")
+        Topic, typer.Argument(help="Times of the compiled functions (speed), or learners.")
     ] = Topic.SPEED,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the figures there too.")
+        Path | None, typer.Option("--json", help="File for the figures as JSON.")
     ] = None,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="Leave out what takes minutes: rivals' compilers, long runs."),
+        typer.Option(
+            "--quick", help="Short form, without rivals that compile for minutes and long runs."
+        ),
     ] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="One group of figures, or one learner. Repeat it.")
+        list[str] | None,
+        typer.Option(help="Group of figures, or learner; the option may be repeated."),
     ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="Page to write (.md or HTML); else benchmarks.md or learners.md."
+            "--output",
+            "-o",
+            help="Page to write (.md or HTML); benchmarks.md or learners.md by default.",
         ),
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(help="The Crazyflie log (log16.csv.gz), for learners; left out without it."),
+        typer.Option(help="Crazyflie log (log16.csv.gz), a further data set for learners."),
     ] = None,
 ) -> None:
-    """Time dynamics, air, networks and updates, or race the learners, beside other programs.
+    """Time dynamics, air, networks and updates, or compare learners, beside other programs.
 
     Times: random states, medians, one core. Learners: time of an update, errors and intervals
     on the published flight, the corrected flight and a log, each tuned by the same search. A

@@ -1,4 +1,4 @@
-"""`patagium latency`: how long a sample takes from packet to prediction, median and tail."""
+"""`patagium latency`: time of a sample from packet to prediction, median and tail."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ EXAMPLES = (
 
 
 def latency(
-    samples: Annotated[int, typer.Option(min=100, help="Calls of each case.")] = 1_000_000,
+    samples: Annotated[
+        int, typer.Option(min=100, help="Number of calls of each case.")
+    ] = 1_000_000,
     load: Annotated[
         list[str] | None,
-        typer.Option(help="alone, other cores busy, or all cores busy. Repeat it."),
+        typer.Option(help="Load: alone, other cores busy, or all cores busy; may be repeated."),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the figures there too.")
+        Path | None, typer.Option("--json", help="File for the figures as JSON.")
     ] = None,
 ) -> None:
     """Time the whole pipeline, packet by packet, as fast as it can and at 10 kHz.

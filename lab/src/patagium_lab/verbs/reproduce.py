@@ -17,13 +17,16 @@ EXAMPLES = (
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder of the report, its numbers and flights.")],
     quick: Annotated[
-        bool, typer.Option("--quick", help="Short flights: the same pages, rougher numbers.")
+        bool,
+        typer.Option(
+            "--quick", help="Short flights and few runs: the same pages, rougher numbers."
+        ),
     ] = False,
     crazyflie: Annotated[
-        Path | None, typer.Option(help="A quadrotor's log, log16.csv.gz, for a section on it.")
+        Path | None, typer.Option(help="Log of a quadrotor, log16.csv.gz, for a section on it.")
     ] = None,
     page: Annotated[
-        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
+        Path | None, typer.Option(help="Further page, of the results alone (.md or .html).")
     ] = None,
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.

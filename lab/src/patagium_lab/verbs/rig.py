@@ -1,4 +1,4 @@
-"""`patagium rig`: arm, robot and sensors; then logs alone, and a learned model of the air."""
+"""`patagium rig`: arm, robot and sensors; then a model of the air, learned from logs alone."""
 
 from __future__ import annotations
 
@@ -19,27 +19,31 @@ EXAMPLES = (
 def rig(
     out: Annotated[Path, typer.Option(help="Folder of the report, its logs, models and truth.")],
     robot: Annotated[
-        str, typer.Option(help="Preset or file, with plunge and elbow on either side.")
+        str, typer.Option(help="Preset or file of a robot with plunge and elbow on either side.")
     ] = "aerobat",
     noise: Annotated[
         str, typer.Option(help="Errors of all instruments over their data sheets': 0,1,2,4.")
     ] = "0,1,2,4",
     frequency: Annotated[
-        float, typer.Option(parser=quantity("Hz", "a frequency"), help="Of the wingbeat, in Hz.")
+        float, typer.Option(parser=quantity("Hz", "a frequency"), help="Wingbeat frequency, in Hz.")
     ] = 5.0,
     speed: Annotated[
         float,
-        typer.Option(parser=quantity("m/s", "a speed"), help="Of the arm, the greatest, in m/s."),
+        typer.Option(parser=quantity("m/s", "a speed"), help="Largest speed of the arm, in m/s."),
     ] = 2.0,
     wind: Annotated[
-        float, typer.Option(parser=quantity("m/s", "a speed"), help="Against the nose, in m/s.")
+        float,
+        typer.Option(parser=quantity("m/s", "a speed"), help="Wind against the nose, in m/s."),
     ] = 3.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the instruments' errors.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the instruments' errors.")] = 0,
     quick: Annotated[
-        bool, typer.Option("--quick", help="One eight, and no look at what limits the forces.")
+        bool,
+        typer.Option(
+            "--quick", help="One eight of the arm, without the study of what limits the forces."
+        ),
     ] = False,
     page: Annotated[
-        Path | None, typer.Option(help="Page of the results to write too (.md or .html).")
+        Path | None, typer.Option(help="Further page, of the results alone (.md or .html).")
     ] = None,
 ) -> None:
     """Run the rig: fly on an arm, sense, learn the air from logs alone, compare with the truth.
@@ -69,10 +73,10 @@ def rig(
 
 
 def _factors(text: str) -> tuple[float, ...]:
-    """Numbers such as "0,1,2,4".
+    """Numbers from text such as "0,1,2,4".
 
     Raises:
-        ParameterError: If one is none.
+        ParameterError: If a word is not a number.
     """
     from patagium.errors import ParameterError
 

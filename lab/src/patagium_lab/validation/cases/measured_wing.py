@@ -35,8 +35,8 @@ def compute() -> list[CaseResult]:
         "quasi-steady": _lift(case, QuasiSteady(robot, air))[0],
         "DeLaurier's strips and added mass": strips + strips_carried,
         "lifting line, two states": two,
-        "the same with added mass": two + two_carried,
-        "four states and added mass": four + four_carried,
+        "lifting line, two states and added mass": two + two_carried,
+        "lifting line, four states and added mass": four + four_carried,
     }
     return [
         CaseResult(
@@ -52,7 +52,7 @@ def compute() -> list[CaseResult]:
             case.published_error,
             "No constant is fitted to this case. The lift is that of nine pressure ports a wing.",
             {
-                "the same with added mass": ErrorLimit(
+                "lifting line, two states and added mass": ErrorLimit(
                     0.027, "the best quasi-steady model known; a vortex lattice has .0291"
                 )
             },
