@@ -1,8 +1,8 @@
 """Files written whole or not at all, whatever ends the program or the power while it writes.
 
 A draft in the same folder is written, forced to the disk and renamed; then the folder is
-forced too. A draft that a killed program left is removed later. Neglected: disks that lie
-about what they have written.
+forced too. A draft that a killed program left is removed later. A disk
+that reports a write it has not done defeats this.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Encounter of strips with a traveling gust: delays and effective winds, as expressions.
 
 Where a chord is in the gust depends on the state; what is there is looked up between the two
-(`traveling.gusts_at_strips`). Neglected: strips are points along the span.
+(`traveling_gust.gusts_at_strips`). Neglected: strips are points along the span.
 """
 
 from __future__ import annotations
@@ -71,5 +71,9 @@ def strip_winds(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, met: ca.SX) -> tu
 
 
 def gust_rates(met: ca.SX) -> ca.SX:
-    """Rate of the gust that pushes the air carried by each strip, world axes, (3, n) [m/s^2]."""
+    """Rate of the gust that pushes the air carried by each strip, world axes, (3, n) [m/s^2].
+
+    Args:
+        met: Gust at the strips, (9, n) [m/s, m/s^2].
+    """
     return met[6:GUST_COMPONENTS, :]

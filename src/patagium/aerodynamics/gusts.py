@@ -300,6 +300,10 @@ def profile_from_description(description: Mapping[str, Any]) -> Profile:
 def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
     """Three finite numbers.
 
+    Args:
+        name: Name of the argument, for messages.
+        value: Numbers to check, (3,), in the unit of the argument.
+
     Raises:
         ShapeError: If they are not (3,).
         ParameterError: If one is not finite.

@@ -23,6 +23,7 @@ from patagium.aerodynamics.polars import (
     polar_from_description,
     section_flow,
 )
+from patagium.aerodynamics.sections import SectionParameters
 from patagium.aerodynamics.table_interpolation import table_values
 from patagium.errors import ParameterError
 
@@ -36,7 +37,7 @@ _TELLING = 0.05
 
 
 @dataclass(frozen=True)
-class MeasuredSection:
+class MeasuredSection(SectionParameters):
     """Section whose separated share and separated flow are tables over the incidence.
 
     Attached flow has the lift slope and profile drag, separated flow the polar's
@@ -60,6 +61,8 @@ class MeasuredSection:
     separated: tuple[float, ...]
     stalled: TablePolar
 
+    numbers = _NUMBERS
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "separated", tuple(map(float, self.separated)))
         for name in _NUMBERS:
@@ -77,22 +80,15 @@ class MeasuredSection:
         """Text of all that shapes the equations, numbers aside."""
         return f"measured section stalled={self.stalled.structure}"
 
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of `parameters`."""
-        shares = (f"separated[{k}]" for k in range(len(self.separated)))
-        return (*_NUMBERS, *shares, *(f"stalled.{name}" for name in self.stalled.parameter_names))
+    def inputs(self) -> dict[str, float]:
+        """Run-time inputs before those of the polar, by name [1/rad, rad, -]."""
+        return super().inputs() | {f"separated[{k}]": s for k, s in enumerate(self.separated)}
 
-    @property
-    def parameters(self) -> Array:
-        """Values of the parameters, (n,)."""
-        numbers = [getattr(self, name) for name in _NUMBERS]
-        return np.array([*numbers, *self.separated, *self.stalled.parameters])
-
-    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
-        """The numbers by name, and those of the polar, from values or symbols of `parameters`."""
-        numbers = {name: parameters[k] for k, name in enumerate(_NUMBERS)}
-        return numbers, parameters[len(_NUMBERS) + len(self.separated) :]
+    def describe(self) -> dict[str, Any]:
+        """Description from which the object can be made again, as JSON-able values."""
+        description = super().describe()
+        stalled = description.pop("stalled")
+        return {**description, "separated": [*self.separated], "stalled": stalled}
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
@@ -106,15 +102,6 @@ class MeasuredSection:
         camber = numbers["zero_lift_angle"] * flow.forward * flow.forward_sign
         angle = section_flow(flow.forward, flow.normal - camber).angle_of_attack
         return table_values(angle, polar[:count], parameters[first : first + count])
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in _NUMBERS}
-        return {
-            **numbers,
-            "separated": [*self.separated],
-            "stalled": self.stalled.describe(),
-        }
 
 
 def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> MeasuredSection:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, pi, radians
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import casadi as ca
 import numpy as np
@@ -77,8 +77,46 @@ class StripSection(Protocol):
         ...
 
 
+class SectionParameters:
+    """Names and values of a section's run-time inputs: its numbers, then those of its polar.
+
+    A section is a frozen dataclass with a field for each of `numbers` and one for the polar.
+    """
+
+    numbers: ClassVar[tuple[str, ...]]
+    stalled: Polar
+
+    def inputs(self) -> dict[str, float]:
+        """Run-time inputs before those of the polar, by name [1/rad, rad, -]."""
+        return {name: getattr(self, name) for name in self.numbers}
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `parameters`."""
+        return (*self.inputs(), *(f"stalled.{name}" for name in self.stalled.parameter_names))
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Values of the parameters, (n,) [1/rad, rad, -]."""
+        return np.array([*self.inputs().values(), *self.stalled.parameters])
+
+    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
+        """Numbers by name and parameters of the polar, from values or symbols of `parameters`.
+
+        Args:
+            parameters: Values or symbols in the order of `parameter_names`, (n,) [1/rad, rad, -].
+        """
+        numbers = {name: parameters[k] for k, name in enumerate(self.numbers)}
+        return numbers, parameters[len(self.inputs()) :]
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the object can be made again, as JSON-able values."""
+        numbers = {name: getattr(self, name) for name in self.numbers}
+        return {**numbers, "stalled": self.stalled.describe()}
+
+
 @dataclass(frozen=True)
-class Section:
+class Section(SectionParameters):
     """Section of a thin wing, attached and beyond stall.
 
     Attached flow has the lift of a thin airfoil and profile drag; separated flow the
@@ -110,6 +148,8 @@ class Section:
     stall_complete: float = radians(27.0)
     stalled: Polar = field(default_factory=DickinsonPolar)
 
+    numbers = _NUMBERS
+
     def __post_init__(self) -> None:
         for name in _NUMBERS:
             if not isfinite(getattr(self, name)):
@@ -126,21 +166,6 @@ class Section:
         """Text of all that shapes the equations, numbers aside."""
         return f"section stalled={self.stalled.structure}"
 
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of `parameters`."""
-        return (*_NUMBERS, *(f"stalled.{name}" for name in self.stalled.parameter_names))
-
-    @property
-    def parameters(self) -> NDArray[np.float64]:
-        """Values of the parameters, (n,)."""
-        return np.array([*(getattr(self, name) for name in _NUMBERS), *self.stalled.parameters])
-
-    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
-        """The numbers by name, and those of the polar, from values or symbols of `parameters`."""
-        count = len(_NUMBERS)
-        return {name: parameters[k] for k, name in enumerate(_NUMBERS)}, parameters[count:]
-
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
 
@@ -152,11 +177,6 @@ class Section:
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
         return smooth_step((sine_square - begins) / (complete - begins))
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in _NUMBERS}
-        return {**numbers, "stalled": self.stalled.describe()}
 
 
 def section_from_description(description: Mapping[str, Any]) -> Section:

@@ -38,7 +38,12 @@ class BodyAddedMass:
     wind: ca.SX
 
     def winds(self, robot: Robot, q: ca.SX) -> list[ca.SX]:
-        """Velocity of the fluid about every body, body axes, (3, 1) each [m/s]."""
+        """Velocity of the fluid about every body, body axes, (3, 1) each [m/s].
+
+        Args:
+            robot: The machine.
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+        """
         if self.wind.shape[1] == 1:
             return in_body_axes(robot, q, self.wind)
         poses = body_poses(robot, q)
@@ -59,7 +64,12 @@ class CompositeAddedMass:
         self.a, self.b, self.c = matrix[:3, :3], matrix[:3, 3:], matrix[3:, 3:]
 
     def momenta(self, v: ca.SX, w: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Linear and angular momentum, (3, 1) each."""
+        """Linear and angular momentum, (3, 1) each.
+
+        Args:
+            v: Velocity of the origin relative to the fluid, (3, 1) [m/s].
+            w: Angular velocity, (3, 1) [rad/s].
+        """
         return self.a @ v + self.b @ w, self.b.T @ v + self.c @ w
 
     def merge(self, other: CompositeAddedMass) -> None:
@@ -72,11 +82,19 @@ class CompositeAddedMass:
         self.b = turned.matrix @ self.b @ turned.matrix.T
 
     def turn_fixed(self, matrix: ca.SX) -> None:
-        """Turn the blocks to other axes."""
+        """Turn the blocks to other axes.
+
+        Args:
+            matrix: Rotation to the other axes, (3, 3) [-].
+        """
         self.a, self.b, self.c = (matrix @ block @ matrix.T for block in (self.a, self.b, self.c))
 
     def shift(self, offset: ca.SX) -> None:
-        """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m]."""
+        """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m].
+
+        Args:
+            offset: Old origin seen from the new one, (3, 1) [m].
+        """
         arm = ca.skew(offset)
         moved = self.b - self.a @ arm
         self.c = self.c + arm @ moved - self.b.T @ arm
@@ -133,7 +151,14 @@ def kirchhoff_wrenches(
 
 
 def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.SX:
-    """Linear momentum of the fluid that moves with the bodies, world axes, (3, 1) [kg m/s]."""
+    """Linear momentum of the fluid that moves with the bodies, world axes, (3, 1) [kg m/s].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        added: Added mass of the bodies.
+    """
     poses, total = body_poses(robot, q), ca.SX.zeros(3, 1)
     for body, linear, _, _, _ in _momenta(robot, q, v, added):
         total = total + poses[body].rotation @ linear

@@ -34,17 +34,29 @@ class Step:
     coordinates: tuple[int, ...]
 
     def turn(self, q: ca.SX) -> Turn:
-        """The rotation that a step which turns makes."""
+        """The rotation that a step which turns makes.
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+        """
         if len(self.coordinates) == 1:
             return Turn(self.axes[0], q[self.coordinates[0]])
         return QuaternionTurn(q[list(self.coordinates)])
 
     def slide(self, q: ca.SX) -> ca.SX:
-        """The displacement of a step which slides, (3, 1) [m]."""
+        """The displacement of a step which slides, (3, 1) [m].
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+        """
         return vector(self.axes[0]) * q[self.coordinates[0]]
 
     def along(self, v: ca.SX) -> ca.SX:
-        """Velocities, accelerations or forces of the step as one vector, (3, 1)."""
+        """Velocities, accelerations or forces of the step as one vector, (3, 1).
+
+        Args:
+            v: Velocities, accelerations or forces of all degrees of freedom, (n,) [SI].
+        """
         if len(self.dofs) == 1:
             return vector(self.axes[0]) * v[self.dofs[0]]
         return v[list(self.dofs)]
@@ -94,7 +106,12 @@ def vector(values: Any) -> ca.SX:
 
 
 def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Cross product a x b, (3, 1)."""
+    """Cross product a x b, (3, 1).
+
+    Args:
+        a: First vector, (3, 1) [any unit].
+        b: Second vector, (3, 1) [any unit].
+    """
     return ca.vertcat(
         a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     )
@@ -122,15 +139,27 @@ class Turn:
         self.matrix = rotation(axis, angle)
 
     def outward(self, w: ca.SX) -> ca.SX:
-        """R^T w: components before the turn to components after it, (3, 1)."""
+        """R^T w: components before the turn to components after it, (3, 1).
+
+        Args:
+            w: Vector, (3, 1) [any unit].
+        """
         return self.matrix.T @ w
 
     def inward(self, w: ca.SX) -> ca.SX:
-        """R w: components after the turn to components before it, (3, 1)."""
+        """R w: components after the turn to components before it, (3, 1).
+
+        Args:
+            w: Vector, (3, 1) [any unit].
+        """
         return self.matrix @ w
 
     def inward_inertia(self, inertia: ca.SX) -> ca.SX:
-        """R I R^T of a symmetric matrix, (3, 3)."""
+        """R I R^T of a symmetric matrix, (3, 3).
+
+        Args:
+            inertia: Symmetric matrix after the turn, (3, 3) [kg m^2].
+        """
         if self.cyclic is None:
             turned = self.matrix @ inertia @ self.matrix.T
             return symmetric(turned)
@@ -175,7 +204,12 @@ class QuaternionTurn(Turn):
 
 
 def rotation(axis: Axis, angle: ca.SX) -> ca.SX:
-    """Rodrigues' rotation about a unit axis, (3, 3)."""
+    """Rodrigues' rotation about a unit axis, (3, 3).
+
+    Args:
+        axis: Unit axis, (3,) [-].
+        angle: Angle, scalar [rad].
+    """
     s, c = ca.sin(angle), ca.cos(angle)
     x, y, z = axis
 
@@ -190,7 +224,11 @@ def rotation(axis: Axis, angle: ca.SX) -> ca.SX:
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:
-    """The matrix whose lower triangle repeats the upper one, (3, 3)."""
+    """The matrix whose lower triangle repeats the upper one, (3, 3).
+
+    Args:
+        matrix: Matrix, (3, 3) [any unit].
+    """
     out = ca.SX(matrix)
     for i in range(3):
         for j in range(i):

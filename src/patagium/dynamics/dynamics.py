@@ -305,13 +305,26 @@ class Point:
         self._parameters = robot.parameters
 
     def position(self, q: ArrayLike) -> Array:
-        """Position in world axes, (3,) [m]."""
+        """Position in world axes, (3,) [m].
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+        """
         return self._functions["position"](q, self.offset, self._parameters)  # type: ignore[no-any-return]
 
     def velocity(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """Velocity in world axes, (3,) [m/s]."""
+        """Velocity in world axes, (3,) [m/s].
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
         return self._functions["velocity"](q, v, self.offset, self._parameters)  # type: ignore[no-any-return]
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Jacobian J of the position: its velocity is J v, (3, n) [1, m]."""
+        """Jacobian J of the position: its velocity is J v, (3, n) [1, m].
+
+        Args:
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+        """
         return self._functions["jacobian"](q, self.offset, self._parameters)  # type: ignore[no-any-return]

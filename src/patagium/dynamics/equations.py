@@ -54,7 +54,14 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
 
 
 def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -> ca.SX:
-    """Coriolis and gravity force, C v + G, that of carried fluid included, (n, 1) [N, N m]."""
+    """Coriolis and gravity force, C v + G, that of carried fluid included, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        added: Added mass of the bodies; None for a vacuum.
+    """
     return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity), added)
 
 
@@ -62,12 +69,22 @@ def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
     """Coriolis and centrifugal force, C(q, v) v, (n, 1) [N, N m].
 
     C v = (d(D v)/dq) v - dK/dq; it does no work in excess of D's change.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
     """
     return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(0))
 
 
 def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
-    """Gravity force, G = dU/dq, (n, 1) [N, N m]."""
+    """Gravity force, G = dU/dq, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+    """
     zero = ca.SX.zeros(robot.dof, 1)
     return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity))
 
@@ -148,7 +165,12 @@ def _parents_among(robot: Robot, selected: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def damping_force(robot: Robot, v: ca.SX) -> ca.SX:
-    """Force of the passive dampers, -d v, (n, 1) [N, N m]."""
+    """Force of the passive dampers, -d v, (n, 1) [N, N m].
+
+    Args:
+        robot: The machine.
+        v: Generalized velocities, (n,) [m/s, rad/s].
+    """
     return -ca.vertcat(*[ca.SX(d) for d in robot.damping]) * v
 
 
@@ -161,7 +183,12 @@ def total_mass(robot: Robot) -> ca.SX:
 
 
 def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
-    """Center of mass of the robot, world axes, (3, 1) [m]."""
+    """Center of mass of the robot, world axes, (3, 1) [m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+    """
     moment = ca.SX.zeros(3, 1)
     for body, pose in zip(robot.bodies, body_poses(robot, q), strict=True):
         moment = moment + body.mass * (pose.position + pose.rotation @ vector(body.center_of_mass))
@@ -169,12 +196,23 @@ def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
 
 
 def potential_energy(robot: Robot, q: ca.SX) -> ca.SX:
-    """Potential energy of gravity, U = m g z of the center of mass, scalar [J]."""
+    """Potential energy of gravity, U = m g z of the center of mass, scalar [J].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+    """
     return total_mass(robot) * robot.gravity * center_of_mass(robot, q)[2]
 
 
 def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Kinetic energy, the sum over bodies of m |v_c|^2 / 2 + w . I w / 2, scalar [J]."""
+    """Kinetic energy, the sum over bodies of m |v_c|^2 / 2 + w . I w / 2, scalar [J].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+    """
     energy = ca.SX(0)
     for body, twist in zip(robot.bodies, body_velocities(robot, q, v), strict=True):
         velocity = twist.linear + cross(twist.angular, vector(body.center_of_mass))
@@ -185,12 +223,24 @@ def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def momentum(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Linear momentum, world axes, (3, 1) [kg m/s]."""
+    """Linear momentum, world axes, (3, 1) [kg m/s].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+    """
     return _momenta(robot, q, v)[0]
 
 
 def angular_momentum(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Angular momentum about the world's origin, world axes, (3, 1) [kg m^2/s]."""
+    """Angular momentum about the world's origin, world axes, (3, 1) [kg m^2/s].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+    """
     return _momenta(robot, q, v)[1]
 
 

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from patagium.errors import CompilerError
+from patagium.native.structs import STRUCTS
 
 fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
 """Locks of files; not on Windows."""
@@ -236,7 +237,7 @@ def build(path: str, sources: Mapping[str, str], flags: Sequence[str], label: st
 
 def _compile(path: str, unit: Path, flags: Sequence[str]) -> Path:
     target = unit.with_suffix(".o")
-    _run([path, *flags, f"-I{KERNELS}", "-c", str(unit), "-o", str(target)])
+    _run([path, *flags, f"-I{KERNELS}", f"-I{unit.parent}", "-c", str(unit), "-o", str(target)])
     return target
 
 
@@ -269,7 +270,8 @@ def load_kernel(
     if path is None:
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
-    sources = {f"{name}.c": (folder / f"{name}.c").read_text()}
+    headers = {f"{one.name}_struct.h": one.header for one in STRUCTS}
+    sources = {f"{name}.c": (folder / f"{name}.c").read_text(), **headers}
     with build_lock(short_hash(name, *macros, machine_identity(path))):
         built = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
     return ctypes.CDLL(str(built / "library.so"))

@@ -1,6 +1,6 @@
 """Blocks of a page: prose, tables, pictures, remarks and links in titled sections.
 
-Neglected: how it is set; `page` writes HTML or Markdown of it.
+`page` writes them as HTML or Markdown.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A page as Markdown: text for a documentation site, and pictures as files of their own.
 
-Neglected: HTML within it. What prose holds besides `code` and **bold** is taken literally.
+HTML is not understood: what prose holds besides `code` and **bold** is taken literally.
 """
 
 from __future__ import annotations

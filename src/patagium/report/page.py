@@ -1,7 +1,7 @@
 """A page of prose, tables and pictures in sections: one self-contained HTML file, or Markdown.
 
 In HTML everything is inline, so that the file opens offline and survives being mailed; it reads
-in light and dark, and prints. Neglected: scripts (a `Link` leads to pages that have them).
+in light and dark, and prints. It has no scripts; a `Link` leads to pages that have them.
 """
 
 from __future__ import annotations

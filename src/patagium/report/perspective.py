@@ -1,8 +1,8 @@
 """Solids, surfaces, lines and arrows in space, drawn in perspective on a flat page.
 
 Everything becomes small polygons that are painted from the farthest to the nearest (the
-painter's algorithm), so that a picture stays a drawing of lines and areas. Neglected: faces
-that cross one another, which come out in the order of their middles.
+painter's algorithm), so that a picture stays a drawing of lines and areas. Faces that
+cross one another come out in the order of their middles.
 """
 
 from __future__ import annotations

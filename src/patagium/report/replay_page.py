@@ -2,7 +2,7 @@
 
 Everything is inline, three.js too, so that the file opens from disk, offline. Numbers
 travel as base64 of little-endian floats: origins in double, all else in single precision
-relative to the origin. Neglected: the flow; what lies between the samples shown.
+relative to the origin. The flow is not shown.
 """
 
 from __future__ import annotations

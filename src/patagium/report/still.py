@@ -1,7 +1,7 @@
 """A moment of a flight as a picture: bodies, wings, forces, paths, shadow, in perspective.
 
 It shows what the replay page shows, in the same colors, as lines and areas for print.
-Neglected: whatever `perspective` neglects.
+The drawing has the limits of `perspective`.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ def width() -> float:
 
 
 def height(rows: float) -> float:
-    """Height in the present use of something so high on a page [inch], scaled as letters are."""
+    """Height in the present use of something so high on a page, scaled like letters [inch]."""
     return rows * _look.get().letters
 
 

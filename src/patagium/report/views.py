@@ -1,7 +1,7 @@
 """Figures of whole things: a machine from above and behind, a flight at a glance, a wingbeat.
 
 A machine is drawn from points, a flight from its Dataset (dimensions time, dof,
-strip, axis). Neglected: perspective and hidden surfaces.
+strip, axis). They have no perspective and no hidden surfaces.
 """
 
 from __future__ import annotations

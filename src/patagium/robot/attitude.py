@@ -2,7 +2,7 @@
 
 A quaternion is Hamilton's, scalar first, and maps body axes to the world's; angles are roll,
 pitch, yaw with R = Rz(yaw) Ry(pitch) Rx(roll). q and -q are one attitude. Every function takes
-one attitude or many: axes before the last are kept. Neglected: nothing; but angles are singular
+one attitude or many: axes before the last are kept. Angles are singular
 at a pitch of 90 degrees, where only yaw - roll or yaw + roll means anything.
 """
 

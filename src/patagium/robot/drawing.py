@@ -1,7 +1,7 @@
 """A robot on paper: planform, joints, strips, centers of mass; and its facts in words.
 
-Strips are drawn as the rectangles the aerodynamics sees. Neglected: the solid
-shapes of the bodies.
+Strips are drawn as the rectangles the aerodynamics sees. The solid
+shapes of the bodies are not drawn.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A body with a shape is drawn as it; a plate that carries strips is left to the strips.
 A body without is a bone: capsules from its origin to the joints it carries, or along its
-wing, or through its center of mass. Neglected: fairings, gears, whatever no file tells.
+wing, or through its center of mass. Fairings and gears are not drawn.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Quantities as a person writes them: numbers with a unit, or bare SI numbers.
 
 Units live at the border only: inside the package every number is SI and every
-angle is in radians. Neglected: offset units (degrees Celsius) and logarithmic ones.
+angle is in radians. Offset units (degrees Celsius)
+and logarithmic ones are not known.
 """
 
 from __future__ import annotations

@@ -107,7 +107,12 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
 
 
 def solve_each(matrices: Array, right: Array) -> Array:
-    """Solutions of square systems, (N, n), one right-hand side each."""
+    """Solutions of square systems, (N, n), one right-hand side each.
+
+    Args:
+        matrices: Matrices, (N, n, n) [SI].
+        right: Right-hand sides, (N, n) [SI].
+    """
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 

@@ -1,8 +1,8 @@
 """The arm that carried a robot, found again from the record of a flight.
 
 A flight keeps the arm, where it began and where the robot was; the arm's joints follow from
-these by inverse kinematics, on the branch that it was on. Neglected: where the arm began, if
-the record begins later than the flight did; the nearest way to hold the robot is taken.
+these by inverse kinematics, on the branch that it was on. If the
+record begins later than the flight did, the nearest way to hold the robot is taken.
 """
 
 from __future__ import annotations

@@ -63,6 +63,10 @@ def _named(robot: Robot) -> str:
 def initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
     """Initial coordinates, those of zero angles by default, (n_q,); quaternions of length one.
 
+    Args:
+        robot: The machine.
+        values: Coordinates, (n_q,) [m, rad, 1], or None.
+
     Raises:
         ShapeError: If they are not (n_q,).
         ParameterError: If they are not finite, or a quaternion's length is not one.
@@ -84,6 +88,10 @@ _LENGTH_TOLERANCE = 1e-6
 
 def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
     """Initial velocities, zero by default, (n,).
+
+    Args:
+        robot: The machine.
+        values: Velocities, (n,) [m/s, rad/s], or None.
 
     Raises:
         ShapeError: If they are not (n,).

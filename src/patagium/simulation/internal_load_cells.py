@@ -92,7 +92,8 @@ def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
     # from the last place backwards, so that the others stay where they are
     order = sorted(range(len(cells)), key=lambda k: _place(robot, cells[k].at), reverse=True)
     places = [_place(robot, cell.at) for cell in cells]
-    machine = _shifted(robot, CELL_COORDINATES * len(cells))
+    names = [f"load cell {k}" for k in range(CELL_COORDINATES * len(cells))]
+    machine = with_leading_coordinates(robot, names)
     for k in order:
         machine = _with_cell(machine, cells[k], places[k], CELL_COORDINATES * k)
     return machine
@@ -156,8 +157,14 @@ def _place(robot: Robot, name: str) -> tuple[int, int]:
     raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name)
 
 
-def _shifted(robot: Robot, count: int) -> Robot:
-    """The machine with room for coordinates before its own."""
+def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:
+    """Machine with room for coordinates before its own, which nothing damps or limits.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        names: Names of the new coordinates: three lengths, then three angles, again and again.
+    """
+    count = len(names)
 
     def later(body: Body) -> Body:
         joints = tuple(replace(joint, dof=joint.dof + count) for joint in body.joints)
@@ -169,7 +176,7 @@ def _shifted(robot: Robot, count: int) -> Robot:
     return replace(
         robot,
         bodies=tuple(later(body) for body in robot.bodies),
-        dof_names=(*(f"load cell {k}" for k in range(count)), *robot.dof_names),
+        dof_names=(*names, *robot.dof_names),
         dof_units=(("m",) * 3 + ("rad",) * 3) * (count // CELL_COORDINATES) + robot.dof_units,
         actuated=tuple(i + count for i in robot.actuated),
         damping=(0.0,) * count + robot.damping,

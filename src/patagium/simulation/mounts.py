@@ -16,9 +16,12 @@ from numpy.typing import ArrayLike
 
 from patagium.errors import ParameterError
 from patagium.robot import Body, Robot
-from patagium.robot.model import Axis
+from patagium.robot.model import FLOATING_COORDINATES, Axis
 from patagium.simulation.arm_plans import ArmPlan, plan_arm
-from patagium.simulation.internal_load_cells import InternalLoadCell
+from patagium.simulation.internal_load_cells import (
+    InternalLoadCell,
+    with_leading_coordinates,
+)
 from patagium.simulation.paths import Path, check_path
 
 __all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
@@ -157,7 +160,6 @@ def on_massless_mount(robot: Robot) -> Robot:
         A robot of n + 6 coordinates. With the first six held at zero it moves as the
         original; the force that holds them is the reaction of the ground.
     """
-    k = MOUNT_COORDINATES
     zero = (0.0, 0.0, 0.0)
     mount = Body(
         name="mount",
@@ -165,32 +167,12 @@ def on_massless_mount(robot: Robot) -> Robot:
         position=zero,
         orientation=_UPRIGHT,
         joints=(),
-        floating_dofs=tuple(range(k)),
+        floating_dofs=tuple(range(MOUNT_COORDINATES)),
         mass=0.0,
         center_of_mass=zero,
         inertia=(0.0,) * 6,
     )
-    bodies = tuple(
-        replace(
-            body,
-            parent=body.parent + 1,
-            joints=tuple(replace(joint, dof=joint.dof + k) for joint in body.joints),
-        )
-        for body in robot.bodies
-    )
-    infinity = (float("inf"),) * k
-    return replace(
-        robot,
-        bodies=(mount, *bodies),
-        strips=tuple(replace(strip, body=strip.body + 1) for strip in robot.strips),
-        dof_names=(*(f"mount_{name}" for name in "xyz"), "mount_roll", "mount_pitch", "mount_yaw")
-        + robot.dof_names,
-        dof_units=("m",) * 3 + ("rad",) * 3 + robot.dof_units,
-        actuated=tuple(i + k for i in robot.actuated),
-        damping=(0.0,) * k + robot.damping,
-        lower=tuple(-x for x in infinity) + robot.lower,
-        upper=infinity + robot.upper,
-        speed_limit=(),
-        acceleration_limit=(),
-        effort_limit=(),
-    )
+    machine = with_leading_coordinates(robot, [f"mount_{name}" for name in FLOATING_COORDINATES])
+    bodies = (replace(body, parent=body.parent + 1) for body in machine.bodies)
+    strips = (replace(strip, body=strip.body + 1) for strip in machine.strips)
+    return replace(machine, bodies=(mount, *bodies), strips=tuple(strips))

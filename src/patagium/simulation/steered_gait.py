@@ -73,7 +73,7 @@ class _Command:
 
 @dataclass(frozen=True)
 class SteeredGait:
-    """A gait that is steered; `steerable_gait` makes it, `command` changes it.
+    """Steered gait: `steerable_gait` makes one, `command` changes frequency and amplitude.
 
     Attributes:
         gait: The gait itself.

@@ -1,6 +1,6 @@
 """The arm that carries a robot, to be looked at: tubes between its joints, and its foot.
 
-Neglected: the shapes of its links, and offsets of a link beside the line between its joints.
+The shapes of its links are not drawn.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Short pieces of flight are integrated as the clock goes; where that takes longer than it flies,
 the flight falls behind and says so. Whatever time is left goes to a learner, along every sample
-or as many as keep pace. Neglected: the rest of what the machine does.
+or as many as keep pace. Other load of the
+machine is not measured.
 """
 
 from __future__ import annotations

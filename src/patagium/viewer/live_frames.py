@@ -2,7 +2,8 @@
 
 A frame is the last sample, the scores so far, and the forces since the frame before, thinned,
 so that a wingbeat can be plotted although only few of its pictures are drawn. Making one copies
-a few kilobytes; nothing is drawn here. Neglected: samples between those that travel.
+a few kilobytes; nothing is drawn here. Samples between
+those are not sent.
 """
 
 from __future__ import annotations

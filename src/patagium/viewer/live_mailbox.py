@@ -2,7 +2,7 @@
 
 One process writes, one reads. A letter is a record of fixed layout; the writer puts it into the
 next slot of a ring and counts it, the reader copies what has come since it last looked and
-notices what was overwritten meanwhile. Neglected: several writers; letters of other sizes.
+notices what was overwritten meanwhile. There is one writer, and all letters have one size.
 """
 
 from __future__ import annotations

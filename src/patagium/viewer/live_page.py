@@ -1,7 +1,7 @@
 """A live page: the scene, numbers, plots, and what may be asked of a simulation.
 
 Everything runs in the page's process: poses, forces on strips by the weights that the learner
-has by now, histories of what is plotted. Neglected: what happened before the page was served.
+has by now, histories of what is plotted. Nothing is shown of the time before the page was served.
 """
 
 from __future__ import annotations

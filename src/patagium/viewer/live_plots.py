@@ -1,8 +1,8 @@
 """Plots of a live page: forces with their predicted interval, error and coverage over time.
 
 All share a cursor. What is kept is bounded by the number of points, so that the span shown is a
-second or two of a simulation in its own time, and more of what is slow. Neglected: zooming into
-what has gone.
+second or two of a simulation in its own time, and more of what is slow. Points that have
+left the span are gone.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The robot of a live page: bodies and wings where the kinematics puts them, forces as arrows.
 
 World axes, x forward, y left, z up. What is drawn is shifted by a path that follows the robot
-averaged over a wingbeat, so that the browser's own camera stays with it. Neglected: the flow.
+averaged over a wingbeat, so that the browser's own camera stays with it. The flow is not shown.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The page is served by viser in a process of its own, at a lower priority, which reads frames from
 a mailbox and sends commands through another. Where it hangs, frames are overwritten; where it
-dies, nobody else does. Neglected: machines far away; the two share memory.
+dies, nobody else does. Both processes are on one machine and share memory.
 """
 
 from __future__ import annotations

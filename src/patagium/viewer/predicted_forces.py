@@ -3,7 +3,7 @@
 A model with frozen weights is asked at every time; an identification is replayed as it
 was, each force predicted before its sample was used. A network of strips says the force on
 each strip; others only the sum. How sure they are is asked at some hundred times, and taken
-for straight between. Neglected: how errors of several forces go together.
+for straight between. Neglected: correlation between the errors of several forces.
 """
 
 from __future__ import annotations

@@ -7,9 +7,8 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
-from patagium.learning.filters.extended import ExtendedBlockFilter, ExtendedFilter
-from patagium.learning.filters.extended_kernel import ExtendedKernel, restore_extended
 from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.models import memory as module
 from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.learning.settings import FilterSettings, NoiseEstimation, Screening
@@ -75,10 +74,10 @@ def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
     x, y = log_of(network, states)
     setting, std = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
     first = network.initial(0)
-    ours = restore_extended(setting, first, np.diag(std))
-    readable = ExtendedFilter if setting.structure == "full" else ExtendedBlockFilter
-    theirs = readable(setting, first, np.diag(std))
-    assert isinstance(ours, ExtendedKernel)
+    ours = WeightFilter(setting, first, std)
+    theirs = WeightFilter(setting, first, std, compiled=False)
+    assert how == "wanders" or ours.compiled is not None
+    assert theirs.compiled is None
     for k in range(COUNT):
         theirs.resume(ours.state())  # so that rounding does not grow from sample to sample
         for one, other in zip(ours.predict(x[k]), theirs.predict(x[k]), strict=True):
@@ -101,12 +100,15 @@ def test_a_state_of_either_goes_on_in_the_other(robot, states):
     network = NETWORKS["hidden"](robot)
     x, y = log_of(network, states)
     setting, std = setting_of(network, np.nanmax(np.abs(y)))
-    kinds = (restore_extended, ExtendedFilter)
-    ours, theirs = (kind(setting, network.initial(0), np.diag(std)) for kind in kinds)
+
+    def made(compiled):
+        return WeightFilter(setting, network.initial(0), std, compiled=compiled)
+
+    ours, theirs = made(True), made(False)
     for k in range(9):
         ours.update(x[k], y[k])
         theirs.update(x[k], y[k])
-    moved = [kind(setting, network.initial(0), np.diag(std)) for kind in kinds]
+    moved = [made(True), made(False)]
     moved[0].resume(theirs.state())
     moved[1].resume(ours.state())
     again = pickle.loads(pickle.dumps(ours))
@@ -132,7 +134,7 @@ def test_an_input_that_is_no_number_changes_nothing(robot, states):
     network = NETWORKS["hidden"](robot)
     x, y = log_of(network, states)
     setting, std = setting_of(network, np.nanmax(np.abs(y)))
-    ours = restore_extended(setting, network.initial(0), np.diag(std))
+    ours = WeightFilter(setting, network.initial(0), std)
     ours.update(x[0], y[0])
     mean, covariance = ours.mean, ours.covariance()
     broken = x[1].copy()

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.filters.low_rank import ExtendedLowRankFilter, LowRankFilter, Precision
-from patagium.learning.filters.low_rank_kernel import (
-    LowRankKernel,
-    load_low_rank,
-    restore_low_rank,
-)
 from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name
 
@@ -34,12 +29,10 @@ def filter_pair(
         forgetting_factor=forgetting,
         covariance=pt.learning.LowRank(rank),
     )
-    setting = filter_numbers(network, settings, "cubature")
-    columns = np.zeros((network.size, min(rank, network.size)))
-    start = Precision(rng.uniform(4, 30, network.size), columns)
-    plain = (ExtendedLowRankFilter if linear else LowRankFilter)(setting, network.initial(0), start)
-    library = load_low_rank(dtype)
-    return LowRankKernel(setting, network.initial(0), start, linear, library), plain
+    numbers = filter_numbers(network, settings, "extended" if linear else "cubature")
+    std = rng.uniform(4, 30, network.size) ** -0.5
+    mean = network.initial(0)
+    return [WeightFilter(numbers, mean, std, compiled=compiled) for compiled in (True, False)]
 
 
 def assert_close(one, other, tolerance=AGREEMENT):
@@ -109,7 +102,7 @@ def test_single_precision_is_kept_in_single_precision(rng):
         fast.update(x, y)
         plain.update(x, y)
     assert_same(fast, plain, 1e-4)  # twenty samples of 6e-8, gains of 1e2
-    assert {part.dtype.name for part in fast._precision} == {"float32"}
+    assert {part.dtype.name for part in fast.kept()} == {"float32"}
 
 
 @needs_compiler
@@ -137,15 +130,18 @@ def test_a_pickled_filter_goes_on(rng):
     np.testing.assert_array_equal(fast.mean, again.mean)
 
 
-def test_without_a_compiler_the_twin_takes_over(monkeypatch, rng):
-    monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+@needs_compiler
+@pytest.mark.parametrize("linear", [False, True])
+def test_without_a_compiler_the_twin_takes_over(linear, monkeypatch, rng):
     network = pt.DenseNetwork(2, (3,), 1)
-    settings = FilterSettings(prior_std=1.0, measurement_std=1.0, covariance=pt.learning.LowRank(2))
-    setting = filter_numbers(network, settings, "cubature")
-    start = Precision(np.ones(network.size), np.zeros((network.size, 2)))
-    assert type(restore_low_rank(setting, network.initial(0), start)) is LowRankFilter
-    linear = restore_low_rank(setting, network.initial(0), start, linear=True)
-    assert type(linear) is ExtendedLowRankFilter
+    fast, plain = filter_pair(network, rng, 2, linear=linear)
+    monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+    other = WeightFilter(plain.numbers, plain.mean)
+    other.resume(plain.state())
+    for one in (fast, plain, other):
+        one.update(np.ones(2), np.ones(1))
+    np.testing.assert_array_equal(other.mean, plain.mean)
+    assert_same(fast, plain)
 
 
 @pytest.mark.parametrize("compiled", [True, False])

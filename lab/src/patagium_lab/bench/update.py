@@ -15,8 +15,8 @@ from time import process_time_ns
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.low_rank import LowRankFilter, Precision
 from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.settings import FilterSettings, LowRank
@@ -126,13 +126,12 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
         )
 
 
-def _numpy_twin(network: DenseNetwork) -> LowRankFilter:
+def _numpy_twin(network: DenseNetwork) -> WeightFilter:
     settings = FilterSettings(
         prior_std=PRIOR, measurement_std=NOISE, spread=3**0.5, covariance=LowRank(10)
     )
-    setting = filter_numbers(network, settings, "cubature")
-    precision = Precision(network.fan_in / PRIOR**2, np.zeros((network.size, 10)))
-    return LowRankFilter(setting, network.initial(0), precision)
+    numbers = filter_numbers(network, settings, "cubature")
+    return WeightFilter(numbers, network.initial(0), compiled=False)
 
 
 def multiply_adds(network: DenseNetwork, shape: str) -> int:

@@ -1,6 +1,6 @@
-"""Memory shared with compiled filters by address: arrays on cache lines, the encoder's call.
+"""Memory that filters share with kernels by address: arrays, screening, encoder, lags.
 
-Neglected: who frees what; arrays live as long as the filter that holds them.
+Arrays live as long as the filter that holds them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.learning.filters.screening import Screen
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork
+from patagium.native.structs import LAGS, SCREENING
 
 Array = NDArray[np.float64]
 
@@ -22,14 +24,14 @@ ACTIVATION_CODES = {"softplus": 0, "tanh": 1}
 
 
 def kernel_function(library: ctypes.CDLL, name: str) -> Any:
-    """A function of a kernel that takes the address of its memory and gives an outcome."""
+    """Function of a kernel that takes the address of its memory and gives an outcome."""
     function = getattr(library, name)
     function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
     return function
 
 
 class Compiled(NamedTuple):
-    """A filter as C code meets it: one sample is x, y and a stamp in, one call, moments out.
+    """Filter as C code meets it: one sample is x, y and a stamp in, one call, moments out.
 
     Attributes:
         update: Address of `int f(void *memory)`: learns the sample; the integer is an Outcome.
@@ -63,7 +65,7 @@ class Compiled(NamedTuple):
 def compiled_filter(
     calls: tuple[Any, Any], struct: Any, x: Array, arrays: Mapping[str, Array], screen: Screen
 ) -> Compiled:
-    """A filter as C code meets it.
+    """Filter as C code meets it.
 
     Args:
         calls: The kernel's functions that update and that predict.
@@ -88,6 +90,80 @@ def compiled_filter(
         address + type(struct).nis.offset,
         arrays["mean"],
     )
+
+
+def addresses(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
+    """Addresses of arrays by name.
+
+    Args:
+        arrays: Arrays by name; they must outlive the addresses.
+    """
+    return {name: array.ctypes.data for name, array in arrays.items()}
+
+
+def screening_memory(screen: Screen) -> Any:
+    """Memory of a screening as a kernel takes it.
+
+    Args:
+        screen: Screening, whose arrays are shared by address; it must outlive the memory.
+    """
+    arrays = {**screen.arrays, "stated": screen.stated}
+    return SCREENING.type(
+        channels=len(arrays["noise"]),
+        stuck_samples=screen.stuck_samples,
+        window=screen.monitor.window,
+        reference=screen.monitor.reference,
+        limit=screen.limit,
+        share=screen.share,
+        ratio=screen.monitor.ratio,
+        **addresses(arrays),
+    )
+
+
+def install_lags(network: HiddenStripNetwork, whole: Any) -> tuple[Array, tuple[Any, ...]]:
+    """Let a kernel see a sample of a network whose encoder has weights.
+
+    Args:
+        network: Network with compiled lags.
+        whole: Memory of the kernel, `structs.EXTENDED_FILTER`.
+
+    Returns:
+        Input x that the kernel reads, (n_x,); what must stay alive.
+
+    Raises:
+        TypeError: If the network has no compiled lags.
+    """
+    lags, real = network.compiled_encoder(), np.dtype(float)
+    if lags is None:
+        raise TypeError(f"expected a network with compiled lags, found {type(network).__name__}")
+    own, states = len(lags.prior), lags.states
+    directions, outputs = rounded_up(own, 8), network.items * network.perceptron.widths[-1]
+    seen = network.items * network.perceptron.widths[0]
+    known = network.measured_inputs + states + own + outputs + len(lags.constants)
+    arrays = {
+        **{name: np.array(getattr(lags, name)) for name in ("constants", "prior", "reach")},
+        "x": np.zeros(network.inputs),
+        "coded": np.zeros(own),
+        "state": np.zeros(states),
+        "sample": np.zeros(known),
+        "moved": np.zeros((own, states)),
+        "along": np.eye(own),
+        "of_features": aligned((seen, directions), real),
+        "of_y": aligned((network.outputs, directions), real),
+    }
+    found = LAGS.type(
+        measured=network.measured_inputs,
+        states=states,
+        remembered=lags.parameters,
+        own=own,
+        directions=directions,
+        constants_count=len(lags.constants),
+        encode=lags.encode,
+        slopes=lags.slopes,
+        **addresses(arrays),
+    )
+    whole.lags = ctypes.addressof(found)
+    return arrays["x"], (found, arrays)
 
 
 def install_encoder(
@@ -117,7 +193,7 @@ def install_encoder(
 
 
 def aligned(shape: tuple[int, ...], dtype: Any) -> Any:
-    """A zeroed array that begins on a cache line."""
+    """Zeroed array that begins on a cache line."""
     size = int(np.prod(shape)) * dtype.itemsize
     raw = np.zeros(size + 64, np.uint8)
     start = -raw.ctypes.data % 64
@@ -125,5 +201,5 @@ def aligned(shape: tuple[int, ...], dtype: Any) -> Any:
 
 
 def rounded_up(count: int, multiple: int) -> int:
-    """The next multiple of a number."""
+    """Next multiple of a number."""
     return -(-count // multiple) * multiple

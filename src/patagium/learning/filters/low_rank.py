@@ -1,4 +1,4 @@
-"""The filter for many weights: the inverse of their covariance is a diagonal plus few columns.
+"""Covariance of many weights by its inverse: a diagonal plus few columns, in NumPy.
 
     P^-1 = U + F F',  U diagonal, F (n, r).
 
@@ -6,7 +6,7 @@ The columns s_i of a square root of P are turned until all but n_y of them leave
 to first order: with H = dy/dW and H P H' = V diag(l) V', the columns P H' V l^(-1/2) are the
 ones y sees, and the points of `spread` lie along these alone. A sample adds n_y columns
 H_e' M^(-1/2) to F; the r strongest, measured by U, are kept, and of the others the diagonal
-is added to U. Neglected: what the dropped columns say of pairs of weights; bends along
+is added to U. Neglected: what the dropped columns say of pairs of weights; curvature along
 directions y does not see to first order.
 
 References:
@@ -24,16 +24,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
 from patagium.errors import Outcome
-from patagium.learning.filters.array import (
-    Prediction,
-    nothing_known,
-    screened,
-)
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import vector
-from patagium.learning.models.network import Encoding
+from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.settings import LowRank
 
 Array = NDArray[np.float64]
@@ -44,7 +39,7 @@ _FARTHEST = 1e18  # of a column of P^-1: its square is a number in single precis
 
 
 class Precision(NamedTuple):
-    """The inverse of a covariance, U + F F'.
+    """Inverse of a covariance, U + F F'.
 
     Attributes:
         diagonal: U, (n,).
@@ -70,7 +65,7 @@ class Precision(NamedTuple):
         return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
 
     def drifted(self, growth: float, noise: Array) -> Precision:
-        """The inverse of growth P + diag(noise), as exactly.
+        """Inverse of growth P + diag(noise).
 
         Args:
             growth: Factor of the covariance; where it is 0 the noise is all of it.
@@ -86,10 +81,12 @@ class Precision(NamedTuple):
         return Precision(self.diagonal / damping, columns)
 
     def compressed(self, rank: int) -> Precision:
-        """The strongest columns, and of the others the diagonal; U is kept from vanishing.
+        """Precision of the strongest columns, and of the others the diagonal.
+
+        U is kept from vanishing.
 
         Args:
-            rank: How many columns to keep.
+            rank: Number of columns to keep.
         """
         scaled = self.columns / np.sqrt(self.diagonal)[:, None]
         _, turn = eigh(scaled.T @ scaled, check_finite=False)
@@ -100,7 +97,7 @@ class Precision(NamedTuple):
 
 
 def seen_directions(covariance: Array) -> tuple[Array, Array]:
-    """What y sees of the weights to first order: variances, (q,), and their axes, (n_y, q).
+    """Directions of the weights that move y: variances, (q,) [y^2], and axes, (n_y, q).
 
     Args:
         covariance: H P H', (n_y, n_y).
@@ -110,153 +107,138 @@ def seen_directions(covariance: Array) -> tuple[Array, Array]:
     return variances[clear], axes[:, clear]
 
 
-class LowRankFilter:
-    """Filter of a diagonal plus low rank; of order n (r + n_y)^2 a sample, memory n (r + 2 n_y).
+class Directions(NamedTuple):
+    """Directions of the weights that y is seen along.
 
-    Args:
-        setting: What it is made of; its structure is a `LowRank`.
-        mean: Weights to start from, (n,).
-        precision: Inverse of their covariance.
+    Attributes:
+        columns: Columns of a square root of P, (n, q).
+        sensed: P^-1 times them, (n, q).
     """
 
-    def __init__(self, setting: FilterNumbers, mean: Array, precision: Precision) -> None:
-        self.setting = setting
-        self.screen = setting.screen()
-        self.mean = np.array(mean, float)
-        self.nis = float("nan")
-        self._precision = self._rounded(precision)
-        self._grown: Precision | None = None
-
-    def precision(self) -> Precision:
-        """Inverse of the covariance after the last sample."""
-        return Precision(*(np.asarray(part, float) for part in self._precision))
-
-    def drift(self, growth: float, noise: Array) -> None:
-        """P <- growth P + diag(noise), once; growth > 0."""
-        self._precision = self._rounded(self.precision().drifted(growth, noise))
-        self._grown = None
-
-    def covariance(self) -> Array:
-        """P after the last sample, (n, n): not for many weights."""
-        return self.precision().solve(np.eye(len(self.mean)))
-
-    def variances(self) -> Array:
-        """Its diagonal, (n,)."""
-        return self.precision().variances()
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def predict(self, x: Array) -> Prediction:
-        """y at x, before it is measured."""
-        encoding = self.setting.network.encode_one(x)
-        found, _, _ = self._seen(encoding, self._advanced())
-        return Prediction(found.mean, found.covariance)
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance."""
-        refused = self.screen.admit()
-        if refused:
-            return refused, nothing_known(len(y))
-        before, encoding = self._advanced(), self.setting.network.encode_one(x)
-        if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
-            self.screen.note("bad_inputs")
-            return Outcome.BAD_INPUT, nothing_known(len(y))
-        try:
-            found, columns, sensed = self._seen(encoding, before)
-        except MatrixLost as lost:
-            return lost.outcome, nothing_known(len(y))
-        prediction = Prediction(found.mean, found.covariance)
-        sample = screened(self.screen, encoding, found, y)
-        if isinstance(sample, Outcome):
-            return sample, prediction
-        moments, innovation = sample
-        try:
-            total, noise = lower_factor(moments.covariance), lower_factor(moments.remainder)
-        except MatrixLost as lost:
-            return lost.outcome, prediction
-        whitened = solve_triangular(total, innovation, lower=True, check_finite=False)
-        gain = solve_triangular(total, whitened, lower=True, trans="T", check_finite=False)
-        nis, mean = float(whitened @ whitened), self.mean + columns @ (moments.slopes @ gain)
-        seen = (sensed @ moments.slopes).T
-        added = solve_triangular(noise, seen, lower=True, check_finite=False).T
-        if not (np.isfinite(nis) and np.isfinite(mean).all() and np.abs(added).max() < _FARTHEST):
-            return Outcome.NOT_FINITE, prediction
-        after = Precision(before.diagonal, np.hstack([before.columns, added]))
-        self._precision = self._rounded(after.compressed(self._rank))
-        self.mean, self._grown, self.nis = mean, None, nis
-        inverse = solve_triangular(total, np.eye(len(total)), lower=True)
-        self.screen.learned(gain, np.einsum("ij,ij->j", inverse, inverse), nis)
-        return Outcome.COMPLETED, prediction
-
-    def state(self) -> dict[str, Array]:
-        """All that the next samples depend on, as arrays by name."""
-        diagonal, columns = self._precision
-        return {
-            "mean": self.mean.copy(),
-            "nis": np.array(self.nis),
-            "diagonal": diagonal.copy(),
-            "columns": columns.copy(),
-        }
-
-    def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from a state."""
-        mean = vector(state, "mean", len(self.mean))
-        diagonal = vector(state, "diagonal", len(mean))
-        columns = vector(state, "columns", *self._precision.columns.shape)
-        self.mean, self.nis = mean, float(state["nis"])
-        self._precision, self._grown = self._rounded(Precision(diagonal, columns)), None
-
-    @property
-    def _rank(self) -> int:
-        structure = self.setting.structure
-        return structure.rank if isinstance(structure, LowRank) else len(self.mean)
-
-    def _rounded(self, precision: Precision) -> Precision:
-        return Precision(*(np.ascontiguousarray(part, self.setting.dtype) for part in precision))
-
-    def _advanced(self) -> Precision:
-        """The precision before the next sample, forgetting and noise done."""
-        if self._grown is None:
-            setting = self.setting
-            growth = 1.0 / setting.forgetting_factor
-            self._grown = self.precision().drifted(growth, setting.process_noise)
-        return self._grown
-
-    def _seen(self, encoding: Encoding, precision: Precision) -> tuple[Moments, Array, Array]:
-        """Moments along the columns y sees, these columns, (n, q), and P^-1 times them."""
-        y, slope = self.setting.network.linearized(encoding, self.mean)
-        if not np.abs(slope).max() < _STEEPEST:
-            raise MatrixLost(Outcome.NOT_FINITE)
-        reached = precision.solve(slope.T)
-        variances, axes = seen_directions(slope @ reached)
-        turn = axes / np.sqrt(variances)
-        columns = reached @ turn
-        return self._moments(encoding, y, columns, variances, axes), columns, slope.T @ turn
-
-    def _moments(
-        self, encoding: Encoding, y: Array, columns: Array, variances: Array, axes: Array
-    ) -> Moments:
-        """What the points along the columns say of y; elsewhere y stays where it is."""
-        rule = self.setting.rule
-        steps = rule.spread * columns.T
-        points = self.mean + np.concatenate([steps, -steps])
-        plus, minus = np.split(self.setting.network.values(encoding, points), 2)
-        return self._moments_at(encoding, y, plus, minus)
-
-    def _moments_at(self, encoding: Encoding, y: Array, plus: Array, minus: Array) -> Moments:
-        """The same from y at the mean and at the points on either side, (q, n_y)."""
-        rule = self.setting.rule
-        rest = rule.bend_gain * rule.centered * (len(self.mean) - len(plus))
-        found = moments_of(y, plus, minus, self.screen.noise(encoding.readout), rule)
-        shift = found.mean - y
-        return found._replace(remainder=found.remainder + rest * np.outer(shift, shift))
+    columns: Array
+    sensed: Array
 
 
-class ExtendedLowRankFilter(LowRankFilter):
-    """The same with y linear in the weights: no points."""
+def rank_of(numbers: FilterNumbers) -> int:
+    """Number of columns of F, at most that of the weights.
 
-    def _moments(
-        self, encoding: Encoding, y: Array, columns: Array, variances: Array, axes: Array
-    ) -> Moments:
-        slopes = np.sqrt(variances)[:, None] * axes.T
-        return Moments(y, slopes, np.diag(self.screen.noise(encoding.readout)))
+    Args:
+        numbers: Numbers of the filter.
+    """
+    structure = numbers.structure
+    return min(structure.rank if isinstance(structure, LowRank) else 0, numbers.network.size)
+
+
+def rounded(numbers: FilterNumbers, precision: Precision) -> Precision:
+    """Precision with its numbers in the precision of the filter.
+
+    Args:
+        numbers: Numbers of the filter.
+        precision: P^-1.
+    """
+    return Precision(*(np.ascontiguousarray(part, numbers.dtype) for part in precision))
+
+
+def doubled(precision: Precision) -> Precision:
+    """Precision with its numbers in double precision.
+
+    Args:
+        precision: P^-1.
+    """
+    return Precision(*(np.asarray(part, float) for part in precision))
+
+
+def moments_along(look: Look, y: Array, plus: Array, minus: Array) -> Moments:
+    """Moments of y from its values on either side along the directions that y is seen along.
+
+    Args:
+        look: Sample before it is measured.
+        y: y(W), (n_y,).
+        plus: y(W + kappa s_i), (q, n_y).
+        minus: y(W - kappa s_i), (q, n_y).
+    """
+    rule = look.numbers.rule
+    rest = rule.curvature_gain * rule.centered * (len(look.mean) - len(plus))
+    found = moments_of(y, plus, minus, look.noise, rule)
+    shift = found.mean - y
+    return found._replace(remainder=found.remainder + rest * np.outer(shift, shift))
+
+
+def linear_moments_along(look: Look, y: Array, variances: Array, axes: Array) -> Moments:
+    """Moments of y with the network linear around the weights.
+
+    Args:
+        look: Sample before it is measured.
+        y: y(W), (n_y,).
+        variances: Variances of y along its axes, (q,).
+        axes: (n_y, q).
+    """
+    return Moments(y, np.sqrt(variances)[:, None] * axes.T, np.diag(look.noise))
+
+
+def _start(numbers: FilterNumbers, std: Array) -> Precision:
+    columns = np.zeros((len(std), rank_of(numbers)))
+    return rounded(numbers, Precision(1.0 / std**2, columns))
+
+
+def _drifted(
+    numbers: FilterNumbers, precision: Precision, growth: float, noise: Array | None
+) -> Precision:
+    added = np.zeros(len(precision.diagonal)) if noise is None else noise
+    return rounded(numbers, doubled(precision).drifted(growth, added))
+
+
+def _moments(precision: Precision, look: Look) -> tuple[Moments, Directions]:
+    network, rule = look.numbers.network, look.numbers.rule
+    y, slope = network.linearized(look.encoding, look.mean)
+    if not np.abs(slope).max() < _STEEPEST:
+        raise MatrixLost(Outcome.NOT_FINITE)
+    reached = doubled(precision).solve(slope.T)
+    variances, axes = seen_directions(slope @ reached)
+    turn = axes / np.sqrt(variances)
+    along = Directions(reached @ turn, slope.T @ turn)
+    if look.numbers.linear:
+        return linear_moments_along(look, y, variances, axes), along
+    steps = rule.spread * along.columns.T
+    values = network.values(look.encoding, look.mean + np.concatenate([steps, -steps]))
+    return moments_along(look, y, *np.split(values, 2)), along
+
+
+def _learned(
+    precision: Precision, look: Look, along: Directions, moments: Moments, gain: Array
+) -> tuple[Array, Precision]:
+    noise = lower_factor(moments.remainder)
+    seen = (along.sensed @ moments.slopes).T
+    added = solve_triangular(noise, seen, lower=True, check_finite=False).T
+    if not np.abs(added).max() < _FARTHEST:
+        raise MatrixLost(Outcome.NOT_FINITE)
+    diagonal, columns = doubled(precision)
+    after = Precision(diagonal, np.hstack([columns, added])).compressed(rank_of(look.numbers))
+    mean = look.mean + along.columns @ (moments.slopes @ gain)
+    return mean, rounded(look.numbers, after)
+
+
+def _packed(numbers: FilterNumbers, precision: Precision) -> dict[str, Array]:
+    return {"diagonal": precision.diagonal.copy(), "columns": precision.columns.copy()}
+
+
+def _unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Precision:
+    diagonal = vector(state, "diagonal", numbers.network.size)
+    columns = vector(state, "columns", numbers.network.size, rank_of(numbers))
+    return rounded(numbers, Precision(diagonal, columns))
+
+
+LOW_RANK = Structure(
+    start=_start,
+    drifted=_drifted,
+    moments=_moments,
+    learned=_learned,
+    covariance=lambda numbers, precision: doubled(precision).solve(np.eye(numbers.network.size)),
+    variances=lambda numbers, precision: doubled(precision).variances(),
+    packed=_packed,
+    unpacked=_unpacked,
+)
+"""Inverse of a diagonal plus few columns; the state is a `Precision`.
+
+A sample costs of order n (r + n_y)^2, memory is n (r + 2 n_y).
+"""

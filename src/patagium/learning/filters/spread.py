@@ -1,23 +1,24 @@
-"""Where the points of the filter lie and what their outputs say: mean and covariance of y.
+"""Cubature points and linearization: two ways to the mean and covariance of y.
 
 Points W +- kappa S e_i, i = 1..n, and W itself. With y0 = y(W) and, along column i,
 
     d_i = (y_i+ - y_i-) / 2        slope,
-    c_i = (y_i+ + y_i-) / 2 - y0   bend,
+    c_i = (y_i+ + y_i-) / 2 - y0   curvature,
 
 the mean of y is y0 + D, D = sum c_i / kappa^2: the weights 1/(2 kappa^2) of the points
 and 1 - n/kappa^2 of the center, exact for every quadratic y(W). Its covariance is
-Z Z' + M with Z = d / kappa in all cases; M is what the bends add.
+Z Z' + M with Z = d / kappa in all cases; M is what the curvatures add.
 
 - kappa^2 >= n (sqrt(n): the cubature rule, no center): all weights are positive and M
   is the plain weighted sum, M = sum (c_i - D)(c_i - D)' / kappa^2 + (1 - n/kappa^2) D D' + R.
 - kappa^2 < n: the center's weight is negative and the plain sum may be indefinite. The
   second-order divided differences (Norgaard, Poulsen & Ravn 2000) are used instead:
   M = sum 2 c_i c_i' / kappa^4 + R, exact for quadratic y(W) without mixed terms, and
-  positive definite whatever the bends are. At kappa = sqrt(3) it is theirs to the letter.
+  positive definite whatever the curvatures are. At kappa = sqrt(3) it is theirs to the letter.
 - kappa -> 0 is the extended Kalman filter with its second-order terms along the columns.
 
-The covariance of W with y is S Z in all cases. Neglected: mixed second derivatives.
+The covariance of W with y is S Z in all cases. Linearized at W, with H = dy/dW, the mean is
+y(W), Z = S' H' and M = R. Neglected: mixed second derivatives; linearized, all of them.
 """
 
 from __future__ import annotations
@@ -34,23 +35,23 @@ Array = NDArray[np.float64]
 
 
 class SpreadRule(NamedTuple):
-    """The numbers of a rule.
+    """Numbers of a cubature rule.
 
     Attributes:
         spread: kappa, distance of the points in standard deviations.
-        bend_gain: M = bend_gain sum (c_i - centered D)(c_i - centered D)' ...
+        curvature_gain: M = curvature_gain sum (c_i - centered D)(c_i - centered D)' ...
         centered: 1 or 0.
         shift_gain: ... + shift_gain D D' + R.
     """
 
     spread: float
-    bend_gain: float
+    curvature_gain: float
     centered: float
     shift_gain: float
 
 
 def spread_rule(weights: int, spread: float | None) -> SpreadRule:
-    """The rule for a number of weights.
+    """Cubature rule for a number of weights.
 
     Args:
         weights: n.
@@ -71,12 +72,12 @@ def spread_rule(weights: int, spread: float | None) -> SpreadRule:
 
 
 class Moments(NamedTuple):
-    """What the points say about y, with S the square root they were placed by.
+    """Moments of y, with S the square root of the covariance of the weights.
 
     Attributes:
-        mean: (n_y,).
-        slopes: Z, (n, n_y): the covariance of W with y is S Z.
-        remainder: M, (n_y, n_y): the covariance of y is Z' Z + M.
+        mean: Mean, (n_y,) [y].
+        slopes: Z, (n, n_y) [y]: the covariance of W with y is S Z.
+        remainder: M, (n_y, n_y) [y^2]: the covariance of y is Z' Z + M.
     """
 
     mean: Array
@@ -100,8 +101,10 @@ def moments_of(center: Array, plus: Array, minus: Array, noise: Array, rule: Spr
         rule: The rule that placed them.
     """
     slopes = (plus - minus) / (2 * rule.spread)
-    bends = (plus - center) / 2 + (minus - center) / 2
-    shift = bends.sum(axis=0) / rule.spread**2
-    bends = bends - rule.centered * shift
-    remainder = rule.bend_gain * (bends.T @ bends) + rule.shift_gain * np.outer(shift, shift)
+    curvatures = (plus - center) / 2 + (minus - center) / 2
+    shift = curvatures.sum(axis=0) / rule.spread**2
+    curvatures = curvatures - rule.centered * shift
+    remainder = rule.curvature_gain * (curvatures.T @ curvatures) + rule.shift_gain * np.outer(
+        shift, shift
+    )
     return Moments(center + shift, slopes, remainder + np.diag(noise))

@@ -1,61 +1,19 @@
-"""The state of a filter as few vectors, to be kept in a file: roots by their lower triangles.
+"""State of a filter as few vectors of a file: square roots by their lower triangles.
 
-Numbers keep the precision the filter holds them in, so that they come back bit for bit.
-Neglected: what a filter derives from its state; it is derived again.
+Numbers keep the precision of the filter, so that they come back bit for bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from patagium.errors import ShapeError
 
 Array = NDArray[np.float64]
-
-
-class RootState(NamedTuple):
-    """What a square-root filter is between two samples.
-
-    Attributes:
-        mean: Weights W, (n,).
-        nis: Normalized innovation squared of the last sample.
-        roots: Lower triangular square roots of the covariance's blocks, (k, k) each.
-    """
-
-    mean: Array
-    nis: float
-    roots: list[Array]
-
-    def packed(self, dtype: DTypeLike) -> dict[str, Array]:
-        """As vectors by name.
-
-        Args:
-            dtype: Of the roots.
-        """
-        return {
-            "mean": np.array(self.mean, float),
-            "nis": np.array(self.nis),
-            "root": packed(self.roots).astype(dtype),
-        }
-
-
-def root_state(state: Mapping[str, Array], sizes: Sequence[int]) -> RootState:
-    """Inverse of `RootState.packed`.
-
-    Args:
-        state: Vectors by name.
-        sizes: Weights of each block, k.
-
-    Raises:
-        KeyError: If a vector is missing.
-        ShapeError: If one has another length.
-    """
-    mean = vector(state, "mean", sum(sizes))
-    return RootState(mean, float(state["nis"]), unpacked(np.asarray(state["root"], float), sizes))
 
 
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:

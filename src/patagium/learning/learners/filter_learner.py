@@ -15,14 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
-from patagium.learning.filters.array import CholeskyFilter
-from patagium.learning.filters.choice import weight_filter
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
+from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     Saved,
     Stopwatch,
@@ -83,7 +82,7 @@ class FilterLearner(Saved):
         numbers = filter_numbers(network, chosen, self.kind)
         self.settings, self.memory = compact_settings(numbers), memory_of(network)
         self._network, self._seed, self._numbers = network, seed, numbers
-        self._filter = weight_filter(numbers, network.initial(seed))
+        self._filter = WeightFilter(numbers, network.initial(seed))
         self._stopwatch = Stopwatch()
         self._changes: list[int] = []
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
@@ -244,8 +243,7 @@ class FilterLearner(Saved):
     @property
     def compiled(self) -> Compiled | None:
         """Filter as C code calls it; None where a sample needs Python as well."""
-        found: Compiled | None = getattr(self._filter, "compiled", None)
-        return found
+        return self._filter.compiled
 
     def account_for(self, outcomes: ArrayLike, nanoseconds: ArrayLike) -> None:
         """Account for samples that C code learned through `compiled`, as `update` would.
@@ -282,7 +280,7 @@ class FilterLearner(Saved):
         if outcome in REFUSALS:
             return
         # a root is definite: what was not is P_yy, at an input beyond all reason
-        lost = outcome is Outcome.COVARIANCE_LOST and isinstance(self._filter, CholeskyFilter)
+        lost = outcome is Outcome.COVARIANCE_LOST and self.settings.square_root == "cholesky"
         if screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
         screen.note("refused")

@@ -25,8 +25,8 @@
 #include "points.h"
 #include "sample.h"
 
-/* Slopes and bends of y over WIDTH columns, from the mlp's outputs at their points. */
-static void read_out(const cubature *f, int first, REAL *outputs) {
+/* Slopes and curvatures of y over WIDTH columns, from the mlp's outputs at their points. */
+static void read_out(const panel_filter *f, int first, REAL *outputs) {
   const int count = f->items * f->widths[f->layers];
   const REAL *center = sums_of(f, f->layers - 1);
   const reals half = reals_all(R(0.5)), gain = reals_all(R(0.5 / f->spread));
@@ -41,12 +41,12 @@ static void read_out(const cubature *f, int first, REAL *outputs) {
     band_product(0, FEW, f->stride, count, outputs + k, 1, PANEL, f->weighting, f->stride,
                  f->slopes + at, f->stride);
     band_product(0, FEW, f->stride, count, outputs + WIDTH + k, 1, PANEL, f->weighting, f->stride,
-                 f->bends + at, f->stride);
+                 f->curvatures + at, f->stride);
   }
 }
 
-/* All points through the network: slopes, bends, and y at the mean in `predicted`. */
-static void visit(cubature *f) {
+/* All points through the network: slopes, curvatures, and y at the mean in `predicted`. */
+static void visit(panel_filter *f) {
   const int count = f->items * f->widths[f->layers], m = f->outputs;
   if (f->encode) f->encode(f->encode_arguments, f->encode_results);
   find_noise(f->screen, count, f->readout);
@@ -64,20 +64,20 @@ static void visit(cubature *f) {
   }
 }
 
-/* Mean of y, M and P_yy from slopes and bends; Z'Z of every block. */
-static void moments(cubature *f, double *remainder, double *work) {
+/* Mean of y, M and P_yy from slopes and curvatures; Z'Z of every block. */
+static void moments(panel_filter *f, double *remainder, double *work) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double shift[stride];
   memset(shift, 0, sizeof shift);
   memset(remainder, 0, sizeof(double) * size);
   for (int b = 0; b < f->blocks; b++)
-    add_rows(stride, f->counts[b], f->bends + (ptrdiff_t)f->starts[b] * stride, shift);
+    add_rows(stride, f->counts[b], f->curvatures + (ptrdiff_t)f->starts[b] * stride, shift);
   for (int k = 0; k < stride; k++) shift[k] /= f->spread * f->spread;
   for (int b = 0; b < f->blocks; b++) {
     if (f->centered != 0)
       move_rows(stride, f->counts[b], f->centered, shift,
-                f->bends + (ptrdiff_t)f->starts[b] * stride);
-    gram(f, b, f->bends, work);
+                f->curvatures + (ptrdiff_t)f->starts[b] * stride);
+    gram(f, b, f->curvatures, work);
     gram(f, b, f->slopes, gram_of(f, b));
     for (int k = 0; k < size; k++) remainder[k] += work[k];
   }
@@ -85,7 +85,7 @@ static void moments(cubature *f, double *remainder, double *work) {
     f->predicted[k] += shift[k];
     for (int l = 0; l < m; l++) {
       double *sum = remainder + k * stride + l;
-      *sum = f->bend_gain * *sum + f->shift_gain * shift[k] * shift[l];
+      *sum = f->curvature_gain * *sum + f->shift_gain * shift[k] * shift[l];
       if (k == l) *sum += f->screen->noise[k];
       f->covariance[k * m + l] = *sum;
       for (int b = 0; b < f->blocks; b++)
@@ -95,14 +95,14 @@ static void moments(cubature *f, double *remainder, double *work) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-int cubature_predict(cubature *f) {
+int cubature_predict(panel_filter *f) {
   visit(f);
   moments(f, f->small, f->small + f->stride * f->stride);
   return predicted(f);
 }
 
 /* Learn one sample. */
-int cubature_update(cubature *f) { return learn_sample(f, cubature_predict); }
+int cubature_update(panel_filter *f) { return learn_sample(f, cubature_predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int cubature_lanes(void) { return WIDTH; }

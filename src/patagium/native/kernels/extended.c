@@ -4,41 +4,13 @@
  * reverse accumulation through the mlp, Z = S' H', M = R. What a sample then does to mean and
  * root is the cubature filter's: sample.h. Where the network remembers, the first weights are
  * numbers of the air: features, readout and lags depend on them, and their columns of H come
- * from derivatives along each (lags, below). Python's twin is `extended_kernel.py`, field by field.
+ * from derivatives along each (lags).
  */
 #include "points.h"
 #include "sample.h"
 
-typedef void (*function)(const double *const *, double *const *);
-typedef void (*functions)(const double *const *, double *const *, long count, long stride);
-
-/* A network whose encoder has weights: x is [measured, z, vec S, W_m], S = dz/dW_m. */
-typedef struct {
-  int32_t measured, states, remembered;
-  int32_t own;             /* weights of the encoder, the remembered ones first */
-  int32_t directions;      /* own rounded up to whole vectors */
-  function encode;         /* measured, z, coded, constants -> features, readout */
-  functions slopes;        /* sample, dz, dcoded -> of features, of y: along each of own */
-  const double *constants; /* of encode */
-  const double *prior;     /* own: coded = prior + reach W */
-  const double *reach;     /* own */
-  double *x;
-  double *coded;           /* own */
-  double *state;           /* z at the mean */
-  double *sample;          /* [measured, z, coded, outputs of the mlp, constants], one behind the other */
-  double *moved;           /* own x states: dz along each */
-  double *along;           /* own x own: dcoded along each, one */
-  double *of_features;     /* items widths[0] x directions */
-  double *of_y;            /* n_y x directions */
-  int32_t constants_count;
-} lags;
-
-typedef struct {
-  cubature filter;
-  lags *lags;        /* or NULL */
-  double *derivative; /* weights x stride: H' */
-  double *seeds;      /* 2 x items widest x stride: dy / d sums of a layer, of that below */
-} extended;
+#include "lags_struct.h"
+#include "extended_filter_struct.h"
 
 /* Lags and coded numbers at weights: z + S (W - W_m). */
 static void place_lags(const lags *g, const double *weights, int known) {
@@ -54,7 +26,7 @@ static void place_lags(const lags *g, const double *weights, int known) {
   }
 }
 
-static void encode_with_lags(const lags *g, cubature *f) {
+static void encode_with_lags(const lags *g, panel_filter *f) {
   const double *arguments[4] = {g->x, g->state, g->coded, g->constants};
   double *results[2] = {f->features, f->readout};
   g->encode(arguments, results);
@@ -62,8 +34,8 @@ static void encode_with_lags(const lags *g, cubature *f) {
 
 /* Features and readout at the mean; the noise of a network that remembers grows with what the
  * remembered weights alone say. */
-static void encode_sample(extended *e) {
-  cubature *f = &e->filter;
+static void encode_sample(extended_filter *e) {
+  panel_filter *f = &e->filter;
   const int count = f->items * f->widths[f->layers];
   if (!e->lags) {
     if (f->encode) f->encode(f->encode_arguments, f->encode_results);
@@ -91,8 +63,8 @@ static inline void weighted_rows(int stride, int count, const double *scale, int
 }
 
 /* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
-static const double *perceptron_slopes(extended *e) {
-  cubature *f = &e->filter;
+static const double *perceptron_slopes(extended_filter *e) {
+  panel_filter *f = &e->filter;
   const int own = e->lags ? e->lags->own : 0, stride = f->stride, items = f->items;
   const int room = items * widest_of(f) * stride;
   double ones[items], *seeds = e->seeds, *below = e->seeds + room;
@@ -128,8 +100,8 @@ static const double *perceptron_slopes(extended *e) {
 }
 
 /* Rows of H' of the encoder's weights; through: dy / d features. */
-static void lag_slopes(extended *e, const double *through) {
-  cubature *f = &e->filter;
+static void lag_slopes(extended_filter *e, const double *through) {
+  panel_filter *f = &e->filter;
   const lags *g = e->lags;
   const int seen = f->items * f->widths[0], outputs = f->items * f->widths[f->layers];
   const double *slopes = g->x + g->measured + g->states, *m = sums_of(f, f->layers - 1);
@@ -156,8 +128,8 @@ static void lag_slopes(extended *e, const double *through) {
 }
 
 /* y at the mean in `predicted`, and Z. */
-static void visit(extended *e) {
-  cubature *f = &e->filter;
+static void visit(extended_filter *e) {
+  panel_filter *f = &e->filter;
   const int own = e->lags ? e->lags->own : 0, m = f->outputs, stride = f->stride;
   const int count = f->items * f->widths[f->layers];
   encode_sample(e);
@@ -184,9 +156,9 @@ static void visit(extended *e) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-static int predict(cubature *f) {
+static int predict(panel_filter *f) {
   const int m = f->outputs, stride = f->stride;
-  visit((extended *)f);
+  visit((extended_filter *)f);
   memset(f->small, 0, sizeof(double) * stride * stride);
   for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));
   for (int k = 0; k < m; k++) {
@@ -200,10 +172,10 @@ static int predict(cubature *f) {
   return predicted(f);
 }
 
-int extended_predict(extended *e) { return predict(&e->filter); }
+int extended_predict(extended_filter *e) { return predict(&e->filter); }
 
 /* Learn one sample. */
-int extended_update(extended *e) { return learn_sample(&e->filter, predict); }
+int extended_update(extended_filter *e) { return learn_sample(&e->filter, predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int extended_lanes(void) { return WIDTH; }

@@ -48,7 +48,7 @@ static void scatter_of(int k, const REAL *x, double centered, double *mean, doub
   }
 }
 
-/* Slopes of a group along one direction of y; its share of Z'Z and of the bends. */
+/* Slopes of a group along one direction of y; its share of Z'Z and of the curvatures. */
 static void gather_line(node_filter *f, const group *g, REAL *steps, REAL *slopes,
                         double growth, double *total) {
   const int k = g->size, hidden = g->layer + 1 < f->layers;
@@ -62,15 +62,15 @@ static void gather_line(node_filter *f, const group *g, REAL *steps, REAL *slope
     }
     const reals up = change_of(f, g, 0, step), down = change_of(f, g, 0, -step);
     row_store(slopes, i, (up - down) * gain);
-    row_store(f->bends, i, (up + down) * R(0.5));
+    row_store(f->curvatures, i, (up + down) * R(0.5));
   }
   scatter_of(k, slopes, 0, mean, square);
-  if (hidden) scatter_of(k, f->bends, f->centered, middle, scatter);
+  if (hidden) scatter_of(k, f->curvatures, f->centered, middle, scatter);
   for (int c = 0; c < g->count; c++) {
     double *d = direction_of(f, g->node + c), *center = f->centers + (g->node + c) * f->stride;
     find_direction(f, g->layer, g->first + c, 0, d);
     f->squares[g->node + c] = square[c];
-    add_outer(f->outputs, f->stride, square[c] + f->bend_gain * scatter[c], d, total);
+    add_outer(f->outputs, f->stride, square[c] + f->curvature_gain * scatter[c], d, total);
     for (int l = 0; l < f->stride; l++) center[l] = middle[c] * d[l];
   }
 }
@@ -99,7 +99,7 @@ static void add_gram(int k, int m, int stride, double scale, const REAL *x, cons
     }
 }
 
-/* Slopes of a group along all of y; its share of Z'Z and of the bends. */
+/* Slopes of a group along all of y; its share of Z'Z and of the curvatures. */
 static void gather(node_filter *f, const group *g, REAL *steps, REAL *slopes, double growth,
                    double *total) {
   const int k = g->size, m = f->outputs, terms = terms_of(f, g);
@@ -119,25 +119,25 @@ static void gather(node_filter *f, const group *g, REAL *steps, REAL *slopes, do
       run_on(f, g, change, room, side ? down : up);
     }
     for (int q = 0; q < m; q++) {
-      reals slope = {0}, bend = {0};
+      reals slope = {0}, curvature = {0};
       for (int r = 0; r < terms; r++) {
         const reals towards = row_load(f->towards, (ptrdiff_t)r * m + q);
         slope += towards * (row_load(up, r) - row_load(down, r));
-        bend += towards * (row_load(up, r) + row_load(down, r));
+        curvature += towards * (row_load(up, r) + row_load(down, r));
       }
       row_store(slopes, (ptrdiff_t)i * m + q, slope * gain);
-      row_store(f->bends, (ptrdiff_t)i * m + q, bend * R(0.5));
-      for (int c = 0; c < WIDTH; c++) middle[q * WIDTH + c] += (double)bend[c] * (0.5 / k);
+      row_store(f->curvatures, (ptrdiff_t)i * m + q, curvature * R(0.5));
+      for (int c = 0; c < WIDTH; c++) middle[q * WIDTH + c] += (double)curvature[c] * (0.5 / k);
     }
   }
   add_gram(k, m, f->stride, 1, slopes, none, f->wide_small, total);
   for (int c = 0; c < g->count; c++)
     for (int q = 0; q < m; q++) f->centers[(g->node + c) * f->stride + q] = middle[q * WIDTH + c];
   for (int q = 0; q < m * WIDTH; q++) middle[q] *= f->centered;
-  add_gram(k, m, f->stride, f->bend_gain, f->bends, middle, f->wide_small, total);
+  add_gram(k, m, f->stride, f->curvature_gain, f->curvatures, middle, f->wide_small, total);
 }
 
-/* Mean of y moved by the bends; what centering them leaves of the covariance; the noise. */
+/* Mean of y moved by the curvatures; what centering them leaves of the covariance; the noise. */
 static void finish_moments(node_filter *f, double *total) {
   const int m = f->outputs, stride = f->stride;
   double shift[stride], apart[stride];
@@ -150,7 +150,7 @@ static void finish_moments(node_filter *f, double *total) {
     for (group g = {0}; next_group(f, &g);)
       for (int c = 0; c < g.count; c++) {
         for (int l = 0; l < stride; l++) apart[l] = f->centers[(g.node + c) * stride + l] - shift[l];
-        add_outer(m, stride, f->bend_gain * g.size, apart, total);
+        add_outer(m, stride, f->curvature_gain * g.size, apart, total);
       }
   add_outer(m, stride, f->shift_gain, shift, total);
   for (int k = 0; k < m; k++) {

@@ -2,8 +2,7 @@
  *
  * Neurons of a layer are taken WIDTH at a time, one in each lane: a group. Its weights are
  * k = inputs + 1 rows (the bias last) of vectors; its square root is packed by bands of four
- * rows, each from the first column to its diagonal, column by column. Everything is owned by
- * the caller, zero to begin with, on cache lines; Python's twin is `node_filter.py`.
+ * rows, each from the first column to its diagonal, column by column.
  */
 #ifndef PATAGIUM_NODE_H
 #define PATAGIUM_NODE_H
@@ -13,60 +12,11 @@
 #include "activations.h"
 #include "screening.h"
 #include "small.h"
+#include "node_filter_struct.h"
 
 enum { SOFTPLUS = 0, TANH = 1 };
 
 #define BAND 4 /* rows of a band */
-
-typedef struct {
-  int32_t weights;       /* n */
-  int32_t outputs;       /* n_y */
-  int32_t stride;        /* n_y rounded up to a multiple of 8    */
-  int32_t items;         /* how often the mlp is evaluated for one y */
-  int32_t layers;        /* of the mlp */
-  int32_t activation;
-  int32_t drifts;        /* 1: drift and decay act before each sample, 0: growth does */
-  int32_t drifted;       /* 1: `grown` is the root before the next sample */
-  const int32_t *widths; /* layers + 1 */
-  double spread;
-  double growth;         /* 1 / sqrt(forgetting factor) */
-  double bend_gain;      /* see cubature.h */
-  double centered;
-  double shift_gain;
-  double largest;        /* no row of the root is longer */
-  double nis;            /* normalized innovation squared of the last sample */
-  double *mean;          /* n, in the order of the network */
-  screening *screen;     /* what samples go through; holds the variances of the measurement */
-  REAL *root;            /* of all groups */
-  REAL *grown;           /* the same after the drift, where there is one */
-  REAL *drift;           /* variances added before a sample, rows of all groups */
-  REAL *near;            /* mean in the precision of the points, rows of all groups */
-  REAL *plain;           /* the same in the order of the network, and WIDTH zeros */
-  REAL *steps;           /* columns of all groups: how far z moves, (items) */
-  REAL *slopes;          /* columns of all groups: 1 number where rank one, else n_y */
-  REAL *bends;           /* columns of one group: n_y numbers */
-  REAL *gains;           /* columns of one group: n_y + 1 numbers */
-  REAL *cross;           /* rows of one group: n_y numbers */
-  REAL *outputs_at;      /* 4 x items x widest */
-  REAL *towards;         /* terms x n_y: what y does with an output of the mlp */
-  REAL *at_mean;         /* 2 x layers x items x padded */
-  double *directions;    /* nodes x items x stride: y for a unit of each neuron's output */
-  double *centers;       /* nodes x stride: mean of the bends */
-  double *squares;       /* nodes: a'a where slopes are of rank one */
-  double *small;         /* 4 x stride x stride */
-  double *wide_small;    /* 2 x n_y x n_y x WIDE */
-  /* one sample */
-  void (*encode)(const double *const *, double *const *); /* or NULL: features, readout given */
-  const double *const *encode_arguments;
-  double *const *encode_results;
-  double *features;      /* items x widths[0] */
-  double *readout;       /* items widths[layers] x n_y: transposed */
-  double *offset;        /* n_y */
-  double *measured;      /* n_y */
-  double *predicted;     /* n_y */
-  double *innovation;    /* n_y */
-  double *covariance;    /* n_y x n_y */
-} node_filter;
 
 /* WIDTH neurons of one layer. */
 typedef struct {

@@ -18,7 +18,7 @@ static void activate(int activation, int count, REAL *z) {
       reals_store(z + k * WIDTH, reals_softplus(reals_load(z + k * WIDTH)));
 }
 
-static int widest_of(const cubature *f) {
+static int widest_of(const panel_filter *f) {
   int widest = 0;
   for (int l = 0; l <= f->layers; l++)
     if (f->widths[l] > widest) widest = f->widths[l];
@@ -26,20 +26,20 @@ static int widest_of(const cubature *f) {
 }
 
 /* Numbers a layer at the mean takes: items x widest, in whole vectors. */
-static int layer_size(const cubature *f) {
+static int layer_size(const panel_filter *f) {
   return (f->items * widest_of(f) + WIDTH - 1) / WIDTH * WIDTH;
 }
 
 /* What layer l sums at the mean, (items, widths[l + 1]). */
-static REAL *sums_of(const cubature *f, int l) { return f->at_mean + 2 * l * layer_size(f); }
+static REAL *sums_of(const panel_filter *f, int l) { return f->at_mean + 2 * l * layer_size(f); }
 
 /* What layer l takes in at the mean, (items, widths[l]). */
-static REAL *inputs_of(const cubature *f, int l) {
+static REAL *inputs_of(const panel_filter *f, int l) {
   return f->at_mean + (2 * l + 1) * layer_size(f);
 }
 
 /* All layers at the mean, in the order of operations of the points; `first`: weights before. */
-static void run_at_mean(cubature *f, int first) {
+static void run_at_mean(panel_filter *f, int first) {
   for (int j = 0; j < f->weights; j++) f->near[j] = R(f->mean[j]);
   const REAL *w = f->near + first;
   REAL *x = inputs_of(f, 0);
@@ -110,7 +110,7 @@ static inline __attribute__((always_inline)) void later_layer_of(
   }
 }
 
-static void own_layer(const cubature *f, int l, const REAL *s, int at, int start, reals spread,
+static void own_layer(const panel_filter *f, int l, const REAL *s, int at, int start, reals spread,
                       REAL *above) {
   const int in = f->widths[l], out = f->widths[l + 1];
   const REAL *x = inputs_of(f, l), *z = sums_of(f, l);
@@ -124,7 +124,7 @@ static void own_layer(const cubature *f, int l, const REAL *s, int at, int start
 }
 
 static inline __attribute__((always_inline)) void later_layer(
-    const cubature *f, int moves, int l, const REAL *w, const REAL *s, reals spread,
+    const panel_filter *f, int moves, int l, const REAL *w, const REAL *s, reals spread,
     const REAL *below, REAL *above) {
   const int in = f->widths[l], out = f->widths[l + 1];
   int t = 0;
@@ -138,7 +138,7 @@ static inline __attribute__((always_inline)) void later_layer(
 
 /* The mlp at WIDTH points on either side: columns of a block from `first` on. Returns its
  * outputs. */
-static REAL *run_at_points(const cubature *f, int block, int first) {
+static REAL *run_at_points(const panel_filter *f, int block, int first) {
   const int panel = first / PANEL, start = f->starts[block] + panel * PANEL;
   const REAL *s = panel_of(f, block, panel) + first % PANEL;
   const reals spread = reals_all(R(f->spread * f->growth));

@@ -10,7 +10,7 @@
 #include "transform.h"
 
 /* sum over the weights of a block of x x', (stride, stride), from rows of x. */
-static void gram(const cubature *f, int block, const REAL *x, double *sum) {
+static void gram(const panel_filter *f, int block, const REAL *x, double *sum) {
   const int stride = f->stride, size = stride * stride, count = f->counts[block];
   double *doubles = f->small + 4 * size; /* stride rows at a time */
   memset(sum, 0, sizeof(double) * size);
@@ -25,12 +25,12 @@ static void gram(const cubature *f, int block, const REAL *x, double *sum) {
     for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
 }
 
-static double *gram_of(const cubature *f, int block) {
+static double *gram_of(const panel_filter *f, int block) {
   return f->small + (5 + block) * f->stride * f->stride;
 }
 
 /* Whether the moments of y are numbers. */
-static int predicted(const cubature *f) {
+static int predicted(const panel_filter *f) {
   double sum = 0;
   for (int k = 0; k < f->outputs * f->outputs; k++) sum += f->covariance[k];
   for (int k = 0; k < f->outputs; k++) sum += f->predicted[k];
@@ -38,7 +38,7 @@ static int predicted(const cubature *f) {
 }
 
 /* Length of the longest row of S. */
-static double longest_row(const cubature *f) {
+static double longest_row(const panel_filter *f) {
   double longest = 0;
   for (int b = 0; b < f->blocks; b++)
     for (int j = f->starts[b]; j < f->starts[b + 1]; j++) {
@@ -55,7 +55,7 @@ static double longest_row(const cubature *f) {
 
 /* Steps and shrinks of all blocks, each with M and what the other blocks add to it; g becomes
  * the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
-static int plan(cubature *f, double *g, double *turned) {
+static int plan(panel_filter *f, double *g, double *turned) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double *remainder = f->small, *work = remainder + size, *rest = remainder + 4 * size;
   for (int b = 0; b < f->blocks; b++) {
@@ -73,7 +73,7 @@ static int plan(cubature *f, double *g, double *turned) {
 
 /* Whether C stays a number in the precision of S: |C_j| <= |S_j| (largest variance of y)^(1/2).
  * `largest` bounds |S_j|; growth makes it too large in time, and it is then found anew. */
-static int in_range(cubature *f) {
+static int in_range(panel_filter *f) {
   const double limit = SINGLE ? 1e36 : 1e300;
   double reach = 0;
   for (int k = 0; k < f->outputs; k++)
@@ -84,7 +84,7 @@ static int in_range(cubature *f) {
 }
 
 /* Why there is no prediction. */
-static int unseen(const cubature *f) {
+static int unseen(const panel_filter *f) {
   const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
   if (are_numbers(features, f->features) && are_numbers(rows * f->outputs, f->readout))
     return NOT_FINITE;
@@ -93,7 +93,7 @@ static int unseen(const cubature *f) {
 }
 
 /* Slopes and moments of y as the screen has them. */
-static void screen_moments(cubature *f) {
+static void screen_moments(panel_filter *f) {
   const screening *s = f->screen;
   const int stride = f->stride;
   leave_out(s, stride, f->small);
@@ -107,7 +107,7 @@ static void screen_moments(cubature *f) {
 }
 
 /* Learn one sample, which `predict` predicts: moments of y and slopes. */
-static int learn_sample(cubature *f, int (*predict)(cubature *)) {
+static int learn_sample(panel_filter *f, int (*predict)(panel_filter *)) {
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
   const int refused = admit(f->screen);

@@ -22,31 +22,7 @@ enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `who
 #define FIRST_MEMORY 9    /* samples over which the first variance is estimated, less one */
 #define LARGEST_NIS 1e6   /* a channel, as the monitor of changes takes it */
 
-typedef struct {
-  int32_t channels;
-  int32_t stuck_samples;  /* 0: still channels are believed */
-  int32_t window;         /* 0: changes are not looked for */
-  int32_t reference;
-  double limit;           /* deviations; infinite: nothing is too far off */
-  double share;           /* of a sample in the estimated variance; 0: it is known */
-  double ratio;           /* of the mean in the window over that before, at an alarm */
-  double *numbers;        /* 5 */
-  int64_t *whole;         /* 5 */
-  int64_t *counts;        /* of each event */
-  double *noise;          /* m: variance at this sample */
-  double *steady;         /* m: its part that is always there */
-  double *loaded;         /* m: its part that goes with the load, over the mean load */
-  double *smallest;       /* m: neither part falls below */
-  double *load;           /* m: squared norm of the channel's row of the readout, now */
-  double *mean_load;      /* m */
-  double *extra;          /* m: what is added to the noise of this sample */
-  double *last;           /* m: measured before */
-  int64_t *still;         /* m: samples that repeated it */
-  int64_t *moved;         /* m: whether the channel ever changed */
-  int64_t *left_out;      /* m */
-  double *past;           /* window + reference */
-  double *stated;         /* m: variance that this sample has on top, where the rest is estimated */
-} screening;
+#include "screening_struct.h"
 
 /* Whether the sample is later than the one before; an event otherwise. */
 static int admit(screening *s) {

@@ -1,6 +1,7 @@
 /* A table between its knots: straight lines, their corners rounded.
  *
- * The kernel of `aerodynamics.tables`, whose SX function is its oracle: there the equation.
+ * The kernel of `aerodynamics.table_interpolation`, whose SX function is its oracle and
+ * has the equation.
  * Numbers of several states stand `stride` apart.
  */
 #ifndef PATAGIUM_TABLE_H

@@ -52,7 +52,7 @@ static inline __attribute__((always_inline)) void band_product(
 /* The recursion over WIDE columns from `first` on, the last one first. rows: (m, stride + WIDE),
  * G' and beside it the f of all these columns, which change as G' does, so that none waits. */
 static inline __attribute__((always_inline)) void recur_columns(
-    int vectors, const cubature *f, int first, double *slopes, double *rows) {
+    int vectors, const panel_filter *f, int first, double *slopes, double *rows) {
   const int m = f->outputs, stride = f->stride, width = vectors * WIDE, last = width - WIDE;
   for (int k = 0; k < m; k++)
     for (int c = 0; c < WIDE; c++)
@@ -91,7 +91,7 @@ static inline __attribute__((always_inline)) void recur_columns(
 
 /* The recursion over the columns of a block: steps, shrinks; g becomes the root of P_yy^-1,
  * turned its transpose, kept beside it. */
-static void recur(cubature *f, int block, double *g, double *turned) {
+static void recur(panel_filter *f, int block, double *g, double *turned) {
   const int m = f->outputs, stride = f->stride, width = stride + WIDE, start = f->starts[block];
   const size_t row = sizeof(double) * stride;
   double *slopes = f->small + stride * stride, *rows = turned; /* over what has been used */
@@ -141,7 +141,7 @@ static inline __attribute__((always_inline)) void change_rows(
 }
 
 /* What WIDTH columns of S do to each other, (WIDTH, WIDTH), and their slopes, both grown. */
-static void mix_columns(const cubature *f, int first, const REAL *steps, REAL *mix, REAL *grown) {
+static void mix_columns(const panel_filter *f, int first, const REAL *steps, REAL *mix, REAL *grown) {
   const int stride = f->stride, rows = FEW;
   const REAL growth = R(f->growth);
   for (int i = 0; i < WIDTH; i += rows)
@@ -156,7 +156,7 @@ static void mix_columns(const cubature *f, int first, const REAL *steps, REAL *m
 
 /* A panel of S of a block after the sample, and its part of C: the later half of its columns,
  * then the other, a square of rows at a time. */
-static void change_panel(cubature *f, int block, int panel) {
+static void change_panel(panel_filter *f, int block, int panel) {
   const int start = f->starts[block] + panel * PANEL, m = f->outputs, stride = f->stride;
   const REAL *steps = f->steps + (ptrdiff_t)start * m;
   REAL *s = panel_of(f, block, panel), mix[2][WIDTH * WIDTH], grown[2][WIDTH * stride];

@@ -1,0 +1,354 @@
+"""Kernel that learns a whole sample in one call of C, for a covariance of blocks.
+
+The memory of one filter lies in arrays that the kernel shares by address. Two layouts of the
+square roots exist: panels of columns of a block (`cubature.c`, `extended.c`; full or one block a
+layer), and neurons side by side (`node.c`; one block a neuron). Two threads must not use one
+filter at the same time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.filters.blocks import Roots, blocks_in, lower_roots
+from patagium.learning.filters.kernel_memory import (
+    ACTIVATION_CODES,
+    Compiled,
+    addresses,
+    aligned,
+    compiled_filter,
+    install_encoder,
+    install_lags,
+    kernel_function,
+    rounded_up,
+    screening_memory,
+)
+from patagium.learning.filters.numbers import FilterNumbers
+from patagium.learning.filters.screening import Screen
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
+from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
+from patagium.native import load_kernel
+from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
+
+Array = NDArray[np.float64]
+_WIDE = 8
+_TYPES = {
+    "cubature": PANEL_FILTER.type,
+    "extended": EXTENDED_FILTER.type,
+    "node": NODE_FILTER.type,
+}
+
+
+def kernel_for(numbers: FilterNumbers) -> str | None:
+    """Name of the kernel for the blocks of a filter; None where there is none.
+
+    Args:
+        numbers: Numbers of the filter.
+    """
+    network, node = numbers.network, numbers.structure == "node"
+    name = "node" if node else "extended" if numbers.linear else "cubature"
+    lags = isinstance(network, HiddenStripNetwork) and network.compiled_encoder() is not None
+    known = isinstance(network, PerceptronNetwork) or (lags and name == "extended")
+    if not known or (node and numbers.linear) or _library(name, numbers.dtype) is None:
+        return None
+    return name
+
+
+class BlockKernel:
+    """Memory of one filter, and the kernel's calls on it.
+
+    With b weights a block, a sample costs about the sum of b^2 (n_y + 8) multiplications and
+    additions by panels. By neurons of k weights it costs about 2 n k where at most one linear
+    layer follows, n n_y (k + 2 n_y) further from the outputs, and noise adds n k^2 / 3.
+
+    Args:
+        name: Name of the kernel, of `kernel_for`.
+        numbers: Numbers of the filter.
+        screen: Screening of the samples; its arrays are shared.
+
+    Attributes:
+        drifts: Whether the kernel adds process noise itself.
+        mean: Weights W, (n,), moved by the kernel.
+    """
+
+    def __init__(self, name: str, numbers: FilterNumbers, screen: Screen) -> None:
+        library: Any = _library(name, numbers.dtype)
+        self.drifts, self._numbers = name == "node", numbers
+        self._blocks, self._lanes = blocks_in(numbers), int(getattr(library, f"{name}_lanes")())
+        layout = _neuron_arrays if self.drifts else _panel_arrays
+        self._arrays = layout(numbers, self._lanes) | _sample_arrays(numbers)
+        self._whole = _TYPES[name]()
+        self._struct = self._whole.filter if name == "extended" else self._whole
+        self._screening = screening_memory(screen)
+        self._fill(ctypes.addressof(self._screening))
+        self._x, self._keep = self._installed(name)
+        self._address = ctypes.addressof(self._struct)
+        self._predict, self._update = (
+            kernel_function(library, f"{name}_{verb}") for verb in ("predict", "update")
+        )
+        self._library = library
+        self.mean = self._arrays["mean"]
+        self._results = self._arrays["predicted"], self._arrays["covariance"]
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared of the last sample; NaN before the first."""
+        return float(self._struct.nis)
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Mean, (n_y,), and covariance, (n_y, n_y), of y at x.
+
+        Args:
+            x: Input, (n_x,).
+        """
+        self._take(x)
+        self._predict(self._address)
+        mean, covariance = self._results
+        return mean.copy(), covariance.copy()
+
+    def update(self, x: Array, y: Array) -> tuple[int, Array, Array]:
+        """Outcome of one sample, and the moments of y before it.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,).
+        """
+        self._take(x)
+        self._arrays["measured"][:] = y
+        outcome = self._update(self._address)
+        mean, covariance = self._results
+        return outcome, mean.copy(), covariance.copy()
+
+    def compiled(self, screen: Screen) -> Compiled | None:
+        """Filter as C code meets it; None where Python has to encode the inputs.
+
+        Args:
+            screen: Screening of the samples.
+        """
+        if self._x is None:
+            return None
+        calls = self._update, self._predict
+        return compiled_filter(calls, self._struct, self._x, self._arrays, screen)
+
+    def place(self, mean: Array, nis: float, roots: Roots) -> None:
+        """Go on from weights and square roots.
+
+        Args:
+            mean: Weights W, (n,).
+            nis: Normalized innovation squared of the last sample.
+            roots: Square root of each block, (k, k).
+        """
+        self.mean[:], self._struct.nis = mean, nis
+        lower = lower_roots(roots)
+        if self.drifts:
+            self._struct.largest, self._struct.drifted = 0.0, 0
+            flat = np.concatenate([np.asarray(root, float).ravel() for root in lower])
+            self._library.node_pack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
+            return
+        for number, first, panel in self._panels():
+            part = lower[number][first:, first : first + panel.shape[1]]
+            panel[: part.shape[0], : part.shape[1]] = part
+        longest = max(float(np.linalg.norm(root, axis=1).max()) for root in lower)
+        self._struct.largest = longest
+
+    def roots(self) -> list[Array]:
+        """Square root of each block after the last sample, lower triangular, (k, k) each."""
+        sizes = [len(block) for block in self._blocks]
+        if self.drifts:
+            flat = np.zeros(sum(size**2 for size in sizes))
+            self._library.node_unpack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
+            ends = np.cumsum([size**2 for size in sizes])[:-1]
+            parts = zip(np.split(flat, ends), sizes, strict=True)
+            return [part.reshape(size, size) for part, size in parts]
+        roots = [np.zeros((size, size)) for size in sizes]
+        for number, first, panel in self._panels():
+            part = roots[number][first:, first : first + panel.shape[1]]
+            part[:] = panel[: part.shape[0], : part.shape[1]]
+        return roots
+
+    def _panels(self) -> Iterator[tuple[int, int, Array]]:
+        """Every panel: number of its block, its first column in it, its rows from there on."""
+        width, start = 2 * self._lanes, 0
+        for number, block in enumerate(self._blocks):
+            rows = rounded_up(len(block), width)
+            for first in range(0, rows, width):
+                end = start + (rows - first) * width
+                yield number, first, self._arrays["root"][start:end].reshape(-1, width)
+                start = end
+
+    def _fill(self, screening: int) -> None:
+        """Numbers of the filter and addresses of its arrays, for the kernel."""
+        numbers, struct = self._numbers, self._struct
+        network = evaluated(numbers.network)
+        forgets = self.drifts or not numbers.has_process_noise
+        scalars = {
+            "weights": network.size,
+            "outputs": network.outputs,
+            "items": network.items,
+            "layers": len(network.perceptron.widths) - 1,
+            "activation": ACTIVATION_CODES[network.perceptron.activation],
+            "growth": 1.0 / np.sqrt(numbers.forgetting_factor if forgets else 1.0),
+            "screen": screening,
+            "nis": float("nan"),
+            **numbers.rule._asdict(),
+            **addresses(self._arrays),
+        }
+        if self.drifts:
+            scalars["stride"] = self._arrays["centers"].shape[1]
+            scalars["drifts"] = numbers.has_process_noise
+        else:
+            scalars["stride"] = self._arrays["slopes"].shape[1]
+            scalars["rows"] = len(self._arrays["near"])
+            scalars["blocks"] = len(self._blocks)
+        for name, value in scalars.items():
+            setattr(struct, name, value)
+
+    def _installed(self, name: str) -> tuple[Array | None, Any]:
+        """Input x that the kernel reads, (n_x,), or None; what must stay alive."""
+        network = self._numbers.network
+        keep: dict[str, Array] = {}
+        if name == "extended":
+            inner, stride = evaluated(network), self._struct.stride
+            room = 2 * inner.items * max(inner.perceptron.widths)
+            keep = {
+                "derivative": aligned((inner.size, stride), np.dtype(float)),
+                "seeds": aligned((room, stride), np.dtype(float)),
+            }
+            for key, address in addresses(keep).items():
+                setattr(self._whole, key, address)
+        if isinstance(network, HiddenStripNetwork):
+            seen, lags = install_lags(network, self._whole)
+            return seen, (keep, lags)
+        x, encoder = install_encoder(as_perceptron(network), self._struct, self._arrays)
+        return x, (keep, encoder)
+
+    def _take(self, x: Array) -> None:
+        if self._x is not None:
+            self._x[:] = x
+            return
+        encoding = self._numbers.network.encode_one(x)
+        self._arrays["features"][...] = encoding.features
+        self._arrays["readout"][...] = encoding.readout.T
+
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+def _library(name: str, dtype: str) -> ctypes.CDLL | None:
+    """Kernel for one precision; None without a compiler."""
+    single = dtype == "float32"
+    return load_kernel(name, {"REAL": "float" if single else "double", "SINGLE": int(single)})
+
+
+def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
+    """Zeroed arrays of one sample, on cache lines."""
+    network, outputs = evaluated(numbers.network), len(numbers.noise)
+    widths, items = network.perceptron.widths, network.items
+    shapes = {
+        "mean": (network.size,),
+        "features": (items, widths[0]),
+        "readout": (items * widths[-1], outputs),
+        "offset": (outputs,),
+        "measured": (outputs,),
+        "predicted": (outputs,),
+        "innovation": (outputs,),
+        "covariance": (outputs, outputs),
+    }
+    arrays = {name: aligned(shape, np.dtype(float)) for name, shape in shapes.items()}
+    arrays["widths"] = np.array(widths, np.int32)
+    if isinstance(network, PerceptronNetwork):
+        arrays["offset"][:] = network.offset
+    return arrays
+
+
+def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
+    """Zeroed arrays of the sizes that `structs.PANEL_FILTER` names, on cache lines."""
+    network, outputs = evaluated(numbers.network), len(numbers.noise)
+    widths, items = network.perceptron.widths, network.items
+    panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
+    counts = [len(block) for block in blocks_in(numbers)]
+    heights = [rounded_up(count, panel) for count in counts]
+    rows, stride = sum(heights), rounded_up(outputs, max(lanes, 4))
+    shapes = {
+        "root": (sum(height * (height + panel) // 2 for height in heights),),
+        "near": (rows,),
+        "slopes": (rows, stride),
+        "curvatures": (rows, stride),
+        "steps": (rows // panel, outputs, panel),
+        "shrinks": (rows,),
+        "cross": (rows, stride),
+        "points": (2, items, widest, panel),
+        "at_mean": (2, layers, rounded_up(items * widest, lanes)),
+        "weighting": (items * widths[-1], stride),
+    }
+    arrays = {name: aligned(shape, np.dtype(numbers.dtype)) for name, shape in shapes.items()}
+    arrays["small"] = aligned((5 + len(counts), stride, stride), np.dtype(float))
+    arrays["counts"] = np.array(counts, np.int32)
+    arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
+    return arrays
+
+
+def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
+    """Zeroed arrays of the sizes that `structs.NODE_FILTER` names, on cache lines."""
+    network, real = evaluated(numbers.network), np.dtype(numbers.dtype)
+    widths, items, outputs = network.perceptron.widths, network.items, network.outputs
+    stride = rounded_up(outputs, _WIDE)
+    groups = [
+        below + 1
+        for below, above in pairwise(widths)
+        for _ in range(rounded_up(above, lanes) // lanes)
+    ]
+    rows, most, widest, nodes = sum(groups), max(groups), max(widths), sum(widths[1:])
+    entries = sum(_entries(k) for k in groups)
+    terms = items * widths[-1] if len(widths) > 3 else items
+    reals = {
+        "root": (entries,),
+        "grown": (entries if numbers.has_process_noise else 0,),
+        "drift": (rows,),
+        "near": (rows,),
+        "plain": (rounded_up(network.size, lanes) // lanes + 1,),
+        "steps": (most, items),
+        "slopes": (rows, outputs),
+        "curvatures": (most, outputs),
+        "gains": (most, max(2, outputs + 1)),
+        "cross": (most, outputs),
+        "outputs_at": (items + 2 * terms + 2 * widest,),
+        "towards": (terms, outputs),
+        "at_mean": (2 * (len(widths) - 1), items, rounded_up(widest, lanes) // lanes),
+    }
+    doubles = {
+        "directions": (nodes, stride),
+        "centers": (nodes, stride),
+        "squares": (nodes,),
+        "small": (4, stride, stride),
+        "wide_small": (2, outputs, outputs, _WIDE),
+    }
+    arrays = {name: aligned((*shape, lanes), real) for name, shape in reals.items()}
+    arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
+    _lay_out(numbers.process_noise, widths, arrays["drift"])
+    return arrays
+
+
+def _lay_out(values: Array, widths: Sequence[int], rows: Array) -> None:
+    """Numbers of the weights, (n,), as rows of groups, (rows, lanes)."""
+    start, row, lanes = 0, 0, rows.shape[1]
+    for below, above in pairwise(widths):
+        middle, end = start + below * above, start + (below + 1) * above
+        layer = np.vstack([values[start:middle].reshape(above, below).T, values[middle:end]])
+        for first in range(0, above, lanes):
+            part = layer[:, first : first + lanes]
+            rows[row : row + below + 1, : part.shape[1]] = part
+            row += below + 1
+        start = end
+
+
+def _entries(size: int) -> int:
+    """Entries of a root of k rows, packed by bands of four."""
+    full = size // 4
+    return 8 * full * (full + 1) + (size % 4) * size

@@ -1,0 +1,232 @@
+"""Covariance of independent blocks of weights by square roots, P_b = S_b S_b', in NumPy.
+
+    P_b <- P_b - S_b Z_b P_yy^-1 Z_b' S_b'
+
+is the block of the posterior over all weights; what lies between blocks is forgotten after
+each sample. One block of all weights is the full filter. The readable form of the kernels
+`node.c`, `cubature.c` and `extended.c`. `WHOLE` carries P itself and factorizes it at every
+sample: Algorithm 1 of the paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import Outcome
+from patagium.learning.filters.numbers import FilterNumbers
+from patagium.learning.filters.root import (
+    MatrixLost,
+    lower_factor,
+    measured_root,
+    transformed_root,
+    triangular,
+    with_noise,
+)
+from patagium.learning.filters.spread import Moments, moments_of
+from patagium.learning.filters.state import packed, symmetric, unpacked, vector
+from patagium.learning.filters.structure import Look, Structure
+from patagium.learning.models.structure import Indices, blocks_of
+
+Array = NDArray[np.float64]
+Roots: TypeAlias = Sequence[Array]
+"""Square root of each block, (k, k): lower triangular, but for the full filter linearized."""
+_POINTS_AT_ONCE = 256
+
+
+def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
+    """Weights of each block, (k,).
+
+    Args:
+        numbers: Numbers of the filter.
+    """
+    return blocks_of(numbers.network, str(numbers.structure))
+
+
+def scattered(parts: Sequence[Array], blocks: Sequence[Indices]) -> Array:
+    """Blocks in one matrix of all weights, (n, n).
+
+    Args:
+        parts: Matrix of each block, (k, k).
+        blocks: Weights of each block, (k,).
+    """
+    if len(parts) == 1:
+        return parts[0]
+    whole = np.zeros((sum(map(len, blocks)),) * 2, parts[0].dtype)
+    for part, block in zip(parts, blocks, strict=True):
+        whole[np.ix_(block, block)] = part
+    return whole
+
+
+def _start(numbers: FilterNumbers, std: Array) -> Roots:
+    return [np.diag(std[block]).astype(numbers.dtype) for block in blocks_in(numbers)]
+
+
+def _drifted(numbers: FilterNumbers, roots: Roots, growth: float, noise: Array | None) -> Roots:
+    grown = [np.sqrt(growth) * root.astype(float) for root in roots]
+    if noise is not None:
+        each = zip(grown, blocks_in(numbers), strict=True)
+        grown = [with_noise(root, noise[block]) for root, block in each]
+    return [np.ascontiguousarray(root, numbers.dtype) for root in grown]
+
+
+def _moments(roots: Roots, look: Look) -> tuple[Moments, Array]:
+    root = scattered(roots, blocks_in(look.numbers))
+    moments = linear_moments if look.numbers.linear else point_moments
+    return moments(look, root), root
+
+
+def _learned(
+    roots: Roots, look: Look, root: Array, moments: Moments, gain: Array
+) -> tuple[Array, Roots]:
+    slopes, remainder = moments.slopes, moments.remainder
+    if len(roots) == 1:
+        change = transformed_root if look.numbers.linear else measured_root
+        changed = [change(root, slopes, remainder)]
+    else:
+        blocks = blocks_in(look.numbers)
+        grams = [slopes[block].T @ slopes[block] for block in blocks]
+        nothing = np.zeros_like(remainder)
+        before = list(accumulate(grams[:-1], initial=nothing))
+        behind = list(accumulate(grams[:0:-1], initial=nothing))[::-1]
+        changed = [
+            measured_root(part, slopes[block], remainder + first + last)
+            for part, block, first, last in zip(roots, blocks, before, behind, strict=True)
+        ]
+    mean = look.mean.copy()
+    for block, (_, cross, _) in zip(blocks_in(look.numbers), changed, strict=True):
+        mean[block] += cross @ gain
+    if not all(np.isfinite(after).all() for after, _, _ in changed):
+        raise MatrixLost(Outcome.NOT_FINITE)
+    return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
+
+
+def covariance_parts(roots: Roots) -> list[Array]:
+    """Covariance of each block, (k, k).
+
+    Args:
+        roots: Square root of each block, (k, k).
+    """
+    return [np.asarray(root.astype(float) @ root.T.astype(float)) for root in roots]
+
+
+def _variances(numbers: FilterNumbers, roots: Roots) -> Array:
+    found = np.empty(numbers.network.size)
+    for block, root in zip(blocks_in(numbers), roots, strict=True):
+        whole = root.astype(float)
+        found[block] = np.einsum("ij,ij->i", whole, whole)
+    return found
+
+
+def _packed(numbers: FilterNumbers, roots: Roots) -> dict[str, Array]:
+    """Lower triangles, or the square where the only root is not triangular."""
+    if len(roots) == 1 and np.triu(roots[0], 1).any():
+        return {"square": roots[0].astype(float)}
+    return {"root": packed(roots).astype(numbers.dtype)}
+
+
+def _unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Roots:
+    size = numbers.network.size
+    if "square" in state:
+        return [vector(state, "square", size, size)]
+    sizes = [len(block) for block in blocks_in(numbers)]
+    roots = unpacked(np.asarray(state["root"], float), sizes)
+    return [root.astype(numbers.dtype) for root in roots]
+
+
+BLOCKS = Structure(
+    start=_start,
+    drifted=_drifted,
+    moments=_moments,
+    learned=_learned,
+    covariance=lambda numbers, roots: scattered(covariance_parts(roots), blocks_in(numbers)),
+    variances=_variances,
+    packed=_packed,
+    unpacked=_unpacked,
+)
+"""Square roots of blocks of weights; the state is one root a block."""
+
+
+def lower_roots(roots: Roots) -> Roots:
+    """Lower triangular square roots of the same blocks, (k, k) each.
+
+    Args:
+        roots: Square root of each block, (k, k).
+    """
+    return [triangular(root) if np.triu(root, 1).any() else root for root in roots]
+
+
+def _whole_drifted(
+    numbers: FilterNumbers, covariance: Array, growth: float, noise: Array | None
+) -> Array:
+    grown: Array = growth * covariance.astype(float)
+    if noise is not None:
+        grown[np.diag_indices_from(grown)] += noise
+    return grown.astype(numbers.dtype)
+
+
+def _whole_moments(covariance: Array, look: Look) -> tuple[Moments, Array]:
+    root = lower_factor(covariance.astype(float)).astype(covariance.dtype)
+    return point_moments(look, root), root
+
+
+def _whole_learned(
+    covariance: Array, look: Look, root: Array, moments: Moments, gain: Array
+) -> tuple[Array, Array]:
+    total, cross = moments.covariance, root.astype(float) @ moments.slopes
+    kalman_gain = np.linalg.solve(total, cross.T).T
+    smaller = covariance.astype(float) - kalman_gain @ total @ kalman_gain.T
+    return look.mean + cross @ gain, ((smaller + smaller.T) / 2).astype(covariance.dtype)
+
+
+def _whole_unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Array:
+    lower = np.asarray(state["covariance"], numbers.dtype)
+    return symmetric(unpacked(lower, [numbers.network.size])[0])
+
+
+WHOLE = Structure(
+    start=lambda numbers, std: np.diag(std**2).astype(numbers.dtype),
+    drifted=_whole_drifted,
+    moments=_whole_moments,
+    learned=_whole_learned,
+    covariance=lambda numbers, covariance: covariance.astype(float),
+    variances=lambda numbers, covariance: np.diagonal(covariance).astype(float),
+    packed=lambda numbers, covariance: {"covariance": packed([covariance])},
+    unpacked=_whole_unpacked,
+)
+"""Covariance of all weights, factorized before every sample; the state is P, (n, n)."""
+
+
+def point_moments(look: Look, root: Array) -> Moments:
+    """Moments of y at the cubature points around the weights.
+
+    Args:
+        look: Sample before it is measured.
+        root: S, (n, n); the points are evaluated in its precision.
+    """
+    network, rule = look.numbers.network, look.numbers.rule
+    center = look.mean.astype(root.dtype)
+    steps = np.asarray(rule.spread, root.dtype) * root.T
+    values = [network.values(look.encoding, center[None])]
+    for sign in (1, -1):
+        for start in range(0, len(steps), _POINTS_AT_ONCE):
+            part = center + sign * steps[start : start + _POINTS_AT_ONCE]
+            values.append(network.values(look.encoding, part))
+    y = np.concatenate(values)
+    count = len(center)
+    return moments_of(y[0], y[1 : count + 1], y[count + 1 :], look.noise, rule)
+
+
+def linear_moments(look: Look, root: Array) -> Moments:
+    """Moments of y with the network linear around the weights.
+
+    Args:
+        look: Sample before it is measured.
+        root: S, (n, n).
+    """
+    y, slope = look.numbers.network.linearized(look.encoding, look.mean)
+    return Moments(y, root.T @ slope.T, np.diag(look.noise))

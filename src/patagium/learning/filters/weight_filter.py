@@ -1,0 +1,270 @@
+"""Weight filter: mean and covariance of a network's weights, moved by one sample at a time.
+
+Prediction, update, screening, drift, state and pickling stand here once, for every covariance
+structure (`structure`), for the cubature points and for the network linear around the weights
+(`spread`). Where a kernel learns a whole sample in one call of C (`block_kernel`), the filter
+hands the sample on and keeps the books. Whatever fails leaves mean and covariance as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from patagium.errors import Outcome
+from patagium.learning.filters.block_kernel import BlockKernel
+from patagium.learning.filters.choice import structure_and_kernel
+from patagium.learning.filters.kernel_memory import Compiled
+from patagium.learning.filters.numbers import FilterNumbers
+from patagium.learning.filters.root import MatrixLost, lower_factor
+from patagium.learning.filters.screening import Screened
+from patagium.learning.filters.spread import Moments
+from patagium.learning.filters.state import arrays_like, vector
+from patagium.learning.filters.structure import Look
+from patagium.learning.models.network import Encoding
+
+Array = NDArray[np.float64]
+
+
+class Prediction(NamedTuple):
+    """Moments of y before it is measured.
+
+    Attributes:
+        mean: Mean, (n_y,) [y].
+        covariance: Covariance with the noise of the measurement, (n_y, n_y) [y^2].
+    """
+
+    mean: Array
+    covariance: Array
+
+
+class WeightFilter:
+    """Weight filter for a covariance structure, compiled where it can be.
+
+    Args:
+        numbers: Numbers of the filter.
+        mean: Weights to start from, (n,).
+        std: Their standard deviations, (n,); None: those of the prior.
+        compiled: Whether to compile what can be compiled.
+
+    Attributes:
+        numbers: Numbers of the filter.
+        screen: Screening that the samples go through.
+    """
+
+    def __init__(
+        self,
+        numbers: FilterNumbers,
+        mean: Array,
+        std: Array | None = None,
+        *,
+        compiled: bool = True,
+    ) -> None:
+        self.numbers, self.screen = numbers, numbers.screen()
+        self._structure, kernel = structure_and_kernel(numbers, compiled)
+        self._kernel = None if kernel is None else BlockKernel(kernel, numbers, self.screen)
+        self._mean, self._nis = np.zeros(len(mean)), float("nan")
+        self._before: Any = None
+        start = np.sqrt(numbers.prior_variance) if std is None else std
+        self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self.numbers, self.state(), dict(self.screen.arrays))
+
+    @property
+    def mean(self) -> Array:
+        """Weights W, (n,)."""
+        return self._mean.copy()
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared e' P_yy^-1 e of the last sample; NaN before the first."""
+        return self._nis if self._kernel is None else self._kernel.nis
+
+    @property
+    def compiled(self) -> Compiled | None:
+        """Filter as C code meets it; None where a sample takes Python as well."""
+        if self._kernel is None or (self.numbers.has_process_noise and not self._kernel.drifts):
+            return None
+        return self._kernel.compiled(self.screen)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def predict(self, x: Array) -> Prediction:
+        """y at x, before it is measured.
+
+        Args:
+            x: Input, (n_x,).
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
+        """
+        if self._kernel is not None:
+            self._advance_kernel(self._kernel)
+            return Prediction(*self._kernel.predict(x))
+        look = self._look(self.numbers.network.encode_one(x))
+        found, _ = self._structure.moments(self._advanced(), look)
+        return Prediction(found.mean, found.covariance)
+
+    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance.
+
+        Args:
+            x: Input, (n_x,).
+            y: Measurement, (n_y,) [y]; NaN where a channel is missing.
+
+        Raises:
+            MatrixLost: If the covariance was lost between two samples.
+        """
+        if self._kernel is None:
+            return self._update(x, y)
+        self._advance_kernel(self._kernel)
+        outcome, *prediction = self._kernel.update(x, y)
+        if outcome == 0:
+            self._before = None
+        return Outcome(outcome), Prediction(*prediction)
+
+    def drift(self, growth: float, noise: Array) -> None:
+        """P <- growth P + diag(noise), once.
+
+        Args:
+            growth: Factor of the covariance.
+            noise: Variances added, (n,).
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
+        """
+        drifted = self._structure.drifted(self.numbers, self.kept(), growth, noise)
+        self._place(self._mean, self.nis, drifted)
+
+    def kept(self) -> Any:
+        """State of the covariance structure after the last sample."""
+        if self._kernel is None:
+            return self._kept
+        return self._kernel.roots() if self._before is None else self._before
+
+    def covariance(self) -> Array:
+        """P after the last sample, (n, n)."""
+        return self._structure.covariance(self.numbers, self.kept())
+
+    def variances(self) -> Array:
+        """Diagonal of P after the last sample, (n,)."""
+        return self._structure.variances(self.numbers, self.kept())
+
+    def state(self) -> dict[str, Array]:
+        """Arrays by name that the next samples depend on, but for the screening's."""
+        kept = self._structure.packed(self.numbers, self.kept())
+        return {"mean": self.mean, "nis": np.array(self.nis), **kept}
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from a state.
+
+        Args:
+            state: Arrays by name, of a filter with the same numbers, compiled or not.
+
+        Raises:
+            KeyError: If an array is missing.
+            ShapeError: If an array has another shape; nothing changes then.
+        """
+        mean = vector(state, "mean", len(self._mean))
+        self._place(mean, float(state["nis"]), self._structure.unpacked(self.numbers, state))
+
+    def _place(self, mean: Array, nis: float, kept: Any) -> None:
+        """Go on from mean, NIS and the state of the covariance structure."""
+        self._before = None
+        if self._kernel is None:
+            self._mean, self._nis, self._kept = mean, nis, kept
+        else:
+            self._kernel.place(mean, nis, kept)
+            self._mean = self._kernel.mean
+
+    def _advance_kernel(self, kernel: BlockKernel) -> None:
+        """Process noise, where the kernel does not add it itself; once a sample."""
+        numbers = self.numbers
+        if kernel.drifts or self._before is not None or not numbers.has_process_noise:
+            return
+        before = kernel.roots()
+        growth = 1.0 / numbers.forgetting_factor
+        grown = self._structure.drifted(numbers, before, growth, numbers.process_noise)
+        kernel.place(self._mean, kernel.nis, grown)
+        self._before = before
+
+    def _advanced(self) -> Any:
+        """State of the covariance before the next sample, forgetting and process noise done."""
+        numbers, noise = self.numbers, None
+        if numbers.has_process_noise:
+            noise = numbers.process_noise
+        elif self._structure.forgets or numbers.forgetting_factor == 1:
+            return self._kept
+        if self._before is None:
+            growth = 1.0 / numbers.forgetting_factor
+            self._before = self._structure.drifted(numbers, self._kept, growth, noise)
+        return self._before
+
+    def _look(self, encoding: Encoding) -> Look:
+        return Look(self.numbers, self._mean, encoding, self.screen.noise(encoding.readout))
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+        prediction = _unknown(len(y))
+        refused = self.screen.admit()
+        if refused:
+            return refused, prediction
+        before, encoding = self._advanced(), self.numbers.network.encode_one(x)
+        look = self._look(encoding)
+        if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
+            self.screen.note("bad_inputs")
+            return Outcome.BAD_INPUT, prediction
+        try:
+            found, directions = self._structure.moments(before, look)
+            prediction = Prediction(found.mean, found.covariance)
+            sample = self._screened(found, y)
+            if isinstance(sample, Outcome):
+                return sample, prediction
+            return self._learn(before, look, directions, *sample), prediction
+        except MatrixLost as lost:
+            return lost.outcome, prediction
+
+    def _screened(self, found: Moments, y: Array) -> Screened | Outcome:
+        """Sample as it is learned from, or why it is not."""
+        if not (np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()):
+            return Outcome.NOT_FINITE
+        sample = self.screen.screened(found, y)
+        if sample is None:
+            return Outcome.BLIND
+        return sample if np.isfinite(sample.innovation).all() else Outcome.NOT_FINITE
+
+    def _learn(
+        self, before: Any, look: Look, directions: Any, moments: Moments, innovation: Array
+    ) -> Outcome:
+        """Mean and covariance after the sample; MatrixLost if they would not be finite."""
+        lower = lower_factor(moments.covariance)
+        inverse = solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+        whitened = inverse @ innovation
+        gain, nis = inverse.T @ whitened, float(whitened @ whitened)
+        if not np.isfinite(nis):
+            return Outcome.NOT_FINITE
+        mean, kept = self._structure.learned(before, look, directions, moments, gain)
+        if not np.isfinite(mean).all():
+            return Outcome.NOT_FINITE
+        self._place(mean, nis, kept)
+        self.screen.learned(gain, np.einsum("ij,ij->j", inverse, inverse), nis)
+        return Outcome.COMPLETED
+
+
+def _unknown(outputs: int) -> Prediction:
+    """Prediction of a sample that was not looked at: NaN."""
+    return Prediction(np.full(outputs, np.nan), np.full((outputs, outputs), np.nan))
+
+
+def _restored(
+    numbers: FilterNumbers, state: Mapping[str, Array], seen: Mapping[str, Array]
+) -> WeightFilter:
+    """Weight filter of a pickle."""
+    found = WeightFilter(numbers, state["mean"])
+    found.resume(state)
+    found.screen.restore(arrays_like(found.screen.arrays, seen))
+    return found

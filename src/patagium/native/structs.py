@@ -1,0 +1,275 @@
+"""Structures that Python and the hand-written kernels share: one table for both.
+
+A structure is a text of one line a field, `C declaration: meaning`. From it come the class of
+ctypes and the text of a C header, `<name>_struct.h`, that is put beside a kernel when it is
+compiled (`compiler.load_kernel`). All memory is owned by Python, zero to begin with, filters'
+arrays on cache lines. REAL is the precision of a filter's points, STORE that of a precision.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, NamedTuple
+
+from patagium.errors import CompilerError
+
+_SCALARS: dict[str, Any] = {
+    "int32_t": ctypes.c_int32,
+    "int64_t": ctypes.c_int64,
+    "double": ctypes.c_double,
+}
+_FUNCTIONS = {
+    "function": "void (*function)(const double *const *, double *const *)",
+    "functions": "void (*functions)(const double *const *, double *const *, long, long)",
+}
+"""Types of compiled functions: of one point, and of many."""
+
+
+class Field(NamedTuple):
+    """Field of a structure.
+
+    Attributes:
+        declaration: Its declaration in C, without semicolon.
+        meaning: What it holds, with its shape.
+    """
+
+    declaration: str
+    meaning: str
+
+    @property
+    def name(self) -> str:
+        """Name of the field."""
+        return self.declaration.split()[-1].lstrip("*")
+
+    @property
+    def type(self) -> str:
+        """Type of a field that is no pointer; "void *" of a pointer or function."""
+        kind = self.declaration.rpartition(" ")[0]
+        return "void *" if "*" in self.declaration or kind in _FUNCTIONS else kind
+
+
+class Struct(NamedTuple):
+    """Structure shared by Python and C.
+
+    Attributes:
+        name: Its name in C.
+        fields: Its fields in order.
+        type: Class of ctypes.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    type: Any
+
+    @property
+    def header(self) -> str:
+        """Text of the C header that declares the structure."""
+        guard = f"PATAGIUM_{self.name.upper()}_STRUCT_H"
+        lines = [f"  {field.declaration}; /* {field.meaning} */" for field in self.fields]
+        types = [f"typedef {text};" for text in _FUNCTIONS.values()]
+        parts = [
+            "/* Generated from native/structs.py: change it there. */",
+            f"#ifndef {guard}\n#define {guard}\n#include <stdint.h>",
+            *types,
+            "typedef struct {",
+            *lines,
+            f"}} {self.name};\n#endif\n",
+        ]
+        return "\n".join(parts)
+
+
+def struct(name: str, text: str, *others: Struct) -> Struct:
+    """Structure of a table.
+
+    Args:
+        name: Its name in C.
+        text: One line a field: `declaration: meaning`.
+        *others: Structures that are fields of this one.
+
+    Raises:
+        CompilerError: If a field has a type that is not known.
+    """
+    lines = (line.partition(": ") for line in text.splitlines() if line.strip())
+    found = tuple(Field(declaration.strip(), meaning) for declaration, _, meaning in lines)
+    known = _SCALARS | {"void *": ctypes.c_void_p} | {one.name: one.type for one in others}
+    for field in found:
+        if field.type not in known:
+            raise CompilerError(f"field {field.name} of {name}: unknown type {field.type!r}")
+    members: dict[str, Any] = {"_fields_": [(field.name, known[field.type]) for field in found]}
+    return Struct(name, found, type(name, (ctypes.Structure,), members))
+
+
+SCREENING = struct(
+    "screening",
+    """
+    int32_t channels: m, number of channels
+    int32_t stuck_samples: repeated values after which a channel is left out; 0: never
+    int32_t window: samples tested for a change; 0: changes are not looked for
+    int32_t reference: samples before them
+    double limit: largest innovation in standard deviations; infinite: any
+    double share: of a sample in the estimated variance; 0: the variance is known
+    double ratio: of the mean in the window over that before, at an alarm
+    double *numbers: 5
+    int64_t *whole: 5
+    int64_t *counts: of each event
+    double *noise: m: variance at this sample
+    double *steady: m: its part that is always there
+    double *loaded: m: its part that goes with the load, over the mean load
+    double *smallest: m: neither part falls below
+    double *load: m: squared norm of the channel's row of the readout, now
+    double *mean_load: m
+    double *extra: m: added to the noise of this sample
+    double *last: m: measured before
+    int64_t *still: m: samples that repeated it
+    int64_t *moved: m: whether the channel ever changed
+    int64_t *left_out: m
+    double *past: window + reference
+    double *stated: m: variance that this sample has on top, where the rest is estimated
+    """,
+)
+
+_FILTER = """
+    int32_t weights: n
+    int32_t outputs: n_y
+    int32_t stride: n_y rounded up to whole vectors
+    int32_t items: evaluations of the perceptron for one y
+    int32_t layers: of the perceptron
+    int32_t activation: 0 softplus, 1 tanh
+    const int32_t *widths: layers + 1
+    double spread: distance of the points in standard deviations
+    double growth: 1 / sqrt(forgetting factor)
+    double curvature_gain: M = curvature_gain sum (c - centered D)(c - centered D)'
+    double centered: + shift_gain D D' + diag(noise); c: half sums less the
+    double shift_gain: value at the mean, D = sum c / spread^2
+    double largest: no row of S is longer
+    double nis: normalized innovation squared of the last sample
+    double *mean: n
+    screening *screen: of the samples; holds the variances of the measurement
+    double *small: matrices of stride x stride
+    function encode: features and readout of x; NULL: they are given
+    const double *const *encode_arguments: x, constants
+    double *const *encode_results: features, readout
+    double *features: items x widths[0]
+    double *readout: items widths[layers] x n_y: transposed
+    double *offset: n_y
+    double *measured: n_y
+    double *predicted: n_y
+    double *innovation: n_y
+    double *covariance: n_y x n_y
+"""
+"""Fields of the kernels that learn a whole sample."""
+
+PANEL_FILTER = struct(
+    "panel_filter",
+    _FILTER
+    + """
+    int32_t rows: of all blocks, each rounded up to a multiple of PANEL by zeros
+    int32_t blocks: of weights whose covariance is kept: 1, or one a layer
+    const int32_t *starts: blocks + 1: first row of each block
+    const int32_t *counts: blocks: its weights
+    REAL *root: S by blocks: panels of (its rows - first column) x PANEL
+    REAL *near: rows: mean in the precision of the points
+    REAL *slopes: rows x stride: Z
+    REAL *curvatures: rows x stride: c
+    REAL *steps: rows / PANEL x outputs x PANEL: -e / sqrt(a), by panels
+    REAL *shrinks: rows: 1 / sqrt(a)
+    REAL *cross: rows x stride: C
+    REAL *points: 2 x items x widest x PANEL: the perceptron at the points
+    REAL *at_mean: 2 x layers x padded: sums and activations at the mean
+    REAL *weighting: items widths[layers] x stride: readout, transposed
+    """,
+    SCREENING,
+)
+
+LAGS = struct(
+    "lags",
+    """
+    int32_t measured: inputs that are measured
+    int32_t states: lags z
+    int32_t remembered: weights that z depends on, the first
+    int32_t own: weights of the encoder, the remembered ones first
+    int32_t directions: own rounded up to whole vectors
+    int32_t constants_count: numbers in `constants`
+    function encode: measured, z, coded, constants -> features, readout
+    functions slopes: sample, dz, dcoded -> of features, of y: along each of own
+    const double *constants: of encode
+    const double *prior: own: coded = prior + reach W
+    const double *reach: own
+    double *x: [measured, z, vec S, W_m], S = dz/dW_m
+    double *coded: own
+    double *state: z at the mean
+    double *sample: [measured, z, coded, outputs of the perceptron, constants] in one row
+    double *moved: own x states: dz along each
+    double *along: own x own: dcoded along each, one
+    double *of_features: items widths[0] x directions
+    double *of_y: n_y x directions
+    """,
+)
+
+EXTENDED_FILTER = struct(
+    "extended_filter",
+    """
+    panel_filter filter: mean, root and sample
+    lags *lags: lags of a network whose encoder has weights, or NULL
+    double *derivative: weights x stride: H'
+    double *seeds: 2 x items widest x stride: dy / d sums of a layer, of that below
+    """,
+    PANEL_FILTER,
+)
+
+NODE_FILTER = struct(
+    "node_filter",
+    _FILTER
+    + """
+    int32_t drifts: 1: drift and decay act before each sample, 0: growth does
+    int32_t drifted: 1: `grown` is the root before the next sample
+    REAL *root: of all groups
+    REAL *grown: the root after the drift, where there is one
+    REAL *drift: variances added before a sample, rows of all groups
+    REAL *near: mean in the precision of the points, rows of all groups
+    REAL *plain: near in the order of the network, and WIDTH zeros
+    REAL *steps: columns of all groups: change of a neuron's sum, (items)
+    REAL *slopes: columns of all groups: 1 number where rank one, else n_y
+    REAL *curvatures: columns of one group: n_y numbers
+    REAL *gains: columns of one group: n_y + 1 numbers
+    REAL *cross: rows of one group: n_y numbers
+    REAL *outputs_at: 4 x items x widest
+    REAL *towards: terms x n_y: change of y for an output of the perceptron
+    REAL *at_mean: 2 x layers x items x padded
+    double *directions: nodes x items x stride: y for a unit of each neuron's output
+    double *centers: nodes x stride: mean of the curvatures
+    double *squares: nodes: a'a where slopes are of rank one
+    double *wide_small: 2 x n_y x n_y x WIDE
+    """,
+    SCREENING,
+)
+
+LOW_RANK = struct(
+    "low_rank",
+    """
+    int32_t rank: r
+    int32_t padded: n_y rounded up to whole vectors
+    int32_t depth: r + n_y rounded up to a multiple of 8
+    int32_t items: evaluations of the perceptron for one y
+    int32_t layers: of the perceptron
+    int32_t activation: 0 softplus, 1 tanh
+    int64_t room: numbers of one half of `points`
+    double growth: factor of U in this sample: the forgetting factor
+    const int32_t *widths: layers + 1
+    const double *mean: n
+    const STORE *diagonal: n: U
+    const STORE *columns: n x r: F
+    double *next_mean: n: mean after the sample
+    STORE *next_diagonal: n: U after the sample
+    STORE *next_columns: n x r: F after the sample
+    const double *inputs: by layers: items x widths[l]: its inputs at the mean
+    const double *seeds: by layers: items x widths[l + 1] x padded: dy / d its sums
+    double *gram: depth x depth
+    const double *turn: depth x padded for points, depth x depth for the change
+    const double *gains: depth
+    double *points: 2 x room: items x widest x 2 x padded
+    """,
+)
+
+STRUCTS = (SCREENING, PANEL_FILTER, LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK)
+"""Structures of the kernels; the header of each can be included by any kernel."""
