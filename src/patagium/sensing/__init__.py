@@ -1,4 +1,4 @@
-"""Sensors, logs, clocks, motion, and the force of the air from measurements."""
+"""Sensors, logs, clocks, motion, and the aerodynamic force from measurements."""
 
 from patagium.sensing import sensors
 from patagium.sensing.force.momentum_observer import MomentumObserver, momentum_force

@@ -175,6 +175,13 @@ def test_time_that_runs_back_for_most_of_the_log_is_refused(tmp_path: Path) -> N
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]
 
 
+def test_a_result_that_cannot_be_written_is_refused_by_name(tmp_path: Path) -> None:
+    log = written(tmp_path, frame())
+    (tmp_path / "file").touch()
+    with pytest.raises(LogError, match=r"file/out\.nc: cannot be written"):
+        import_log(log, parse_mapping(WORDS), tmp_path / "file" / "out.nc")
+
+
 def test_several_streams_need_a_time_base(tmp_path: Path) -> None:
     table = frame(t2=frame()["t"] + 1.0)
     words = {

@@ -155,7 +155,7 @@ class MotionFilter:
             if not np.isfinite(change).all():
                 raise FilterDiverged(
                     f"motion filter: measurements of {', '.join(o.name for o in observations)} "
-                    "cannot be weighed: the estimate is not finite; raise their deviation",
+                    "cannot be weighed: the estimate is not finite; raise their std",
                     Outcome.NOT_FINITE,
                 )
             now = self.corrected(estimate, change)
