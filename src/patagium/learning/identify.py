@@ -18,7 +18,7 @@ from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network, flight_terms
-from patagium.learning.parameter_paths import estimates_of, parameter_scores
+from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
 from patagium.learning.prequential import Progress
 from patagium.learning.record import Arrays, check, no_updates, record_of
 from patagium.learning.result import Identification
@@ -36,20 +36,6 @@ Array = NDArray[np.float64]
 
 SHORT_HORIZON = 0.01
 """Horizon always scored beside one wingbeat [s]."""
-
-
-class Trained(Protocol):
-    """A network and its weights: a learner, or a model from a file."""
-
-    @property
-    def network(self) -> Network:
-        """The network."""
-        ...
-
-    @property
-    def weights(self) -> Array:
-        """Weights of the learner, (n,)."""
-        ...
 
 
 @runtime_checkable

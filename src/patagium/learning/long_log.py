@@ -1,4 +1,4 @@
-"""A long log through a learner block by block: the scores of `stream`, memory of one block.
+"""Identification from a long log, block by block, in the memory of one block.
 
 Each block ends right before a sample that is used, so predictions and updates are those of one
 stream over all samples. Learner and sums are kept after every block; a run that was interrupted,
@@ -75,7 +75,7 @@ def identify_record(
 
 
 class _LongRun:
-    """A learner on its way through a long log, and the sums of its scores."""
+    """Run of a learner through a long log, with the sums of its scores."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class _LongRun:
         self._resume()
 
     def go(self, progress: Progress | None) -> None:
-        """All blocks in order, or up to where the learner diverged."""
+        """Learn all blocks in order, or those up to where the learner diverged."""
         total = self.record.count
         if self.begin and progress is not None:
             progress(self.begin, total)
@@ -133,7 +133,7 @@ class _LongRun:
         return Identification(scores, record, self.learner, run.outcome, run.message)
 
     def _learn_block(self, progress: Progress | None) -> BlockRun:
-        """Samples from `begin` on learned and scored, up to right before a used one."""
+        """Learn and score the samples from `begin` on, up to right before a used one."""
         total, begin = self.record.count, self.begin
         end = min(begin + self.block, total)
         if total - end < 10 * self.every:

@@ -1,4 +1,4 @@
-"""The page of an identification: its scores as a table, its predictions as curves."""
+"""Page of an identification: its scores as a table, its predictions as curves."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSecti
 
 
 def summary(scores: Mapping[str, Any]) -> str:
-    """The scores in two sentences.
+    """Summary of the scores in two sentences.
 
     Args:
         scores: Of an `Identification`.
@@ -118,7 +118,7 @@ def _remarks(scores: Mapping[str, Any]) -> list[Note]:
         remarks.append(Note(f"Silent, and left out of mean and worst: {names}."))
     if scores.get("events"):
         events = ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in scores["events"].items())
-        remarks.append(Note(f"What samples went through, and how often: {events}."))
+        remarks.append(Note(f"Events of samples: {events}."))
     if scores["gaps"]:
         remarks.append(
             Note(f"{scores['gaps']} gap(s) in time: each ends a hold interval, none is bridged.")
@@ -144,7 +144,7 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
         f"Normalized innovation squared over the channels: {scores['nis_per_channel']:.3g} on "
         f"average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
         "lie in its 95 % interval. Normalized innovations one update apart correlate by "
-        f"{np.mean(color):.2f} on average (0 if white: what could be predicted, was)."
+        f"{np.mean(color):.2f} on average (0 means no structure is left in the errors)."
     )
     return [Note(words), *shown]
 

@@ -18,15 +18,21 @@ Array = NDArray[np.float64]
 _FIELDS = ("value", "std", "prior", "prior_std")
 
 
-class _Trained(Protocol):
-    @property
-    def network(self) -> Network: ...
+class Trained(Protocol):
+    """Network with its weights: a learner, or a model from a file."""
 
     @property
-    def weights(self) -> Array: ...
+    def network(self) -> Network:
+        """Network that predicts."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the network, (n,)."""
+        ...
 
 
-def estimates_of(trained: _Trained) -> tuple[Estimate, ...]:
+def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
     """Physical parameters as a learner or a model from a file knows them; may be none.
 
     Args:

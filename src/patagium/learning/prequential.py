@@ -1,7 +1,8 @@
-"""Predict, then learn: the one loop that samples go through, whatever they come from.
+"""Prequential loop: predict each sample, then learn it.
 
-Flights, tables, blocks of long logs and the Python path of packets share it. Each sample is
-predicted by the weights known after the last used sample before it.
+Flights, tables, blocks of long logs and trials of `tune` go through `prequential`; packets in
+Python share its step, `learn`. Each sample is predicted by the weights known after the last used
+sample before it.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class Samples:
 
 
 class Update(NamedTuple):
-    """Facts of a learner at one update.
+    """Innovation of one update, and what the learner expected of it.
 
     Attributes:
         innovation: (n_y,) [unit of y]; NaN where a channel was left out.
@@ -80,21 +81,21 @@ class Update(NamedTuple):
 
 
 class Watch(Protocol):
-    """Something that looks at the loop before each update."""
+    """Observer of the loop, called before each update."""
 
     def before(self, hold: Hold, memory: ModelMemory) -> None:
-        """A hold interval begins; the memory stands at its first sample."""
+        """Look at a hold interval that begins; the memory stands at its first sample."""
         ...
 
     def predicted(self, hold: Hold, rows: Array) -> None:
-        """The network's inputs over the interval, (k, n_x), are known; nothing is learned yet."""
+        """Look at the inputs of the interval, (k, n_x), before its last sample is learned."""
         ...
 
 
 def learn(
     learner: Learner, x: Array, y: Array, time: float | None = None, std: Array | None = None
 ) -> Update:
-    """One sample learned.
+    """Update of a learner by one sample.
 
     Args:
         learner: It is changed.
@@ -122,7 +123,7 @@ def learn(
 def prequential(
     learner: Learner, samples: Samples, used: Indices, watch: Watch | None = None
 ) -> Iterator[tuple[Hold, Update | None]]:
-    """Samples in order: each hold interval recalled, looked at, and its last sample learned.
+    """Loop over samples in order: each hold interval is predicted, then its last sample learned.
 
     Args:
         learner: It is changed.
@@ -154,7 +155,7 @@ def prequential(
 
 
 class BlockRun:
-    """A block of samples through the loop, and all that was said on the way.
+    """Run of a block of samples through the loop, with its predictions and updates.
 
     Args:
         learner: What learns; it is changed.
@@ -196,7 +197,7 @@ class BlockRun:
         self._looks = set(looks.tolist())
 
     def go(self, progress: Progress | None = None) -> None:
-        """All samples in order, or up to where the learner diverged.
+        """Take all samples in order, or those up to where the learner diverged.
 
         Args:
             progress: Called now and then with samples done and samples in all.
@@ -228,7 +229,7 @@ class BlockRun:
                 self.windows[horizon.label].append((hold.begin, ahead))
 
     def predicted(self, hold: Hold, rows: Array) -> None:
-        """Predict an interval, and check the predicted standard deviation here and there.
+        """Predict an interval, and check its predicted standard deviation at a few samples.
 
         Args:
             hold: The interval.

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Check(NamedTuple):
-    """Error of a prediction at one sample, beside the standard deviation it was predicted with.
+    """Error of a prediction at one sample, and its predicted standard deviation.
 
     Attributes:
         sample: Number of the sample.
@@ -31,7 +31,7 @@ class Check(NamedTuple):
 
 
 class Updates(NamedTuple):
-    """Facts of the learner after each update.
+    """Updates of a learner: innovations, weights and their variances.
 
     Attributes:
         samples: Used for an update, (U,).
@@ -87,7 +87,7 @@ class Arrays(NamedTuple):
         prediction: (N, n_y) [unit of y]; NaN where there is none.
         held: Persistence, (N, n_y) [unit of y].
         checks: Predictions with their standard deviations.
-        updates: What the learner said of itself.
+        updates: Updates of the learner.
     """
 
     time: Array

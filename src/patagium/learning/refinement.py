@@ -50,7 +50,7 @@ def refine(
     gaps: ArrayLike = (),
     rounds: int = 20,
 ) -> Model:
-    """The most probable weights of a log, and their covariance around them.
+    """Most probable weights of a log, with their covariance.
 
     Minimal over W: |y - y(W)|^2 / deviation^2 over the used samples + (W - W0)^2 / P0, with
     W0, P0 and the deviation (as estimated by now) those of the learner.
@@ -103,7 +103,7 @@ def _moved(
     step: Array,
     believed: tuple[Array, Array],
 ) -> tuple[Array, float, bool]:
-    """Weights and cost a step further, or as much of it as lowers the cost."""
+    """Weights and cost after a step, halved until it lowers the cost."""
     weights, cost = here
     for halvings in range(_HALVINGS):
         tried = weights + step / 2**halvings
@@ -121,7 +121,7 @@ def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Arra
 
 
 def _slopes(network: Network, log: _Log, weights: Array) -> tuple[Array, Array]:
-    """Sum of H'e and of H'H over the used samples, in deviations of the measurement."""
+    """Sums of H'e and of H'H over the used samples, in standard deviations of the measurement."""
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
     for k in log.used.tolist():

@@ -1,4 +1,4 @@
-"""Result of an identification: scores, predictions, learner.
+"""Result of an identification: scores, predictions and the learner.
 
 An `Identification` saves itself as one netCDF file and draws itself as one page.
 """
@@ -19,7 +19,7 @@ from patagium.whole_file import whole_file
 
 @dataclass(frozen=True)
 class Identification:
-    """A model of the air as learned from a flight or a log, with its scores.
+    """Model of the air as learned from a flight or a log, with its scores.
 
     Attributes:
         scores: NMSE and the rest by name; see `stream`. Nested once: score by output name.
@@ -38,7 +38,7 @@ class Identification:
     message: str = ""
 
     def save(self, path: str | Path) -> None:
-        """Scores and predictions as one netCDF file, written whole or not at all.
+        """Write scores and predictions as one netCDF file, whole or not at all.
 
         Args:
             path: The file.
@@ -52,7 +52,7 @@ class Identification:
     def report(
         self, path: str | Path, title: str = "Identification", replay: str | None = None
     ) -> None:
-        """A self-contained HTML page: the scores, and predictions against measurements.
+        """Write a self-contained HTML page: the scores, and predictions against measurements.
 
         Args:
             path: The file.

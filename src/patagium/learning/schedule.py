@@ -1,4 +1,4 @@
-"""Schedule of a stream: hold intervals and horizons.
+"""Schedule of a prequential run: used samples, hold intervals and horizons.
 
 Sample k is predicted before it is used, by weights that saw earlier samples only. With
 one sample in `every` used, the weights hold for the `every` samples that follow, and all of
@@ -26,7 +26,7 @@ MOST_CHECKS = 500
 
 
 class Hold(NamedTuple):
-    """Samples `begin` to `end - 1`, predicted by the same weights.
+    """Interval of samples `begin` to `end - 1`, predicted by the same weights.
 
     Attributes:
         begin: First sample.
@@ -58,7 +58,7 @@ def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
 
 
 def holds(used: Indices, count: int) -> Iterator[Hold]:
-    """The hold intervals in order; together they hold each sample once.
+    """Hold intervals in order; together they hold each sample once.
 
     Args:
         used: Samples used for an update, increasing.
@@ -74,7 +74,7 @@ def holds(used: Indices, count: int) -> Iterator[Hold]:
 
 @dataclass(frozen=True)
 class Horizon:
-    """A span over which frozen weights are asked to predict.
+    """Horizon: a span predicted with frozen weights.
 
     Attributes:
         label: Its name in the scores.
@@ -139,7 +139,7 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
 
 
 def thin(indices: Indices, most: int) -> Indices:
-    """At most `most` of the indices, evenly spread, first and last kept."""
+    """Indices thinned evenly to at most `most`; the first and the last are kept."""
     if len(indices) <= most:
         return indices
     return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(int)])
@@ -161,7 +161,7 @@ class LogSamples(NamedTuple):
     used: Indices
 
     def part(self, begin: int, end: int) -> LogSamples:
-        """Used samples of a span, and those between them.
+        """Part of the log from one used sample to another.
 
         Args:
             begin: First used sample, by its number among them.

@@ -1,7 +1,4 @@
-"""Scores of a learner over any number of blocks of samples, from sums that can be saved.
-
-Neglected: everything that sums do not hold, such as the order of errors beyond one update.
-"""
+"""Scorer of a learner over any number of blocks of samples, from sums that can be saved."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ Chosen = NDArray[np.bool_]
 
 
 class Scorer:
-    """Scores of predictions made before their samples were used.
+    """Scorer of predictions made before their samples were used.
 
     Args:
         names: Names of the outputs, n_y.

@@ -27,7 +27,7 @@ INTERVAL = 1.959963985
 
 
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-"""Probabilities of the predicted intervals that are held against what happened."""
+"""Probabilities of the predicted intervals that are compared with the errors."""
 _REACH = np.append(ndtri((1 + np.array(NOMINAL)) / 2), np.inf)
 
 
@@ -279,7 +279,7 @@ def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
 
 
 def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | None = None) -> Array:
-    """The rival that needs no model: the last used sample, held.
+    """Persistence, the rival without a model: the last used sample, held.
 
     yhat_k = y_u, u the largest used index below k at which the output was measured.
 
@@ -327,7 +327,7 @@ def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -
 
 
 def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[str, Any]:
-    """One score by output name, with its mean and worst over the outputs that are heard.
+    """Score by output name, with its mean and worst over the outputs that are not silent.
 
     Args:
         values: Score of each output, (n_y,) [unit of y]; nan where silent.
@@ -344,7 +344,7 @@ def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[st
 
 
 def mean_heard(values: Array) -> float:
-    """Mean of the values that are not NaN; NaN if all are.
+    """Mean score of the outputs that are not silent; NaN without one.
 
     Args:
         values: Score of each output, (n_y,) [-].

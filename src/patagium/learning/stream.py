@@ -1,4 +1,4 @@
-"""Arrays of samples through a learner in order, each predicted before it may be learned from.
+"""Identification from arrays of samples, each predicted before it may be learned.
 
 The scores are those a user would have had at that time: predictions over the whole hold interval,
 over longer horizons with frozen weights and true states in, the predicted interval, and beside
@@ -53,7 +53,7 @@ def stream(
     gaps: ArrayLike = (),
     **options: Unpack[StreamOptions],
 ) -> Identification:
-    """A log learned online, and how well each sample was predicted.
+    """Identification of a log online, with scores of each prediction.
 
     One sample in `every` is used. Each sample is predicted by the weights known after the
     last used sample before it; the first one by the initial weights.
@@ -111,7 +111,7 @@ def checked_samples(
     gaps: ArrayLike,
     std: ArrayLike | None,
 ) -> Samples:
-    """Samples that fit a network.
+    """Samples of arrays that fit a network.
 
     Args:
         network: What learns them.

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
-from patagium.learning.identify import Trained, compare
+from patagium.learning.identify import compare
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.parameter_paths import Trained
 from patagium.learning.prequential import Progress
 from patagium.learning.result import Identification
 from patagium.learning.stream import stream

@@ -1,4 +1,4 @@
-"""A learner's state kept from time to time while it learns.
+"""Saver of a learner's state from time to time while it learns.
 
 Neglected: saving beside learning; a save takes its time between two samples, once.
 """
@@ -13,7 +13,7 @@ from patagium.learning.learners.learner import Resumable
 
 
 class AutoSave:
-    """Keeps a learner in a file, at most once in so many seconds.
+    """Saver of a learner in a file, at most once in so many seconds.
 
     A disk that is full or gone does not stop a learner: `failures` counts, `problem` says.
 
@@ -56,7 +56,7 @@ class AutoSave:
         return True
 
     def save(self) -> Path:
-        """Save now, as at the end.
+        """Save the learner now, as at the end.
 
         Returns:
             The path.

@@ -23,9 +23,9 @@ from patagium.live.sources import PacketQueue
 Array = NDArray[np.float64]
 
 BLOCK = 512
-"""Packets that go through the pipeline in one call at most."""
+"""Largest number of packets that go through the pipeline in one call."""
 PATIENCE = 0.1
-"""How long nothing may come before the loop looks around [s]."""
+"""Longest wait for a packet before the loop looks at what else is due [s]."""
 _SPAN = 0.1  # s: shortest time over which a rate is counted
 _USUAL = 5  # fewest steps of a call whose median is the usual step
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}

@@ -1,9 +1,9 @@
-"""Packets on their way in: lines of a CSV text, rows of binary datagrams, and what is wrong there.
+"""Readers of packets: lines of a CSV text, rows of binary datagrams, and counts of bad ones.
 
 A text has a header that names the columns of `packet_columns`, in any order; other columns are
 passed over, an empty field is a missing number. A datagram is little-endian float64:
 
-    session, sequence, then rows of time, q, v, a, u1.
+    session, sequence, then rows of time, q, v, a, u1 and the known forces carried.
 
 The session is any number that the sender chose when it began, the sequence how many rows it sent
 before this datagram; so what is lost, doubled or overtaken can be told. Neglected: checksums
@@ -24,14 +24,14 @@ from patagium.errors import LogError
 Array = NDArray[np.float64]
 
 LARGEST_DATAGRAM = 65507
-"""What UDP carries at most [B]."""
+"""Largest payload of UDP [B]."""
 _HEADER = 2
 _SHOWN = 3
 
 
 @dataclass
 class Intake:
-    """Counts of packets received and refused.
+    """Counts of packets that came in, and of those that did not.
 
     Attributes:
         received: Packets that were read.
@@ -75,7 +75,7 @@ class TextPackets:
         self._fields, self._line, self._rest = 0, 0, b""
 
     def take(self, piece: bytes) -> Array:
-        """Packets of the lines that end in this piece, (k, 1 + n_q + 3 n).
+        """Packets of the lines that end in this piece, (k, columns).
 
         Raises:
             LogError: If the first line does not name all columns.
@@ -86,7 +86,7 @@ class TextPackets:
         return np.array(rows, float).reshape(len(rows), len(self._columns))
 
     def end(self) -> None:
-        """The text is over: a last line without an end is no packet."""
+        """End the text; a last line without an end is no packet."""
         if self._rest.strip():
             self._line += 1
             self._intake.refuse(f"line {self._line}: the text ends within it")
@@ -141,7 +141,7 @@ class DatagramPackets:
         self._session, self._expected = nan, 0
 
     def take(self, datagram: bytes) -> Array:
-        """New packets of a message, (k, 1 + n_q + 3 n)."""
+        """New packets of a datagram, (k, columns)."""
         try:
             return self._in_order(*self._read(datagram))
         except ValueError as problem:
@@ -176,7 +176,7 @@ def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> 
     """Packets as datagrams, for a sender.
 
     Args:
-        packets: (N, 1 + n_q + 3 n) [units of the columns].
+        packets: (N, columns) [units of the columns].
         session: Any number that differs from that of the sender's last run.
         rows: Packets a datagram.
         first: How many were sent before.
@@ -188,7 +188,11 @@ def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> 
 
 
 def most_rows(columns: int) -> int:
-    """Number of packets that one datagram holds."""
+    """Largest number of packets that a datagram holds.
+
+    Args:
+        columns: Numbers of a packet.
+    """
     return (LARGEST_DATAGRAM // 8 - _HEADER) // columns
 
 

@@ -52,7 +52,7 @@ class Records:
 
     @property
     def prediction(self) -> Array:
-        """Prediction of y before it was learned, (N, n_y); NaN where none was made."""
+        """Prediction of y before learning, (N, n_y) [unit of y]; NaN where there is none."""
         return self.rows[:, : self._outputs]
 
     @property
@@ -177,11 +177,11 @@ class Pipeline:
 
     @property
     def memory_resets(self) -> int:
-        """Number of restarts of the network's memory; 0 without one."""
+        """Number of times that the network's memory began anew; 0 without one."""
         return 0 if self._memory is None else self._memory.resets
 
     def run(self, packets: ArrayLike) -> Records:
-        """Learn packets in order, each predicted before it is learned.
+        """Learn packets in order; each is predicted before it is learned.
 
         Args:
             packets: (N, 1 + n_q + (3 + k) n) with k forces carried, as `columns` names them.
@@ -270,7 +270,7 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
 
 
 class _CompiledChain:
-    """Pipeline in C: its struct, and all arrays that the struct points to."""
+    """Pipeline in C: a struct and all arrays that it points to."""
 
     def __init__(
         self,
@@ -306,7 +306,7 @@ class _CompiledChain:
         self.native = function, ctypes.addressof(self._struct)
 
     def run(self, rows: Array, records: Array) -> int:
-        """Packets, (N, columns), into records, (N, 3 n_y + 4); how many, up to an alarm."""
+        """Turn packets, (N, columns), into records, (N, 3 n_y + 4); their number up to an alarm."""
         return int(self._function(self.native[1], len(rows), rows.ctypes.data, records.ctypes.data))
 
 

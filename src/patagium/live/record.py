@@ -1,4 +1,4 @@
-"""A stream on disk: what came in and what was predicted of it, in a netCDF file that grows.
+"""File of a stream: its packets and their predictions, in a netCDF file that grows.
 
 Written in pieces beside its place and renamed into it when it is closed, so that memory is
 bounded and readers never see half of it. Neglected: compression; 14 coordinates and channels
@@ -31,18 +31,18 @@ _AT_ONCE = 4096
 _FORCE = "N or N m"
 _MEANING = {
     "measurement": ("f8", _FORCE, "force of the air by inverse dynamics"),
-    "prediction": ("f8", _FORCE, "the same as predicted before it was learned"),
-    "std": ("f8", _FORCE, "standard deviation of the measurement around it"),
+    "prediction": ("f8", _FORCE, "prediction of the measurement before it was learned"),
+    "std": ("f8", _FORCE, "standard deviation of measurement less prediction"),
     "left_out": ("i1", "1", "1 where a channel was not learned from"),
 }
 
 
 class StreamFile:
-    """A netCDF file of packets and records: a flight as it was sensed, and as it was predicted.
+    """NetCDF file of packets and records: a flight as sensed, and as predicted.
 
     Variables over time and dof are q, v, a and u1, as in a flight (with a quaternion q is over
     time and coordinate); over time and output
-    measurement, prediction, deviation, left_out; over time outcome and duration.
+    measurement, prediction, std, left_out; over time outcome and duration.
 
     Args:
         path: The file, replaced if it exists; folders are made.
@@ -65,14 +65,14 @@ class StreamFile:
         self._lay_out()
 
     def append(self, packets: Array, records: Records) -> None:
-        """Keep packets, (k, 1 + n_q + 3 n), and their records."""
+        """Keep packets, (k, columns), and their records."""
         self._waiting.append((packets, records))
         self._held += len(packets)
         if self._held >= _AT_ONCE:
             self._write()
 
     def close(self, facts: Mapping[str, Any]) -> Path:
-        """Write the rest and put the file in its place.
+        """Write the remaining packets and put the file in its place.
 
         Args:
             facts: Summary of the stream, kept as its attribute `summary`.
@@ -86,7 +86,7 @@ class StreamFile:
         return self._draft.publish()
 
     def discard(self) -> None:
-        """Give it up; nothing once it is closed."""
+        """Give the file up, unless it is closed already."""
         if self._file.isopen():
             self._file.close()
         self._draft.discard()

@@ -1,4 +1,4 @@
-"""A recorded flight as a stream of packets: what its sensors would have sent.
+"""Sender of a recorded flight: packets that its sensors would have sent.
 
 Neglected: noise, delays and clocks of sensors; a flight holds true values.
 """

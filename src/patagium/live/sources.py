@@ -1,4 +1,4 @@
-"""Sources of packets in flight: a growing text, a pipe, datagrams.
+"""Sources of packets while a robot flies: a text that grows, a pipe, datagrams, a log.
 
 A thread reads and puts packets into a queue of bounded size; who learns takes them out. A text
 waits where the queue is full, for it can; datagrams do not, and what found no room is counted.
@@ -36,7 +36,7 @@ _ROWS = 1 << 14
 _LOOK = 0.05  # s between looks at what else goes on
 _BUFFER = 1 << 22  # B asked of the system for datagrams that wait
 LOOPBACK = "127.0.0.1"
-"""Where datagrams are listened for unless an address is given: this machine alone."""
+"""Default address that datagrams are listened for at: this machine alone."""
 
 
 class PacketQueue:
@@ -60,7 +60,7 @@ class PacketQueue:
         """Add packets.
 
         Args:
-            packets: (k, 1 + n_q + 3 n) [units of the columns].
+            packets: (k, columns) [units of the columns].
             waits: Whether to wait for room; otherwise the newest without room are dropped,
                 and counted.
         """
@@ -79,7 +79,7 @@ class PacketQueue:
                     self._changed.wait(_LOOK)
 
     def take(self, most: int, patience: float) -> Array | None:
-        """The oldest packets, (k, 1 + n_q + 3 n), none if none came in time; None: no more come.
+        """Oldest packets, (k, columns), none if none came in time; None where no more will come.
 
         Args:
             most: How many at most.
@@ -110,7 +110,7 @@ class PacketQueue:
             return packets
 
     def abandon(self) -> None:
-        """Drop what waits, and count it, as soon as it is asked for; no more will come."""
+        """Close the queue; packets that wait are dropped and counted at the next `take`."""
         self._abandoned = True  # no lock: signal handlers may call this
 
     def _drop_all(self) -> None:
@@ -119,14 +119,18 @@ class PacketQueue:
         self._held, self._closed = 0, True
 
     def close(self, problem: Exception | None = None) -> None:
-        """No more will come."""
+        """Close the queue: no more packets will come.
+
+        Args:
+            problem: Why reading ended; None where it came to its end.
+        """
         with self._changed:
             self._closed, self._problem = True, problem
             self._changed.notify_all()
 
 
 class Source(Protocol):
-    """Something that packets come from."""
+    """Source of packets."""
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
         """Put packets into the queue until there are no more, or it is told to stop."""
@@ -154,7 +158,7 @@ class TextSource:
         self._columns, self._path, self._pipe, self._idle = columns, path, pipe, idle
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Lines as they come; a pipe ends where its writer closes it.
+        """Read lines as they come; a pipe ends where its writer closes it.
 
         Raises:
             LogError: If the text has no header that names the columns.
@@ -213,11 +217,11 @@ class DatagramSource:
 
     @property
     def port(self) -> int:
-        """Port it listens at."""
+        """Port that the source listens at."""
         return int(self._socket.getsockname()[1])
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Datagrams as they come."""
+        """Read datagrams as they come."""
         packets, fed = DatagramPackets(self._columns, queue.intake), None
         with self._socket:
             while not stop.is_set():
@@ -254,7 +258,7 @@ class RecordSource:
             record.values(self._columns[1:], 0, 1)
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Samples of the source, as fast as the learner takes them."""
+        """Read the log's samples, as fast as they are learned."""
         with LogRecord(self._path) as record:
             for begin in range(0, record.count, _ROWS):
                 if stop.is_set():
@@ -269,7 +273,7 @@ class RecordSource:
 def source_of(
     words: str, columns: Sequence[str], *, idle: float | None = None
 ) -> TextSource | DatagramSource | RecordSource:
-    """The source that words name.
+    """Source of packets that words name.
 
     Args:
         words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file or of a
@@ -307,7 +311,7 @@ def address_of(words: str) -> tuple[str, int]:
 
 
 def start_reading(source: Source, queue: PacketQueue, stop: threading.Event) -> threading.Thread:
-    """A thread that reads a source until it ends, then closes the queue.
+    """Thread that reads a source until it ends, then closes the queue.
 
     Args:
         source: Where packets come from.

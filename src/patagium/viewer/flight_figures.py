@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from patagium.errors import FlightError
 from patagium.learning import evaluate
-from patagium.learning.identify import Trained
+from patagium.learning.parameter_paths import Trained
 from patagium.report.figures import comparison, histories
 from patagium.report.style import figures_for
 from patagium.report.views import flight_overview, wingbeat

@@ -16,12 +16,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ShapeError
-from patagium.learning.identify import Trained, samples
+from patagium.learning.identify import samples
 from patagium.learning.model_file import Model
 from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
+from patagium.learning.parameter_paths import Trained
 from patagium.learning.result import Identification
 from patagium.robot import Robot
 

@@ -1,1 +1,1 @@
-"""Force of the air on the robot, from measured motion."""
+"""Generalized force of the air, from the motion of the robot and the forces on it."""

@@ -74,7 +74,7 @@ def added_mass_force(
 
 
 class Column(NamedTuple):
-    """A number of a packet.
+    """Column of a packet.
 
     Attributes:
         name: `time`, or part and coordinate such as `v.roll`.
@@ -104,7 +104,7 @@ def packet_columns(robot: Robot, carried: Sequence[str] = ()) -> tuple[Column, .
 
 
 def packet_parts(packets: Array, robot: Robot) -> list[Array]:
-    """q, v, a, u1 and the optional parts of packets, (..., n_q) and (..., n) each.
+    """Parts of packets: q, (..., n_q), then v, a, u1 and the known forces, (..., n) each.
 
     Args:
         packets: (..., 1 + n_q + (3 + k) n).
@@ -202,7 +202,7 @@ class SampleForm:
 
 
 def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
-    """Places of named inputs in the state [q, v].
+    """Columns of named inputs in the state [q, v].
 
     Args:
         robot: The machine.

@@ -1,4 +1,4 @@
-"""The air's force by an observer of the generalized momentum, which asks for no acceleration.
+"""Force of the air by an observer of the generalized momentum, without accelerations.
 
 With p = D v the momentum and T the kinetic energy, p' = dT/dq - G + u1 + damping + mount + Q: what
 p does beyond what is known is the air's force Q. Neglected: errors of the robot's parameters.
@@ -34,7 +34,7 @@ def momentum_force(
     mount: Wrench | None = None,
     added_mass: AddedMass | None = None,
 ) -> ForceSamples:
-    """Force of the air by an observer of the momentum p = D v, which asks for no acceleration.
+    """Force of the air by an observer of the momentum p = D v, without accelerations.
 
     r' = K (p' - (dT/dq - G + u1 + damping + mount) - r), with T the kinetic energy, run forwards
     and backwards and averaged, so that it does not lag: what changes at w is seen by
@@ -77,7 +77,7 @@ def momentum_force(
 
 
 class MomentumObserver:
-    """The observer as it runs on a robot: force of the air up to a lag of 1 / K.
+    """Observer that runs on a robot: force of the air up to a lag of 1 / K.
 
     Args:
         robot: The machine.
@@ -96,11 +96,11 @@ class MomentumObserver:
 
     @property
     def force(self) -> Array:
-        """Force of the air estimated so far, (n,) [N, N m]."""
+        """Aerodynamic force estimated so far, (n,) [N, N m]."""
         return self._force.copy()
 
     def step(self, time: float, q: Array, v: Array, known: Array) -> Array:
-        """The force after one more sample.
+        """Force of the air after one more sample.
 
         Args:
             time: Later than before [s].
@@ -128,7 +128,7 @@ class MomentumObserver:
 
 
 def _observed(apart: Array, slope: Array, step: float, gain: float) -> Array:
-    """Rate of what is apart, seen forwards and backwards; it starts from the slope at the ends."""
+    """Rate of a momentum observed forwards and backwards, begun from the slopes at the ends."""
     rates = np.diff(apart, axis=0) / step
     keep = np.exp(-gain * step)
     forth, back = np.empty_like(apart), np.empty_like(apart)
@@ -141,7 +141,7 @@ def _observed(apart: Array, slope: Array, step: float, gain: float) -> Array:
 
 
 def _seen(force: Array, step: float, gain: float) -> Array:
-    """Force as the observer sees it."""
+    """Force as an observer would see it, (N, n) [N, N m]."""
     whole = np.vstack([np.zeros(force.shape[1]), np.cumsum(0.5 * (force[1:] + force[:-1]), axis=0)])
     return _observed(whole * step, force, step, gain)
 

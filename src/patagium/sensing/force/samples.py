@@ -1,4 +1,4 @@
-"""Measured force of the air: one type for all ways to measure it.
+"""Measured force of the air: one type for all the ways to measure it.
 
 Neglected: that errors of neighboring samples are alike, as smoothing leaves them; who learns from
 each sample should leave out those closer than a time constant of the smoother.
@@ -52,7 +52,7 @@ class ForceSamples:
 
     @property
     def state(self) -> Array:
-        """x = [q, v], (N, 2 n)."""
+        """State x = [q, v], (N, 2 n) [m, rad, m/s, rad/s]."""
         return np.hstack([self.q, self.v])
 
     @property
@@ -67,7 +67,7 @@ class ForceSamples:
         return tuple(self.robot.dof_names[i] for i in seen)
 
     def where(self, kept: slice | ArrayLike) -> ForceSamples:
-        """Some of the samples.
+        """Selection of the samples.
 
         Args:
             kept: A slice, indices in order, or a bool for each sample.

@@ -1,4 +1,4 @@
-"""The air's generalized force from measurements, with its covariance.
+"""Generalized force of the air from measurements, with its covariance.
 
 By inverse dynamics of the smoothed motion, or by a load cell under the robot, whose wrench less the
 robot's inertia is the air's; `momentum_observer` is the third way. The covariance is that of
@@ -34,7 +34,7 @@ _LEAST = 1e-4  # of what a signal does, below which its noise is not believed
 
 @dataclass(frozen=True)
 class Measured:
-    """A signal on the time axis of a motion.
+    """Signal on the time axis of a motion.
 
     Args:
         values: (N, k) [unit of y]; NaN where there is none.
@@ -47,7 +47,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Wrench:
-    """Wrench of a load cell, on the time axis of a motion.
+    """Wrench that a load cell showed, on the time axis of a motion.
 
     Args:
         measured: Force and moment of the mount on the robot, the cell's axes, (N, 6) [N, N m].
@@ -67,7 +67,7 @@ def motor_forces(
         log: The log.
         motion: From `estimate_motion`.
         name: Of the sensor.
-        shift: What its stamps are late [s].
+        shift: Delay of its stamps [s].
         robot: The machine; None for the log's.
 
     Returns:
@@ -93,13 +93,13 @@ def motor_forces(
 
 
 def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float = 0.0) -> Wrench:
-    """Wrench of a load cell at the times of a motion.
+    """Wrench that a load cell showed, at the times of a motion.
 
     Args:
         log: The log.
         motion: From `estimate_motion`.
         name: Of the sensor.
-        shift: What its stamps are late [s].
+        shift: Delay of its stamps [s].
 
     Raises:
         ParameterError: If the sensor is no load cell.
@@ -233,7 +233,7 @@ class ForceParts:
         return ForceSamples(self.time, self.q, self.v, known, covariance, self.robot, source)
 
     def _signal(self, name: str, signal: Measured | None, width: int) -> Measured:
-        """A signal of the motion's length; zeros where it was not measured."""
+        """Signal of the motion's length; zeros where it was not measured."""
         shape = (len(self.time), width)
         if signal is None:
             return Measured(np.zeros(shape), np.zeros(shape))
@@ -349,7 +349,7 @@ def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
 def _at(
     reading: xr.Dataset, values: Array, std: Array | float, motion: xr.Dataset, shift: float
 ) -> Measured:
-    """A signal smoothed at the times of a motion."""
+    """Signal smoothed at the times of a motion."""
     stamps = np.asarray(reading["time"].values, float) - shift
     times = np.asarray(motion["time"].values, float)
     smoother: Smoother = Kalman(order=3)

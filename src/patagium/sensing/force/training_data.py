@@ -1,4 +1,4 @@
-"""Training data of a recorded flight: states, and the force of the air at each.
+"""Training data by inverse dynamics of a recorded flight.
 
 Neglected: errors of the recorded accelerations and of the robot's parameters; they end up in the
 force.
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 def training_data(
     flight: xr.Dataset, robot: Robot | None = None, *, with_added_mass: bool = False
 ) -> tuple[Array, Array, Array]:
-    """States of a flight and the generalized force of the air at each of them.
+    """Training data of a flight: states, and the force of the air at each.
 
     y = D a + C v + G - u1 - damping - mount [paper, eq. training_data]. Added mass that the
     flight was flown with is known inertia and no part of y, which then is a force that the
@@ -52,7 +52,7 @@ def training_data(
 
 
 def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
-    """A quantity of a flight, (N, n_q) for q and (N, n) for the others.
+    """Recorded quantity of a flight, (N, n_q) for q and (N, n) for the others.
 
     Args:
         flight: The record.
