@@ -17,10 +17,10 @@ EXAMPLES = (
 def check(
     file: Annotated[
         Path,
-        typer.Argument(help="A robot (.yaml, .urdf), a flight (.nc) or a table (.csv, .parquet)."),
+        typer.Argument(help="Robot (.yaml, .urdf), flight (.nc) or table (.csv, .parquet)."),
     ],
     mapping: Annotated[
-        Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+        Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

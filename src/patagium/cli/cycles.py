@@ -16,21 +16,24 @@ EXAMPLES = (
 
 
 def cycles(
-    flight: Annotated[Path, typer.Argument(help="What patagium simulate wrote (.nc).")],
+    flight: Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")],
     period: Annotated[
         float | None,
         typer.Option(
             parser=quantity("s", "a time"),
-            help="Of a wingbeat, in s; that of the gait if left out.",
+            help="Period of a wingbeat, in s; that of the gait by default.",
         ),
     ] = None,
-    skip: Annotated[int, typer.Option(min=0, help="Wingbeats left out at the beginning.")] = 1,
-    phases: Annotated[int, typer.Option(min=2, help="Points of a wingbeat.")] = 100,
+    skip: Annotated[
+        int, typer.Option(min=0, help="Number of wingbeats left out at the beginning.")
+    ] = 1,
+    phases: Annotated[int, typer.Option(min=2, help="Number of points of a wingbeat.")] = 100,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw a wingbeat with its spread, as .png or .svg.")
+        Path | None,
+        typer.Option(help="File for a drawing of a wingbeat with its spread (.png, .svg)."),
     ] = None,
     table: Annotated[
-        Path | None, typer.Option(help="Write the wingbeat, phase by phase (.csv).")
+        Path | None, typer.Option(help="File for the wingbeat, phase by phase (.csv).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

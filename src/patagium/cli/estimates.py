@@ -1,4 +1,4 @@
-"""Grey boxes on the command line: which numbers, how far they may be off, of which model."""
+"""Grey boxes on the command line: estimated numbers, their prior standard deviations, models."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from patagium.cli.words import quantity
+from patagium.cli.words import named_quantities
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,14 +29,14 @@ class GreyModel(StrEnum):
 EstimateOption: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(
-        help="Learn numbers of the air or the robot, each with its prior deviation: "
-        '"section.lift_slope=0.5,lags.rate[0]=0.02" (also repeated). With --network, a network '
-        "beside them learns the rest."
+        help="Numbers of the air or the robot to estimate, each with its prior standard "
+        'deviation: "section.lift_slope=0.5,lags.rate[0]=0.02"; may be repeated. With --network, '
+        "a network learns what these numbers do not explain."
     ),
 ]
 AeroOption: TypeAlias = Annotated[
     GreyModel | None,
-    typer.Option(help="Model of the air for --estimate; by default that of the flight."),
+    typer.Option(help="Model of the air for --estimate; that of the flight by default."),
 ]
 
 
@@ -44,8 +44,8 @@ RefineOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--refine",
-        help="Then least squares over the whole flight: numbers of --estimate, and deviations, "
-        "that do not depend on the way there.",
+        help="Least squares over the whole flight afterwards: estimates and standard deviations "
+        "that do not depend on the order of the samples.",
     ),
 ]
 
@@ -68,68 +68,46 @@ def check_estimate(
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
 
 
-def stds(words: Sequence[str]) -> dict[str, float]:
-    """Prior deviations by name, in SI, from words such as "wing[0].chord=5 mm".
+def grey_box(
+    flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None, rest: Network | None
+) -> Any:
+    """Grey box for a flight.
+
+    Its air begins at rest where the air of the flight does. Added mass is part of the model
+    if its factor is estimated.
 
     Args:
-        words: Each one or several, separated by commas.
+        flight: Flight.
+        words: Prior standard deviations, NAME=VALUE, in each word one or several.
+        aero: Model of the air; None: that of the flight.
+        rest: Network that learns the rest, or None.
 
     Raises:
-        ParameterError: If a word is not NAME=DEVIATION, or a name comes twice.
-    """
-    from patagium.errors import ParameterError
-    from patagium.learning.models.physical import written_unit
-
-    found: dict[str, float] = {}
-    for word in (part.strip() for given in words for part in given.split(",")):
-        name, equals, value = (part.strip() for part in word.partition("="))
-        if not (name and equals and value):
-            expected = "NAME=DEVIATION such as section.lift_slope=0.5"
-            raise ParameterError("--estimate", expected, word)
-        if name in found:
-            raise ParameterError("--estimate", f"{name} once", word)
-        try:
-            found[name] = quantity(written_unit(name), "a deviation")(value)
-        except typer.BadParameter as error:
-            raise ParameterError(f"--estimate {name}", error.message, value) from None
-    return found
-
-
-def grey_box(
-    flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None, beside: Network | None
-) -> Any:
-    """A grey box for a flight.
-
-    It begins still where the flight's own air does. Added mass is part of what it explains
-    if its factor is asked for.
-
-    Args:
-        flight: The flight.
-        words: See `deviations`.
-        aero: Model of the air; None for the flight's own.
-        beside: Network that learns the rest, or None.
+        ParameterError: If a word is not NAME=VALUE, or a name comes twice.
     """
     from patagium.aerodynamics import AddedMass
     from patagium.learning import GreyBox
-    from patagium.learning.models.physical import FACTOR
+    from patagium.learning.models.physical import FACTOR, written_unit
     from patagium.simulation import added_mass_of
 
-    estimate, model = stds(words), _model(flight, aero)
+    parts = [part for word in words for part in word.split(",")]
+    estimate = named_quantities("--estimate", parts, written_unit, "a standard deviation")
+    model = _model(flight, aero)
     added = None
     if FACTOR in estimate:
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)
     still = "aero_state" in flight and not flight["aero_state"].values[0].any()
     start: Any = "still" if still and model.state_size else "steady"
-    return GreyBox(model, estimate, added, beside, start=start)
+    return GreyBox(model, estimate, added, rest, start=start)
 
 
 def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:
-    """Identification refined by least squares over the whole flight.
+    """Identification whose model comes from least squares over the whole flight.
 
     Args:
-        result: Of a learner of this flight.
-        flight: The flight.
-        every: One sample in so many counts.
+        result: Identification by a learner of this flight.
+        flight: Flight.
+        every: One sample in so many is used.
     """
     from dataclasses import replace
 

@@ -14,17 +14,16 @@ EXAMPLES = (
 
 
 def evaluate(
-    model: Annotated[Path, typer.Argument(help="What patagium identify --model wrote (.json).")],
-    file: Annotated[
-        Path, typer.Argument(help="A flight or an imported log (.nc), or another log.")
-    ],
+    model: Annotated[Path, typer.Argument(help="Model that patagium identify wrote (.json).")],
+    file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
     mapping: Annotated[
-        Path | None, typer.Option(help="What the columns of a table mean (YAML).")
+        Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
     ] = None,
     every: Annotated[
-        int, typer.Option(min=1, help="The rival holds one measured sample in so many.")
+        int,
+        typer.Option(min=1, help="Samples over which the compared prediction holds a measurement."),
     ] = 100,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML page.")] = None,
+    report: Annotated[Path | None, typer.Option(help="File for an HTML page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")] = False,
 ) -> None:
     """Score a learned model, its weights frozen, where it has not been."""

@@ -15,7 +15,7 @@ EXAMPLES = (
 
 
 class Look(StrEnum):
-    """Place that figures are made for."""
+    """Media that figures are drawn for."""
 
     PAGE = "page"
     PAPER = "paper"
@@ -23,7 +23,7 @@ class Look(StrEnum):
 
 
 class Format(StrEnum):
-    """File format of the figures; pdf and svg stay sharp."""
+    """Formats of figures; pdf and svg stay sharp."""
 
     PDF = "pdf"
     SVG = "svg"
@@ -31,18 +31,20 @@ class Format(StrEnum):
 
 
 def figures(
-    flight: Annotated[Path, typer.Argument(help="What patagium simulate wrote (.nc).")],
+    flight: Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")],
     look: Annotated[
-        Look, typer.Option("--for", help="Sizes of letters and lines: where they will be seen.")
+        Look, typer.Option("--for", help="Medium, which decides the sizes of letters and lines.")
     ] = Look.PAPER,
-    form: Annotated[Format, typer.Option("--format", help="Of the files.")] = Format.PDF,
+    form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = Format.PDF,
     model: Annotated[
         Path | None,
-        typer.Option(help="What patagium identify --model wrote: forces beside it, too."),
+        typer.Option(help="Model that patagium identify wrote: its forces are drawn, too."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder to write; named as the flight if left out."),
+        typer.Option(
+            "--output", "-o", help="Folder for the figures; named as the flight by default."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""`patagium identify`: a flight or a log streamed through a learner, and how well it predicted."""
+"""`patagium identify`: a learner on a flight or a log, and the scores of its predictions."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def identify(
     """Learn what the air does, online, from a flight or a measured log.
 
     Each sample is predicted before it may be used; the score is the mean square error of
-    these predictions over the variance of the output, beside that of holding the last
+    these predictions over the variance of the output, compared with holding the last
     used sample. Standard deviations and the learning rate have no default; `patagium tune`
     finds them.
 
@@ -95,8 +95,8 @@ def identify(
     if table is not None:
         network = table_network(table, kind, layers, choice.activation)
     elif estimate:
-        beside = None if kind is None else flight_network(flight, kind, layers, choice.activation)
-        network = grey_box(flight, estimate, aero, beside)
+        rest = None if kind is None else flight_network(flight, kind, layers, choice.activation)
+        network = grey_box(flight, estimate, aero, rest)
     else:
         network = flight_network(flight, kind, layers, choice.activation)
     learner = resumed(choice.learner(network), state)
@@ -240,7 +240,7 @@ def _keep(
 
 
 def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:
-    """The page, and beside it the flight in three dimensions, where there is one."""
+    """Page of the result and, if there is a flight, a page of it in three dimensions."""
     from patagium.errors import Outcome
 
     moving = None
@@ -252,5 +252,5 @@ def _report(result: Identification, file: Path, flight: Any, report: Path) -> No
             flight, report.with_name(f"{report.stem}-replay.html"), predicted=result, title=title
         ).name
     result.report(report, f"Identification of {file.name}", moving)
-    beside = "" if moving is None else f"; the flight in three dimensions is in {moving}"
-    typer.echo(f"The report is in {report}{beside}", err=True)
+    where = "" if moving is None else f"; the flight in three dimensions is in {moving}"
+    typer.echo(f"The report is in {report}{where}", err=True)

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end what runs, not the program."""
+"""Ctrl-C and SIGTERM as requests to end the work, not the program."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupted(*answers: Callable[[], None]) -> Iterator[None]:
-    """The first signal is answered by the first of these, and so on; one more ends the program.
+    """Signals answered in order by functions; one more signal ends the program.
 
-    Beside the main thread, where signals cannot be caught, nothing is.
+    Outside of the main thread signals cannot be caught, and nothing is done.
 
     Args:
-        answers: What to do.
+        answers: Functions, one for each signal.
     """
     left = iter(answers)
 

@@ -1,4 +1,4 @@
-"""The live view beside `patagium stream` and `patagium simulate`: its options and its words."""
+"""Live view of `patagium stream` and `patagium simulate`: options, page, messages."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 DEFAULT_ADDRESS = "127.0.0.1:8080"
 
 LiveOption = Annotated[
-    bool, typer.Option("--live", help="Show it in a browser while it runs (patagium[viewer]).")
+    bool, typer.Option("--live", help="Live view in a browser (patagium[viewer]).")
 ]
 LiveAddressOption = Annotated[
     str | None,
     typer.Option(
         metavar="HOST:PORT",
-        help=f"Where that page is served; {DEFAULT_ADDRESS}, this machine alone, if not said.",
+        help=f"Address of the page; {DEFAULT_ADDRESS}, this machine only, by default.",
     ),
 ]
 
@@ -50,11 +50,11 @@ class LiveChoice(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """Sinks and rhythms of a stream for its live view.
+    """Sinks and rhythms of the live view of a stream.
 
     Attributes:
-        sinks: Take what was learned.
-        rhythms: Send frames.
+        sinks: Receivers of the samples learned.
+        rhythms: Periodic calls that send frames.
     """
 
     sinks: tuple[Sink, ...] = ()
@@ -146,21 +146,21 @@ def fly_live(
     time_step: float,
     air: Air,
 ) -> Any:
-    """A flight in its own time, shown and steered, until it is over or Ctrl-C.
+    """Flight in real time, shown and steered, until it is over or Ctrl-C.
 
     Args:
         chosen: Live view.
-        start: Begins a flight with a gait.
-        robot: The machine.
-        gait: What its joints do until somebody steers.
+        start: Function that begins a flight with a gait.
+        robot: Robot.
+        gait: Gait until somebody steers.
         time_step: Of the integrator [s].
-        air: What it flies in.
+        air: Air that it flies in.
 
     Returns:
-        The flight since it last began.
+        Flight since its last start.
 
     Raises:
-        ParameterError: If the page cannot be served, or no such learner can learn along.
+        ParameterError: If the page cannot be served, or the learner cannot learn from a simulation.
     """
     from patagium.viewer.live_flight import LiveFlight, flight_subject
 
@@ -175,11 +175,11 @@ def fly_live(
 
 @contextmanager
 def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
-    """A page, and where it is, said on stderr.
+    """Page whose address is printed on stderr.
 
     Args:
-        subject: What it shows.
-        address: HOST:PORT; None: where it usually is.
+        subject: Subject that it shows.
+        address: HOST:PORT; None: the default.
 
     Raises:
         ParameterError: If it cannot be served there.
@@ -195,11 +195,11 @@ def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
 
 
 def tell_if_ended(view: LiveView, otherwise: str) -> None:
-    """Say once that the page is gone.
+    """Message on stderr, once, that the page is gone.
 
     Args:
-        view: The page.
-        otherwise: What happens all the same.
+        view: Page.
+        otherwise: What goes on without the page, in words.
     """
     reason = view.problem()
     if reason is not None:

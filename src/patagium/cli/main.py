@@ -71,7 +71,10 @@ def _say_version(wanted: bool) -> None:
 @app.callback()
 def _program(
     version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Say which.")
+        bool,
+        typer.Option(
+            "--version", callback=_say_version, is_eager=True, help="Version of patagium."
+        ),
     ] = False,
 ) -> None:
     """Morphing-wing robots: their equations, their flight, and what the air does to them."""

@@ -1,4 +1,4 @@
-"""Options of `patagium simulate` for mounts: path, arm that follows it, load cells."""
+"""Mounts of `patagium simulate`: the path and the arm that follows it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
 
 
 class MountKind(StrEnum):
-    """Mount that holds the robot."""
+    """Mounts that hold the robot."""
 
     FREE = "free"
     FIXED = "fixed"
@@ -45,18 +45,18 @@ def sizes(text: str) -> Sizes:
 
 @dataclass(frozen=True)
 class PathWords:
-    """A path as it is asked for; None where nothing was said.
+    """Words of the command line for a path; None where an option is not given.
 
     Attributes:
         kind: line, circle, figure-of-eight, sinusoid, or a CSV file.
-        center: Where it is, or where a line begins [m].
-        size: Radius; length and width of an eight; where a line ends from its beginning [m].
-        speed: The greatest [m/s].
-        frequency: Turns a second [Hz].
+        center: Center, or start of a line [m].
+        size: Radius; length and width of an eight; end minus start of a line [m].
+        speed: Greatest speed [m/s].
+        frequency: Frequency [Hz].
         along: Direction of an eight's length; a circle's normal.
         across: Direction of an eight's width.
         attitude: Roll, pitch, yaw [rad].
-        amplitude: Of a sinusoid, NAME=VALUE.
+        amplitude: Amplitudes of a sinusoid, NAME=VALUE.
     """
 
     kind: str | None
@@ -79,15 +79,15 @@ def mount_from(
     turn: Vector | None,
     shift: Vector | None,
 ) -> Mount | None:
-    """The mount asked for; None for what the robot implies.
+    """Mount of the command line; None: the mount that the robot implies.
 
     Args:
-        kind: What holds the robot.
-        words: The path.
+        kind: Kind of the mount.
+        words: Path.
         arm: Preset or file of the arm.
         at: Body of the arm that holds the robot.
         turn: Roll, pitch, yaw of the robot on that body [rad].
-        shift: Where the robot sits on that body [m].
+        shift: Position of the robot on that body [m].
 
     Raises:
         ParameterError: If the words contradict each other.
@@ -157,7 +157,7 @@ def _sized(words: PathWords, count: int, what: str) -> Sizes:
 
 
 def _line(words: PathWords) -> Any:
-    """From the center on; the greatest speed of a motion of least jerk is 15/8 of the mean."""
+    """Line from its start; the greatest speed of a motion of least jerk is 15/8 of the mean."""
     import math
 
     from patagium.errors import ParameterError

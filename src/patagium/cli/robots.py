@@ -17,7 +17,7 @@ EXAMPLES = (
 
 def robots(
     robot: Annotated[
-        str | None, typer.Argument(help="A preset, robot file or URDF; all presets when left out.")
+        str | None, typer.Argument(help="Preset, robot file or URDF; all presets by default.")
     ] = None,
     draw: Annotated[
         Path | None, typer.Option(help="Draw it from above and behind, as .png or .svg.")

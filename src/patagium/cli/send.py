@@ -14,7 +14,7 @@ EXAMPLES = (
 
 
 def send(
-    file: Annotated[Path, typer.Argument(help="A flight (.nc).")],
+    file: Annotated[Path, typer.Argument(help="Flight (.nc).")],
     target: Annotated[str, typer.Argument(help="udp://ADDRESS:PORT.")],
     rate: Annotated[
         float | None, typer.Option(min=1e-3, help="Packets a second; the flight's own by default.")

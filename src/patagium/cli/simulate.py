@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli import live as beside
+from patagium.cli import live as live_options
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.words import Vector, quantity, vector
@@ -38,7 +38,7 @@ class AttitudeKind(StrEnum):
 
 
 class Stepping(StrEnum):
-    """Stepping of the joints: exactly along the gait, or as in the published experiment."""
+    """Steppings of joints: exactly on the gait, or overwritten as in the published experiment."""
 
     PRESCRIBED = "prescribed"
     PUBLISHED = "published"
@@ -62,17 +62,17 @@ EXAMPLES = (
 )
 
 
-@with_learner_options(file="Settings of a learner beside --live, which patagium tune wrote")
+@with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")
 def simulate(
-    robot: Annotated[str, typer.Argument(help="A preset (see patagium robots) or a file.")],
+    robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
     duration: Annotated[
-        float, typer.Option(parser=quantity("s", "a time"), help="How long, in s.")
+        float, typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s.")
     ],
     time_step: Annotated[
         float, typer.Option(parser=quantity("s", "a time"), help="Fixed step of the RK4, in s.")
     ],
     gait: Annotated[
-        str, typer.Option(help="sinusoidal, linkage, still, or a CSV table of one period.")
+        str, typer.Option(help="Gait: sinusoidal, linkage, still, or a CSV table of one period.")
     ] = "sinusoidal",
     frequency: Annotated[
         float | None,
@@ -88,7 +88,8 @@ def simulate(
         float | None, typer.Option(**_ANGLE, help="Amplitude of feathering, in rad.")
     ] = None,
     amplitude: Annotated[
-        list[str] | None, typer.Option(help="Of any joint: left_plunge='30 deg'. Repeat it.")
+        list[str] | None,
+        typer.Option(help="Amplitude of any joint: left_plunge='30 deg'. Repeat it."),
     ] = None,
     phase: Annotated[
         list[str] | None, typer.Option(help="Lead of a joint: feather='90 deg'. Repeat it.")
@@ -99,7 +100,7 @@ def simulate(
     aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.QUASI_STEADY,
     added_mass: Annotated[
         float | None,
-        typer.Option(help="Inertia of the air too: 1 for long wings, .85 at aspect ratio 3."),
+        typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
     ] = None,
     density: Annotated[
         float,
@@ -120,65 +121,74 @@ def simulate(
     ] = 0.0,
     attitude: Annotated[
         AttitudeKind | None,
-        typer.Option(help="quaternion: through loops and vertical climbs; else as the file says."),
+        typer.Option(help="Coordinates of the attitude: quaternion for loops and vertical climbs."),
     ] = None,
     mount: Annotated[
-        MountKind | None, typer.Option(help="What holds the body; free when it can float.")
+        MountKind | None, typer.Option(help="Mount of the body; free by default when it can float.")
     ] = None,
     path: Annotated[
         str | None,
-        typer.Option(help="Of the mount: line, circle, figure-of-eight, sinusoid, or a CSV table."),
+        typer.Option(
+            help="Path of the mount: line, circle, figure-of-eight, sinusoid, or a CSV table."
+        ),
     ] = None,
     path_center: Annotated[
-        Vector | None, typer.Option(**_PLACE, help="Where it is (a line: begins), in m: 0.6,0,0.2.")
+        Vector | None,
+        typer.Option(**_PLACE, help="Center of the path (start of a line), in m: 0.6,0,0.2."),
     ] = None,
     path_size: Annotated[
         Sizes | None,
-        typer.Option(parser=sizes, help="Radius; length,width; way of a line; in m: 0.9,0.3."),
+        typer.Option(
+            parser=sizes,
+            help="Radius, or length,width, or end minus start of a line, in m: 0.9,0.3.",
+        ),
     ] = None,
     path_speed: Annotated[
         float | None,
-        typer.Option(parser=quantity("m/s", "a speed"), help="Greatest speed on it, in m/s."),
+        typer.Option(parser=quantity("m/s", "a speed"), help="Greatest speed on the path, in m/s."),
     ] = None,
     path_frequency: Annotated[
         float | None,
-        typer.Option(parser=quantity("Hz", "a frequency"), help="Turns a second, in Hz."),
+        typer.Option(parser=quantity("Hz", "a frequency"), help="Frequency of the path, in Hz."),
     ] = None,
     path_along: Annotated[
-        Vector | None, typer.Option(**_WAY, help="An eight's length, or a circle's normal: 0,1,0.")
+        Vector | None,
+        typer.Option(**_WAY, help="Direction of an eight's length, or normal of a circle: 0,1,0."),
     ] = None,
     path_across: Annotated[
-        Vector | None, typer.Option(**_WAY, help="An eight's width, square to it: 0,0,1.")
+        Vector | None, typer.Option(**_WAY, help="Direction of an eight's width: 0,0,1.")
     ] = None,
     path_attitude: Annotated[
-        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw on it, in rad: 0,0,90 deg.")
+        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw on the path, in rad: 0,0,90 deg.")
     ] = None,
     path_amplitude: Annotated[
-        list[str] | None, typer.Option(help="Of a sinusoid: z='5 cm', pitch='10 deg'. Repeat it.")
+        list[str] | None,
+        typer.Option(help="Amplitude of a sinusoid: z='5 cm', pitch='10 deg'. Repeat it."),
     ] = None,
     arm: Annotated[str, typer.Option(help="Arm of --mount arm: a preset or a file.")] = "ur5e",
     arm_at: Annotated[str, typer.Option(help="Body of the arm that holds the robot.")] = "tool",
     arm_turn: Annotated[
-        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw of the robot on it, in rad.")
+        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw of the robot on the arm, in rad.")
     ] = None,
     arm_shift: Annotated[
-        Vector | None, typer.Option(**_PLACE, help="Where the robot sits on it, in m.")
+        Vector | None, typer.Option(**_PLACE, help="Position of the robot on the arm, in m.")
     ] = None,
     load_cell: Annotated[
         list[str] | None,
         typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
     ] = None,
     stepping: Annotated[
-        Stepping, typer.Option(help="published: for comparison with the paper only.")
+        Stepping,
+        typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
     ] = Stepping.PRESCRIBED,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Flight to write (netCDF).")
+        Path, typer.Option("--output", "-o", help="File for the flight (netCDF).")
     ] = Path("flight.nc"),
     figure: Annotated[
-        Path | None, typer.Option(help="Draw the flight at a glance, as .png or .svg.")
+        Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
     ] = None,
-    live: beside.LiveOption = False,
-    live_address: beside.LiveAddressOption = None,
+    live: live_options.LiveOption = False,
+    live_address: live_options.LiveAddressOption = None,
     *,
     choice: LearnerChoice,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -195,7 +205,7 @@ def simulate(
     from patagium.robot import load_robot
     from patagium.simulation import mounts
 
-    shown = beside.live_choice(live, live_address, choice)
+    shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude.value)
@@ -229,7 +239,7 @@ def simulate(
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
-    """Facts and audits of a flight, for a table or JSON.
+    """Facts of a flight for a table or JSON: robot, duration, audits of energy and momentum.
 
     Args:
         flight: A flight Dataset.
@@ -353,7 +363,7 @@ def _fly(
     model: Aerodynamics,
     gait: Gait,
     conditions: dict[str, Any],
-    shown: beside.LiveChoice | None,
+    shown: live_options.LiveChoice | None,
 ) -> Any:
     from patagium import simulation
     from patagium.cli.words import progress_bar
@@ -364,7 +374,9 @@ def _fly(
         def start(moves: Gait) -> Simulator:
             return Simulator(machine, model, moves, **conditions)
 
-        return beside.fly_live(shown, start, machine, gait, conditions["time_step"], model.air)
+        return live_options.fly_live(
+            shown, start, machine, gait, conditions["time_step"], model.air
+        )
     with progress_bar(f"Flying {machine.name}") as progress:
         return simulation.simulate(
             machine, model, gait, throw=False, progress=progress, **conditions

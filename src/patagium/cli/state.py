@@ -1,6 +1,6 @@
-"""A learner's state across runs of a verb: gone on from, and kept at the end or on Ctrl-C.
+"""State of a learner across runs of a verb: resumed, and kept at the end or on Ctrl-C.
 
-Neglected: Ctrl-C twice; the second stops at once and keeps nothing.
+A second Ctrl-C stops at once and keeps nothing.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from patagium.cli.words import Progress
 
 
 class Interrupted(Exception):
-    """Somebody pressed Ctrl-C; the learner stands between two samples."""
+    """Ctrl-C between two samples of a learner."""
 
 
 def resumed(learner: Any, state: Path | None) -> Any:
-    """The learner of a state, where there is one that fits; another log, another clock.
+    """Learner of a state file if there is one, with a new clock; the given learner otherwise.
 
     Args:
-        learner: The learner asked for; centers and scales may be others.
-        state: The file; None, or one that is not there yet: the learner as it is.
+        learner: New learner; the state may have other centers and scales.
+        state: File; None, or a file that is not there yet: the new learner.
 
     Raises:
         LogError: If the file is damaged or of another learner.
@@ -42,11 +42,11 @@ def resumed(learner: Any, state: Path | None) -> Any:
 
 
 def keep_state(learner: Any, state: Path | None) -> None:
-    """Write the state, where one is kept.
+    """Write the state of a learner, if there is a file for it.
 
     Args:
-        learner: What learned.
-        state: The file.
+        learner: Learner.
+        state: File, or None.
     """
     if state is not None:
         learner.save(state)
@@ -55,13 +55,13 @@ def keep_state(learner: Any, state: Path | None) -> None:
 
 @contextmanager
 def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
-    """Ctrl-C held back until the learner is not in the middle of a sample.
+    """Ctrl-C held back until the learner is between two samples.
 
     Args:
-        progress: Called between samples.
+        progress: Function called between samples.
 
     Yields:
-        A progress that raises `Interrupted` once Ctrl-C was pressed.
+        Function that calls it, and raises `Interrupted` after Ctrl-C.
     """
     pressed: list[int] = []
 

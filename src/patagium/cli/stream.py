@@ -55,37 +55,42 @@ def stream(
     ] = None,
     idle: Annotated[
         float | None,
-        typer.Option(min=0.0, help="End when nothing came for so long [s]; Ctrl-C otherwise."),
+        typer.Option(
+            min=0.0, help="Silence of the source that ends the stream [s]; Ctrl-C by default."
+        ),
     ] = None,
-    samples: Annotated[int | None, typer.Option(min=1, help="End after so many samples.")] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="Number of samples that ends the stream.")
+    ] = None,
     memory: Annotated[
-        float, typer.Option(min=1.0, help="Samples that the running scores reach back.")
+        float, typer.Option(min=1.0, help="Number of past samples in the running scores.")
     ] = 10_000.0,
     room: Annotated[
-        int, typer.Option(min=1, help="Packets that may wait for the learner.")
+        int, typer.Option(min=1, help="Number of packets that may wait for the learner.")
     ] = 16_384,
     record: Annotated[
-        Path | None, typer.Option(help="Write packets and predictions (.nc) as they come.")
+        Path | None,
+        typer.Option(help="File for packets and predictions (.nc), written as they arrive."),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Write what was learned (.json).")] = None,
+    model: Annotated[Path | None, typer.Option(help="File for the learned model (.json).")] = None,
     state: Annotated[
         Path | None,
-        typer.Option(help="Learn on from this file if it is there; keep the learner in it."),
+        typer.Option(help="File of the learner's state: resumed if it is there, and written."),
     ] = None,
     autosave: Annotated[
-        float, typer.Option(min=0.1, help="How often the state is kept [s], and at the end.")
+        float, typer.Option(min=0.1, help="Time between two writes of the state [s].")
     ] = 60.0,
     live: LiveOption = False,
     live_address: LiveAddressOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="The summary as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Summary as JSON on stdout.")] = False,
 ) -> None:
     """Learn what the air does while the robot flies, every sample, from packets as they come.
 
     A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
     time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
-    is counted and shown. Ctrl-C ends it, and what was asked for is written. With --state
-    the learner goes on where it stood, with the centers and scales it began with.
+    is counted and shown. Ctrl-C ends the stream, and its files are written. With --state
+    the learner goes on where it stopped, with the centers and scales it began with.
     """
     from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
@@ -106,10 +111,10 @@ def stream(
     columns = [column.name for column in packet_columns(machine)]
     queue = PacketQueue(room, len(columns), intake)
     rhythms = _saving(student, state, autosave)
-    came = source_of(source, columns, idle=idle)
+    packets = source_of(source, columns, idle=idle)
     with live_stream(live, live_address, pipeline, status, intake) as shown:
-        beside = Shown(shown.sinks, (*shown.rhythms, *rhythms))
-        facts, problem = _learn(came, queue, pipeline, status, record, beside, samples)
+        live_view = Shown(shown.sinks, (*shown.rhythms, *rhythms))
+        facts, problem = _learn(packets, queue, pipeline, status, record, live_view, samples)
     if problem is not None and not facts["samples"]:
         raise problem
     keep_state(student, state)
@@ -127,10 +132,10 @@ def _learn(
     pipeline: Pipeline,
     status: Status,
     record: Path | None,
-    beside: Shown,
+    live_view: Shown,
     samples: int | None,
 ) -> tuple[dict[str, Any], Exception | None]:
-    """The stream itself: its summary, and what ended it before its time."""
+    """Summary of a stream, and the error that ended it early."""
     from patagium.errors import PatagiumError
     from patagium.live.loop import Rhythm, follow, summary
     from patagium.live.sources import start_reading
@@ -142,8 +147,8 @@ def _learn(
         _line(status, pipeline, queue.intake) as show,
     ):
         reader = start_reading(source, queue, stop)
-        often = (Rhythm(_LINE_PERIOD, show), *beside.rhythms)
-        sinks = [*beside.sinks, *([] if sink is None else [sink])]
+        often = (Rhythm(_LINE_PERIOD, show), *live_view.rhythms)
+        sinks = [*live_view.sinks, *([] if sink is None else [sink])]
         try:
             follow(queue, pipeline, status, stop, sinks=sinks, rhythms=often, most=samples)
         except (PatagiumError, OSError) as error:
@@ -158,20 +163,20 @@ def _learn(
 
 
 def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
-    """The state kept from time to time; a disk that is full does not stop the stream."""
+    """Rhythm that keeps the state; a full disk does not stop the stream."""
     from patagium.live.autosave import AutoSave
     from patagium.live.loop import Rhythm
 
     if state is None:
         return ()
-    keeper, told = AutoSave(learner, state, period), 0
+    keeper, reported = AutoSave(learner, state, period), 0
 
     def tick() -> None:
-        nonlocal told
+        nonlocal reported
         keeper.tick()
-        if keeper.failures > told:
+        if keeper.failures > reported:
             typer.echo(f"patagium: {keeper.problem}", err=True)
-        told = keeper.failures
+        reported = keeper.failures
 
     return (Rhythm(period / 4, tick),)
 
@@ -200,7 +205,7 @@ def _network(
 
 @contextmanager
 def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
-    """A file of the stream, whole or not at all; None where none is asked for."""
+    """File of the stream, whole or not at all; None without a path."""
     from patagium.live.record import StreamFile
 
     if path is None:
@@ -215,17 +220,17 @@ def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
 
 @contextmanager
 def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
-    """One line on stderr, rewritten; without a terminal, a line now and then."""
-    rewritten, told = sys.stderr.isatty(), -math.inf
+    """Line on stderr that is rewritten; without a terminal, a new line every few seconds."""
+    rewritten, last = sys.stderr.isatty(), -math.inf
 
     def show() -> None:
-        nonlocal told
+        nonlocal last
         now = time.monotonic()
         if rewritten:
             sys.stderr.write("\r\x1b[K" + live_line(status, intake, pipeline))
             sys.stderr.flush()
-        elif status.counters.samples and now - told > _NOW_AND_THEN:
-            told = now
+        elif status.counters.samples and now - last > _NOW_AND_THEN:
+            last = now
             typer.echo(live_line(status, intake, pipeline), err=True)
 
     try:
@@ -236,12 +241,12 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
 
 
 def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
-    """Progress of a stream, in one line.
+    """Progress of a stream in one line.
 
     Args:
         status: Rate, error, coverage.
-        intake: What came in, and what did not.
-        pipeline: Where the learner says what it refused, left out or noticed.
+        intake: Counts of packets that came in, and that did not.
+        pipeline: Pipeline, whose learner counts the samples it refused or left out.
     """
     counters = status.counters
     words = ["waiting for packets"]
@@ -269,7 +274,7 @@ def _keep_model(path: Path | None, pipeline: Pipeline, source: str) -> None:
 
 
 def _flat(facts: dict[str, Any]) -> dict[str, Any]:
-    """The summary for a person: without channels, times in microseconds."""
+    """Summary for a person: without channels, times in microseconds."""
     flat = {name: value for name, value in facts.items() if not isinstance(value, dict)}
     flat |= {f"event: {name}": count for name, count in facts["events"].items() if count}
     times = facts["time_per_call"]

@@ -21,9 +21,12 @@ EXAMPLES = (
 
 
 def view(
-    flight: Annotated[Path, typer.Argument(help="A flight (.nc).")],
+    flight: Annotated[Path, typer.Argument(help="Flight (.nc).")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The page; beside the flight by default.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="File for the page; in the folder of the flight by default."
+        ),
     ] = None,
     model: Annotated[
         Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
@@ -41,7 +44,7 @@ def view(
     ] = None,
     still: Annotated[
         Path | None,
-        typer.Option(help="A moment as a picture instead, .png, .svg or .pdf, without a browser."),
+        typer.Option(help="File for a picture of one moment instead (.png, .svg, .pdf)."),
     ] = None,
     at: Annotated[
         Any,

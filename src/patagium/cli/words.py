@@ -42,7 +42,7 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 
     Args:
         unit: SI unit wanted.
-        noun: What it is, with its article, for the message.
+        noun: Noun with its article, for the message.
     """
 
     def read(text: str) -> float:
@@ -62,7 +62,7 @@ def vector(unit: str, noun: str) -> Callable[[str], Vector]:
 
     Args:
         unit: SI unit wanted.
-        noun: What each is, with its article, for the message.
+        noun: Noun with its article, for the message.
     """
     one = quantity(unit, noun)
 
@@ -96,27 +96,30 @@ def whole_numbers(text: str) -> WholeNumbers:
     return found
 
 
-def named_quantities(option: str, words: Sequence[str], unit: str, noun: str) -> dict[str, float]:
-    """Values by name from words such as "feather=30 deg".
+def named_quantities(
+    option: str, words: Sequence[str], unit: str | Callable[[str], str], noun: str
+) -> dict[str, float]:
+    """Values by name, in SI, from words such as "feather=30 deg".
 
     Args:
-        option: The option they came with, for the message.
-        words: One word a name.
-        unit: SI unit wanted.
-        noun: What each is, with its article, for the message.
+        option: Option of the words, for the message.
+        words: Words NAME=VALUE.
+        unit: SI unit wanted, or that of a name.
+        noun: Noun with its article, for the message.
 
     Raises:
         ParameterError: If a word is not NAME=VALUE, or a name comes twice.
     """
     values: dict[str, float] = {}
     for word in words:
-        name, equals, value = word.partition("=")
+        name, equals, value = (part.strip() for part in word.partition("="))
         if not (name and equals and value):
-            raise ParameterError(option, "NAME=VALUE such as feather=0.5", word)
+            raise ParameterError(option, f"NAME=VALUE with {noun}", word)
         if name in values:
             raise ParameterError(option, f"{name} once", word)
         try:
-            values[name] = quantity(unit, noun)(value)
+            wanted = unit if isinstance(unit, str) else unit(name)
+            values[name] = quantity(wanted, noun)(value)
         except typer.BadParameter as error:
             raise ParameterError(f"{option} {name}", error.message, value) from None
     return values
@@ -124,7 +127,7 @@ def named_quantities(option: str, words: Sequence[str], unit: str, noun: str) ->
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """A bar on stderr while a verb works; called with what is done and what there is.
+    """Bar on stderr while a verb works; called with the work done and the work in all.
 
     Nothing is drawn where stderr is no terminal.
     """
@@ -141,7 +144,7 @@ def progress_bar(label: str) -> Iterator[Progress]:
 
 @contextmanager
 def stage_bar(label: str) -> Iterator[Stages]:
-    """A bar on stderr for work in stages; called with a stage's name and the part of all done.
+    """Bar on stderr for work in stages; called with the name of a stage and the share done.
 
     Where stderr is no terminal, each stage is one line.
     """
@@ -149,18 +152,18 @@ def stage_bar(label: str) -> Iterator[Stages]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
-    quiet, told = not console.is_terminal, ""
+    quiet, last = not console.is_terminal, ""
     bars = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     columns = (TextColumn("{task.description}"), *bars)
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         task = bar.add_task(label, total=1.0)
 
         def tell(stage: str, fraction: float) -> None:
-            nonlocal told
+            nonlocal last
             bar.update(task, description=f"{label}: {stage}", completed=fraction)
-            if stage != told and quiet:
+            if stage != last and quiet:
                 typer.echo(f"{label}: {stage} ({fraction:.0%})", err=True)
-            told = stage
+            last = stage
 
         yield tell
 
@@ -202,7 +205,7 @@ def show_table(table: Table, *, err: bool = False) -> None:
 
 
 def existing(path: Path) -> Path:
-    """Path of an existing file.
+    """Path of a file that exists.
 
     Raises:
         LogError: If it is not.

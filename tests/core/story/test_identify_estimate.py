@@ -82,7 +82,7 @@ def test_a_network_beside_learns_with_them(identify: Say) -> None:
     ("words", "message"),
     [
         (("--estimate", "lift_slop=0.5", *LEARN[2:]), "closest: lift_slope"),
-        (("--estimate", "lift_slope", *LEARN[2:]), "NAME=DEVIATION"),
+        (("--estimate", "lift_slope", *LEARN[2:]), "NAME=VALUE"),
         (("--estimate", "lift_slope=1", *LEARN), "lift_slope once"),
         (("--estimate", "wing[0].chord=2 kg", *LEARN[2:]), "--estimate wing[0].chord"),
         (("--estimate", "lift_slope=-1", *LEARN[2:]), "positive prior deviation"),
