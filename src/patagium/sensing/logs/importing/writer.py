@@ -7,7 +7,7 @@ expected range and its role. Its attributes hold the mapping, the findings and t
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -18,18 +18,6 @@ from patagium.sensing.logs.record import FORMAT
 
 CHUNK = 1 << 15
 """Samples of a chunk of a netCDF4 variable."""
-
-
-class Writer(Protocol):
-    """Writer of the samples of a log, block after block."""
-
-    def write(self, time: Array, values: Array) -> None:
-        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
-        ...
-
-    def close(self) -> None:
-        """Complete the file."""
-        ...
 
 
 class NetcdfWriter:
@@ -114,3 +102,6 @@ class CsvWriter:
 
     def _append(self, rows: pd.DataFrame, *, header: bool) -> None:
         rows.to_csv(self._file, header=header, index=False, lineterminator="\n")
+
+
+Writer: TypeAlias = NetcdfWriter | CsvWriter
