@@ -67,7 +67,7 @@ class Samples:
 
 
 class Update(NamedTuple):
-    """Innovation of one update, and what the learner expected of it.
+    """Innovation of one update, with its predicted standard deviation.
 
     Attributes:
         innovation: (n_y,) [unit of y]; NaN where a channel was left out.

@@ -1,6 +1,6 @@
 """Saver of a learner's state from time to time while it learns.
 
-Neglected: saving beside learning; a save takes its time between two samples, once.
+A save takes its time between two samples; nothing is saved while a sample is learned.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ passed over, an empty field is a missing number. A datagram is little-endian flo
     session, sequence, then rows of time, q, v, a, u1 and the known forces carried.
 
 The session is any number that the sender chose when it began, the sequence how many rows it sent
-before this datagram; so what is lost, doubled or overtaken can be told. Neglected: checksums
-(UDP has its own), clocks of sender and receiver.
+before this datagram; so what is lost, doubled or overtaken can be told. UDP has
+checksums of its own; clocks of sender and receiver are not compared.
 """
 
 from __future__ import annotations

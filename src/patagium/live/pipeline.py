@@ -3,7 +3,7 @@
 Packets go in, a record of each comes out; between them there is no Python where there is a
 compiler and the learner's filter is compiled. Otherwise each sample goes through `learn`, with
 the same results but for rounding. Lag states of the network follow the packets
-(`ModelMemory`). Neglected: two threads on one learner.
+(`ModelMemory`). Two threads must not use one learner.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from patagium.learning.models.memory import (
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.prequential import learn
 from patagium.native import load_kernel
+from patagium.native.structs import PIPELINE
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import Column, SampleForm, packet_columns
 
@@ -92,17 +93,6 @@ class Records:
     @property
     def _outputs(self) -> int:
         return int(self.rows.shape[1]) // 3 - 1
-
-
-class _Pipeline(ctypes.Structure):
-    """`pipeline` of the kernel, field by field."""
-
-    _fields_ = [
-        *((name, ctypes.c_int32) for name in ("columns", "coordinates", "dof", "outputs")),
-        *((name, ctypes.c_void_p) for name in ("air_force", "parameters", "update", "memory")),
-        *((name, ctypes.c_void_p) for name in ("x", "y", "stamp", "mean", "covariance", "nis")),
-        *((name, ctypes.c_void_p) for name in ("left_out", "alarm", "recall", "settle", "lags")),
-    ]
 
 
 class Pipeline:
@@ -292,7 +282,7 @@ class _CompiledChain:
         }
         if lags is not None:
             places |= dict(zip(("recall", "settle", "lags"), lags.native, strict=True))
-        self._struct = _Pipeline(
+        self._struct = PIPELINE.type(
             columns=len(packet_columns(robot, form.carried)),
             coordinates=robot.coordinate_count,
             dof=robot.dof,

@@ -2,7 +2,7 @@
 
 A thread reads and puts packets into a queue of bounded size; who learns takes them out. A text
 waits where the queue is full, for it can; datagrams do not, and what found no room is counted.
-Neglected: texts that are cut or replaced while they are read.
+Texts that are cut or replaced while they are read are not noticed.
 """
 
 from __future__ import annotations

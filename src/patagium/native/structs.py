@@ -21,8 +21,11 @@ _SCALARS: dict[str, Any] = {
 _FUNCTIONS = {
     "function": "void (*function)(const double *const *, double *const *)",
     "functions": "void (*functions)(const double *const *, double *const *, long, long)",
+    "learn_function": "int (*learn_function)(void *)",
+    "recall_function": "void (*recall_function)(void *, double)",
+    "settle_function": "void (*settle_function)(void *, int)",
 }
-"""Types of compiled functions: of one point, and of many."""
+"""Types of functions: compiled ones of one point and of many; those of filters and memories."""
 
 
 class Field(NamedTuple):
@@ -271,5 +274,30 @@ LOW_RANK = struct(
     """,
 )
 
-STRUCTS = (SCREENING, PANEL_FILTER, LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK)
+PIPELINE = struct(
+    "pipeline",
+    """
+    int32_t columns: numbers of a packet
+    int32_t coordinates: numbers of q
+    int32_t dof: numbers of v, a and each force
+    int32_t outputs: n_y
+    function air_force: q, v, a, forces, parameters -> x, y
+    const double *parameters: of the robot, and of its added mass
+    learn_function update: of a filter: learns what stands in its memory
+    void *memory: of the filter
+    double *x: input of the filter
+    double *y: n_y: measurement
+    double *stamp: time of the sample
+    const double *mean: n_y: prediction
+    const double *covariance: n_y x n_y
+    const double *nis: normalized innovation squared
+    const int64_t *left_out: n_y
+    const int64_t *alarm: not zero: the learner must act
+    recall_function recall: rest of x from the network's memory; NULL without one
+    settle_function settle: the filter is done with the sample
+    void *lags: what both take
+    """,
+)
+
+STRUCTS = (PIPELINE, SCREENING, PANEL_FILTER, LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK)
 """Structures of the kernels; the header of each can be included by any kernel."""

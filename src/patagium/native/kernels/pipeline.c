@@ -9,8 +9,7 @@
  *
  * Deviations hold the noise of the measurement; a prediction is NaN where none was made. Left
  * out is a number whose bit k stands for channel k. The time is that of the call, writing the
- * record left aside. Models nothing itself; nothing is allocated, nothing repaired. Python's
- * twin of the struct is `pipeline.py`, field by field.
+ * record left aside. Nothing is allocated, nothing repaired.
  */
 #define _POSIX_C_SOURCE 199309L
 #include <math.h>
@@ -18,26 +17,9 @@
 #include <string.h>
 #include <time.h>
 
-enum { COMPLETED = 0, BAD_INPUT = 4, LATE = 5, DUPLICATE = 6 }; /* as errors.Outcome */
+#include "pipeline_struct.h"
 
-typedef struct {
-  int32_t columns, coordinates, dof, outputs; /* columns: numbers of a packet */
-  void (*air_force)(const double *const *, double *const *); /* q, v, a, forces, parameters -> x, y */
-  const double *parameters;  /* of the robot, and of its added mass */
-  int (*update)(void *);     /* of a filter: learns what stands in its memory */
-  void *memory;
-  double *x;                 /* the filter's, as all that follows */
-  double *y;
-  double *stamp;             /* time of the sample */
-  const double *mean;        /* outputs */
-  const double *covariance;  /* outputs x outputs */
-  const double *nis;
-  const int64_t *left_out;   /* outputs */
-  const int64_t *alarm;      /* not zero: somebody must look at the learner */
-  void (*recall)(void *, double stamp); /* or NULL: the rest of x from what is remembered */
-  void (*settle)(void *, int outcome);  /* the filter is done with it */
-  void *lags;                /* what both take */
-} pipeline;
+enum { COMPLETED = 0, BAD_INPUT = 4, LATE = 5, DUPLICATE = 6 }; /* as errors.Outcome */
 
 static double now_ns(void) {
   struct timespec t;
