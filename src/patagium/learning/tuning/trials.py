@@ -48,6 +48,9 @@ class TrialJournal:
         question: What all trials have in common, JSON-able.
         path: File; None: the scores are kept in memory only.
 
+    Attributes:
+        scores: Scores of the trials by their numbers.
+
     Raises:
         LogError: If the file is no journal, or of another question.
     """
@@ -68,18 +71,10 @@ class TrialJournal:
             _check_question(path, before, question)
         for name in (name for name in question if name not in before):
             self._study.set_user_attr(name, question[name])
-        self._scores: dict[int, PredictionScore] = {}
+        self.scores: dict[int, PredictionScore] = {}
         for trial in self._study.get_trials(deepcopy=False):
             kept = trial.user_attrs
-            self._scores[kept[_NUMBER]] = PredictionScore.from_description(kept[_SCORE])
-
-    def score(self, number: int) -> PredictionScore | None:
-        """Score of a trial; None if it is still to do.
-
-        Args:
-            number: Number of the trial.
-        """
-        return self._scores.get(number)
+            self.scores[kept[_NUMBER]] = PredictionScore.from_description(kept[_SCORE])
 
     def keep(
         self,
@@ -94,7 +89,7 @@ class TrialJournal:
             distributions: Distributions of its parameters, by name.
             score: Its score.
         """
-        self._scores[trial.number] = score
+        self.scores[trial.number] = score
         self._study.add_trial(
             _optuna().create_trial(
                 params=trial.parameters,

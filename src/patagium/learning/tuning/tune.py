@@ -31,7 +31,7 @@ from patagium.learning.tuning.likelihood import PredictionScore, moving, score_p
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.tuning.space import SearchSpace, search_space
 from patagium.learning.tuning.trials import DrawnTrial, TrialJournal, search
-from patagium.learning.tuning.workers import in_any_order, pool
+from patagium.learning.tuning.workers import pool
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 
@@ -149,7 +149,7 @@ def tune(
     problem = _problem(flight, networks, every, learner, chosen, seed, source)
     book = TrialJournal(problem.question(), journal)
     drawn = _scored_trials(problem, book, trials, progress, lambda: pool(jobs, cluster))
-    return problem.tuned([(trial, _kept(book, trial)) for trial in drawn])
+    return problem.tuned([(trial, book.scores[trial.number]) for trial in drawn])
 
 
 def _scored_trials(
@@ -160,23 +160,22 @@ def _scored_trials(
     workers: Callable[[], Any],
 ) -> list[DrawnTrial]:
     """Trials of a search, all scored; those that the journal has are not scored again."""
-    distributions, done = problem.space.distributions(), 0
+    from joblib import delayed
+
+    distributions = problem.space.distributions()
     with ExitStack() as stack:
         opened: list[Any] = []
 
         def judge(batch: Sequence[DrawnTrial]) -> list[float]:
-            nonlocal done
-            left = [trial for trial in batch if book.score(trial.number) is None]
-            done += len(batch) - len(left)
+            left = [trial for trial in batch if trial.number not in book.scores]
             if left and not opened:
                 opened.append(stack.enter_context(workers()))
-            calls = [problem.call(trial) for trial in left]
-            for number, score in in_any_order(opened[0], _try, calls) if left else ():
-                book.keep(left[number], distributions, score)
-                done += 1
+            calls = (delayed(_try)(*problem.call(trial)) for trial in left)
+            for trial, score in zip(left, opened[0](calls) if left else (), strict=True):
+                book.keep(trial, distributions, score)
                 if progress is not None:
-                    progress(done, trials)
-            return [_kept(book, trial).score for trial in batch]
+                    progress(trial.number, trials)
+            return [book.scores[trial.number].score for trial in batch]
 
         found = search(distributions, trials, problem.seed, judge)
     if progress is not None:
@@ -334,13 +333,6 @@ def _used(
     if measured_inputs(network) == network.inputs:
         log = LogSamples(time[chosen], x[chosen], log.gaps[:0], np.arange(len(chosen)))
     return log, y[chosen], source or name
-
-
-def _kept(book: TrialJournal, trial: DrawnTrial) -> PredictionScore:
-    found = book.score(trial.number)
-    if found is None:
-        raise KeyError(trial.number)
-    return found
 
 
 def _digest(content: bytes) -> str:

@@ -5,7 +5,7 @@ The workers of a cluster must have patagium installed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -15,7 +15,7 @@ from patagium.errors import ParameterError
 
 @contextmanager
 def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
-    """Workers for `in_any_order`: processes of one thread each, or a cluster.
+    """Workers of joblib, processes of one thread each or a cluster, which give results in order.
 
     Args:
         jobs: Number of processes; None: one for each core. A cluster uses all its workers.
@@ -28,32 +28,13 @@ def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
 
     if jobs is not None and jobs < 1:
         raise ParameterError("jobs", "a whole number of at least 1", jobs)
-    order = {"return_as": "generator_unordered", "batch_size": 1}
+    order = {"return_as": "generator", "batch_size": 1}
     if cluster is None:
         with parallel_config("loky", n_jobs=jobs or cpu_count(), inner_max_num_threads=1):
             yield Parallel(**order)
         return
     with _client(cluster) as client, parallel_config("dask", client=client):
         yield Parallel(**order)
-
-
-def in_any_order(
-    workers: Any, function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]
-) -> Iterator[tuple[int, Any]]:
-    """Number and result of each call, as the calls end.
-
-    Args:
-        workers: Workers of `pool`.
-        function: Function that a worker can import.
-        calls: Arguments of each call.
-    """
-    from joblib import delayed
-
-    yield from workers(delayed(_numbered)(k, function, *call) for k, call in enumerate(calls))
-
-
-def _numbered(number: int, function: Callable[..., Any], *arguments: Any) -> tuple[int, Any]:
-    return number, function(*arguments)
 
 
 def _client(cluster: str) -> Any:
