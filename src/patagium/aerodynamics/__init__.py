@@ -14,7 +14,7 @@ from patagium.aerodynamics.indicial import (
     fitted_indicial,
 )
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
-from patagium.aerodynamics.local_flow import LocalFlow, strip_flow, strip_points
+from patagium.aerodynamics.local_flow import strip_flow
 from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import (
@@ -45,7 +45,6 @@ __all__ = [
     "DrydenGust",
     "Indicial",
     "LiftingLine",
-    "LocalFlow",
     "MeasuredSection",
     "OneMinusCosineGust",
     "Polar",
@@ -65,5 +64,4 @@ __all__ = [
     "measured_section",
     "register_polar",
     "strip_flow",
-    "strip_points",
 ]

@@ -302,7 +302,7 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
 
     Args:
         name: Name of the argument, for messages.
-        value: Numbers to check, (3,), in the unit of the argument.
+        value: Numbers to check, (3,) [any unit].
 
     Raises:
         ShapeError: If they are not (3,).

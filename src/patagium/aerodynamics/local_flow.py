@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, body_poses, body_velocities, in_body_axes
-from patagium.native import load_functions
 from patagium.robot.model import Robot, Strip
 
 
@@ -170,64 +167,3 @@ def strip_flow(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, chord_fraction: An
         for m in strip_motions(robot, q, v, wind)
     ]
     return ca.horzcat(*columns) if columns else ca.SX(3, 0)
-
-
-def strip_points(robot: Robot, q: ca.SX) -> ca.SX:
-    """Quarter-chord point of every strip, world axes, (3, n_strips) [m].
-
-    Args:
-        robot: The machine.
-        q: Generalized coordinates, (n_q,) [m, rad, 1].
-    """
-    poses = body_poses(robot, q)
-    columns = [
-        poses[s.body].position + poses[s.body].rotation @ vector(s.quarter_chord)
-        for s in robot.strips
-    ]
-    return ca.horzcat(*columns) if columns else ca.SX(3, 0)
-
-
-class LocalFlow:
-    """Velocity of the strips relative to the air, compiled.
-
-    Args:
-        robot: The machine.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._parameters = robot.parameters
-        functions = load_functions(
-            f"local flow {robot.structure}", self._build, label=f"local flow of {robot.name}"
-        )
-        self._flow = functions["local_flow"]
-
-    def __call__(
-        self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
-    ) -> NDArray[np.float64]:
-        """Forward, spanwise and normal velocity, (n_strips, 3) [m/s], strip axes.
-
-        Args:
-            q: Generalized coordinates, (n_q,) [m, rad, 1].
-            v: Generalized velocities, (n,) [m/s, rad/s].
-            wind: Velocity of the air, world axes, (3,) [m/s].
-            chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
-        """
-        flow = self._flow(q, v, wind, chord_fraction, self._parameters)
-        return np.swapaxes(np.asarray(flow).reshape(3, -1), 0, 1)
-
-    def batch(
-        self, q: ArrayLike, v: ArrayLike, wind: ArrayLike = (0, 0, 0), chord_fraction: float = 0.25
-    ) -> NDArray[np.float64]:
-        """Velocities of the strips at many states, (N, n_strips, 3) [m/s]."""
-        flow = self._flow.batch(q, v, wind, chord_fraction, self._parameters)
-        return np.swapaxes(np.asarray(flow).reshape(len(flow), 3, -1), 1, 2)
-
-    def _build(self) -> list[ca.Function]:
-        robot, parameters = self._robot.symbolic()
-        q, v = ca.SX.sym("q", robot.coordinate_count), ca.SX.sym("v", robot.dof)
-        wind, fraction = ca.SX.sym("wind", 3), ca.SX.sym("chord_fraction")
-        inputs = [q, v, wind, fraction, parameters]
-        names = ["q", "v", "wind", "chord_fraction", "robot_parameters"]
-        flow = strip_flow(robot, q, v, wind, fraction)
-        return [ca.Function("local_flow", inputs, [flow], names, ["flow"])]

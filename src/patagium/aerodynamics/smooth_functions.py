@@ -58,8 +58,3 @@ def smooth_step(x: Any) -> Any:
     t = ca.fmax(0.0, ca.fmin(1.0, x))
     square = t * t
     return square * square * (35.0 + t * (-84.0 + t * (70.0 - 20.0 * t)))
-
-
-def hard_sign(x: Any) -> Any:
-    """Sign of x with 1 at zero: a jump, as in the published experiment."""
-    return ca.if_else(x >= 0, 1.0, -1.0)

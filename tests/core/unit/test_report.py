@@ -11,7 +11,7 @@ import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report import Note, PageSection, Table, cell_text, figures, picture, views, write_page
-from patagium.report.style import envelope, legend_columns, width
+from patagium.report.style import envelope
 
 
 @pytest.mark.parametrize(
@@ -169,29 +169,6 @@ def test_comparison_is_scaled_by_the_truth() -> None:
 def test_figures_refuse_arrays_that_do_not_fit() -> None:
     with pytest.raises(ShapeError, match="strip"):
         figures.comparison([0, 1], [[1], [2]], {"strip": [1, 2, 3]}, names=["x"], units=["N"])
-    with pytest.raises(ShapeError, match="ours"):
-        figures.score_bars(["x", "y"], {"ours": [1.0]})
-
-
-def test_overhead_bars_write_the_times_out() -> None:
-    figure = figures.overhead_bars({"D": {"ours": 4e-7, "rival": 3e-4}, "bias": {"ours": 5e-7}})
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert texts == ["400 ns", "500 ns", "300 µs"]
-    assert figure.axes[0].get_xscale() == "log"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (9.996e-7, "1 µs"),
-        (4.56e-9, "4.56 ns"),
-        (0.0123, "12.3 ms"),
-        (61.0, "61 s"),
-        (450.0, "7.5 min"),
-    ],
-)
-def test_seconds_read_in_their_unit(seconds: float, text: str) -> None:
-    assert figures.seconds_text(seconds) == text
 
 
 def test_innovation_figure_has_a_panel_more_than_outputs(tmp_path: Path) -> None:
@@ -205,16 +182,8 @@ def test_innovation_figure_has_a_panel_more_than_outputs(tmp_path: Path) -> None
     assert figures.save_figure(figure, tmp_path / "new" / "i.png").stat().st_size > 1_000
 
 
-def test_learning_curve_is_a_running_mean() -> None:
-    time = np.arange(100) * 0.01
-    figure = figures.learning_curves(time, {"a": np.full(100, 3.0)}, span=0.1)
-    np.testing.assert_allclose(
-        figure.axes[0].get_lines()[0].get_ydata(), 3.0, rtol=1e-12
-    )  # rounding
-
-
 def test_figure_of_another_kind_is_refused(tmp_path: Path) -> None:
-    figure = figures.overhead_bars({"D": {"ours": 1e-6}})
+    figure = figures.curves([0, 1], [0, 1], {}, abscissa="x", ordinate="y")
     with pytest.raises(ParameterError, match=r"\.png or \.svg"):
         figures.save_figure(figure, tmp_path / "figure.bmp")
 
@@ -236,12 +205,3 @@ def test_machine_shows_every_strip_in_both_views() -> None:
 def test_overview_names_what_a_flight_misses() -> None:
     with pytest.raises(FlightError, match="aero_force"):
         views.flight_overview({"q": 0})
-
-
-@pytest.mark.parametrize("words", [1, 3, 6])
-def test_legend_stays_on_the_page(words: int) -> None:
-    labels = [f"{' '.join(['network'] * words)} {i}" for i in range(7)]
-    figure = figures.overhead_bars({"D": dict.fromkeys(labels, 1e-3)})
-    figure.draw_without_rendering()
-    assert figure.legends[0].get_window_extent().x1 / figure.dpi <= width()
-    assert legend_columns(["short"] * 7) == 5

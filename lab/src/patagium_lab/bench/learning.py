@@ -31,7 +31,6 @@ from patagium.learning.models.strip import StripNetwork
 from patagium.learning.models.wing import WingNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.native.compiler import compiler_path
-from patagium.report.figures import seconds_text
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
 from patagium.simulation import gaits, simulate
@@ -39,6 +38,7 @@ from patagium_lab.bench.dynamics import random_states
 from patagium_lab.bench.latency import LOADS, measure_latency
 from patagium_lab.bench.result import Result, compared
 from patagium_lab.bench.update import full_covariance_results, low_rank_results
+from patagium_lab.comparisons import seconds_text
 from patagium_lab.timing import (
     compiled_call,
     one_core,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from patagium.report.figures import seconds_text
+from patagium_lab.comparisons import seconds_text
 from patagium_lab.targets import NOT_RUN, Target
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "s": 1.0}

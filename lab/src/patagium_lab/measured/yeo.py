@@ -25,9 +25,10 @@ from patagium.learning.models.strip import StripNetwork
 from patagium.learning.record import check
 from patagium.learning.scores import coverage, normalized_error
 from patagium.report import PageSection, Table, picture
-from patagium.report.figures import comparison, learning_curves
+from patagium.report.figures import comparison
 from patagium.robot import Robot, load_robot
 from patagium.simulation import gaits
+from patagium_lab.comparisons import learning_curves
 from patagium_lab.measured.yeo_case import FourierSeries, YeoCase, load_yeo_case
 
 Array = NDArray[np.float64]

@@ -21,7 +21,6 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar
-from patagium.aerodynamics.smooth_functions import hard_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
@@ -135,6 +134,15 @@ class Published(Aerodynamics):
             lift = hard_sign(incidence) * fit.lift(size, parameters)
             drag = fit.drag(size, parameters)
         return factor * lift, factor * drag
+
+
+def hard_sign(x: Any) -> Any:
+    """Sign of x with 1 at zero: a jump, as in the published experiment.
+
+    Args:
+        x: Expression, scalar.
+    """
+    return ca.if_else(x >= 0, 1.0, -1.0)
 
 
 def published_air(robot: Robot, air: Air, errors: Iterable[str] = PUBLISHED_ERRORS) -> Published:

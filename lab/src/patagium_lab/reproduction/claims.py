@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from patagium.report import Table, cell_text
-from patagium.report.figures import seconds_text
+from patagium_lab.comparisons import seconds_text
 from patagium_lab.reproduction.cases import STRIPS
 from patagium_lab.study import Metrics, table_of
 

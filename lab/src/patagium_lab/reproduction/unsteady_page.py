@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from patagium.report import Block, Note, PageSection, Table, cell_text
-from patagium.report.figures import score_bars
+from patagium_lab.comparisons import score_bars
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction import figures
 from patagium_lab.reproduction.tables import FLIGHT_FIGURES, HELD, flight_table, with_held_rows
