@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     )
     from patagium.learning.models.registry import register_network as register_network
     from patagium.learning.models.strip import StripNetwork as StripNetwork
+    from patagium.learning.models.structure import register_blocks as register_blocks
     from patagium.learning.refinement import refine as refine
     from patagium.learning.result import Identification as Identification
     from patagium.learning.result import load_identification as load_identification
@@ -91,6 +92,7 @@ _HOMES = {
     "network_for": "tables",
     "network_from_description": "models.registry",
     "refine": "refinement",
+    "register_blocks": "models.structure",
     "register_network": "models.registry",
     "save_learner": "learners.registry",
     "save_model": "model_file",

@@ -171,6 +171,8 @@ class LowRank:
 
 
 BLOCKS = ("full", "layer", "node")
+OWN_BLOCKS: set[str] = set()
+"""Names of structures that `register_blocks` added."""
 """Covariance structures of independent blocks of weights."""
 Structure: TypeAlias = Literal["full", "layer", "node"] | LowRank
 Numbers: TypeAlias = float | tuple[float, ...]
@@ -671,9 +673,10 @@ def checked_structure(value: object) -> Structure:
     Raises:
         ParameterError: If it is none.
     """
-    if isinstance(value, LowRank) or (isinstance(value, str) and value in BLOCKS):
+    if isinstance(value, LowRank) or (isinstance(value, str) and value in {*BLOCKS, *OWN_BLOCKS}):
         return value  # type: ignore[return-value]
-    raise ParameterError("covariance", '"full", "layer", "node" or LowRank(rank)', value)
+    known = ", ".join(f'"{name}"' for name in (*BLOCKS, *sorted(OWN_BLOCKS)))
+    raise ParameterError("covariance", f"{known} or LowRank(rank)", value)
 
 
 def structure_from(description: object) -> Structure:

@@ -17,7 +17,7 @@ from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.low_rank import Precision
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Indices, Layered, blocks_of
-from patagium.learning.settings import BLOCKS, LowRank, Structure
+from patagium.learning.settings import BLOCKS, OWN_BLOCKS, LowRank, Structure
 
 Array = NDArray[np.float64]
 
@@ -204,8 +204,9 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
         if diagonal.shape != (weights.size,) or columns.size % weights.size:
             raise ShapeError("covariance", (weights.size,), diagonal.shape)
         return LowRankCovariance(Precision(diagonal, columns.reshape(weights.size, -1)))
-    if kind not in BLOCKS:
-        raise ParameterError("covariance", f"one of {', '.join((*BLOCKS, 'low rank'))}", kind)
+    if kind not in {*BLOCKS, *OWN_BLOCKS}:
+        known = (*BLOCKS, *sorted(OWN_BLOCKS), "low rank")
+        raise ParameterError("covariance", f"one of {', '.join(known)}", kind)
     sizes = [len(block) for block in blocks_of(weights, kind)]
     parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]
     return block_covariance(weights, kind, parts)

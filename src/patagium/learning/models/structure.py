@@ -8,13 +8,14 @@ of it is kept. Neglected: structure chosen by what the samples excite.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.settings import LowRank, Structure
+from patagium.errors import ParameterError
+from patagium.learning.settings import BLOCKS, OWN_BLOCKS, LowRank, Structure
 
 Indices = NDArray[np.int64]
 
@@ -77,15 +78,50 @@ def stacked(*groups: int | Layered) -> WeightGroups:
     return WeightGroups(start, np.concatenate(fan_in), tuple(neurons))
 
 
+Blocks = Callable[[Layered], Sequence[Indices]]
+_OWN: dict[str, Blocks] = {}
+
+
+def register_blocks(name: str, blocks: Blocks) -> None:
+    """Make `covariance=name` a structure of independent blocks of weights.
+
+    Args:
+        name: Name of the structure, as settings and files have it.
+        blocks: Function from a network to the weights of each block; each weight is in one block.
+
+    Raises:
+        ParameterError: If the package has a structure of the name.
+    """
+    if name in (*BLOCKS, "low rank"):
+        raise ParameterError("name of the structure", "one of its own", name)
+    _OWN[name] = blocks
+    OWN_BLOCKS.add(name)
+
+
 def blocks_of(weights: Layered, structure: str) -> tuple[Indices, ...]:
-    """Weights that are remembered together, each weight in one block, in rising order.
+    """Weights of each block of a structure, each weight in one block, in rising order.
 
     Args:
         weights: A network, or the part of it with weights.
-        structure: "full", "layer" or "node".
+        structure: "full", "layer", "node", or a registered name.
+
+    Raises:
+        ParameterError: If a registered structure does not put each weight in one block.
     """
+    if structure in _OWN:
+        return _checked(structure, weights, _OWN[structure](weights))
     if structure == "full":
         return (np.arange(weights.size),)
     if structure == "layer":
         return tuple(np.sort(np.concatenate(list(layer))) for layer in weights.neurons)
     return tuple(neuron for layer in weights.neurons for neuron in layer)
+
+
+def _checked(structure: str, weights: Layered, blocks: Sequence[Indices]) -> tuple[Indices, ...]:
+    """Blocks in rising order, refused unless they hold each weight once."""
+    found = tuple(np.sort(np.asarray(block, np.int64)) for block in blocks)
+    every = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
+    if not np.array_equal(every, np.arange(weights.size)):
+        expected = f"each of {weights.size} weights in one block"
+        raise ParameterError(f"blocks of {structure!r}", expected, every.tolist())
+    return found
