@@ -1,19 +1,19 @@
 """Offenders against a rule of the house that are still allowed. A number may only go down."""
 
 DEBTS = {
-    "modules in cycles": 32,
+    "modules in cycles": 0,
     "classes that know their children": 0,
     "packages with code in their __init__": 0,
-    "functions above 60 lines": 10,
-    "functions with more than 8 parameters": 12,
-    "lines of Python in the wheel": 48_000,
-    "classes of weight filters": 11,
-    "types of memory": 8,
-    "modules on the walk of spread": 10,
+    "functions above 60 lines": 2,
+    "functions with more than 8 parameters": 3,
+    "lines of Python in the wheel": 47_900,
+    "classes of weight filters": 4,
+    "types of memory": 2,
+    "modules on the walk of spread": 8,
     "modules on the walk of a sample": 8,
-    "first lines that are no noun phrase": 710,
-    "arguments with a shape and no unit": 380,
-    "functions that raise and do not say so": 12,
+    "first lines that are no noun phrase": 20,
+    "arguments with a shape and no unit": 180,
+    "functions that raise and do not say so": 4,
 }
 
 

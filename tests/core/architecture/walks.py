@@ -89,6 +89,14 @@ def is_given(frame: FrameType, number: float) -> bool:
     return any(holds(frame.f_locals.get(name), number) for name in code.co_varnames[:count])
 
 
+def fills_a_struct(frame: FrameType) -> bool:
+    """Whether a function holds a structure or pointer of C, or makes an object that does."""
+    values = [*frame.f_locals.values()]
+    if frame.f_code.co_name == "__init__":
+        values += [*getattr(frame.f_locals.get("self"), "__dict__", {}).values()]
+    return any(isinstance(value, ctypes.Structure) for value in values)
+
+
 def spread_walk(folder: Path) -> list[str]:
     """Modules through which the spread goes from the command line to C, in order.
 
@@ -108,8 +116,7 @@ def spread_walk(folder: Path) -> list[str]:
             return
         step = open_frames.pop()
         made = frame.f_locals.get("self") if frame.f_code.co_name == "__init__" else answer
-        speaks_c = any(value is ctypes for value in frame.f_globals.values())
-        onward = speaks_c or step.get("onward", False) or holds(made, SPREAD)
+        onward = fills_a_struct(frame) or step.get("onward", False) or holds(made, SPREAD)
         step["on the walk"] = step["given"] and onward
         step["frame"] = None
         if open_frames and step["on the walk"]:
