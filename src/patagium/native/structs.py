@@ -56,19 +56,25 @@ class Struct(NamedTuple):
 
     Attributes:
         name: Its name in C.
-        fields: Its fields in order.
+        fields: Its own fields in order.
         type: Class of ctypes.
+        base: Name of the structure whose fields come before; in C also as the field `base`.
     """
 
     name: str
     fields: tuple[Field, ...]
     type: Any
+    base: str = ""
 
     @property
     def header(self) -> str:
         """Text of the C header that declares the structure."""
         guard = f"PATAGIUM_{self.name.upper()}_STRUCT_H"
         lines = [f"  {field.declaration}; /* {field.meaning} */" for field in self.fields]
+        if self.base:
+            own = f"{self.base.upper()}_FIELDS"
+            lines.insert(0, f"  union {{ {self.base} base; struct {{ {own} }}; }};")
+        fields = " ".join(f"{field.declaration};" for field in self.fields)
         types = [f"typedef {text};" for text in _FUNCTIONS.values()]
         parts = [
             "/* Generated from native/structs.py: change it there. */",
@@ -76,18 +82,20 @@ class Struct(NamedTuple):
             *types,
             "typedef struct {",
             *lines,
-            f"}} {self.name};\n#endif\n",
+            f"}} {self.name};",
+            f"#define {self.name.upper()}_FIELDS {fields}\n#endif\n",
         ]
         return "\n".join(parts)
 
 
-def struct(name: str, text: str, *others: Struct) -> Struct:
+def struct(name: str, text: str, *others: Struct, base: Struct | None = None) -> Struct:
     """Structure of a table.
 
     Args:
         name: Its name in C.
         text: One line a field: `declaration: meaning`.
         *others: Structures that are fields of this one.
+        base: Structure whose fields come before, all of them of eight bytes in the end.
 
     Raises:
         CompilerError: If a field has a type that is not known.
@@ -99,7 +107,8 @@ def struct(name: str, text: str, *others: Struct) -> Struct:
         if field.type not in known:
             raise CompilerError(f"field {field.name} of {name}: unknown type {field.type!r}")
     members: dict[str, Any] = {"_fields_": [(field.name, known[field.type]) for field in found]}
-    return Struct(name, found, type(name, (ctypes.Structure,), members))
+    parent = ctypes.Structure if base is None else base.type
+    return Struct(name, found, type(name, (parent,), members), "" if base is None else base.name)
 
 
 SCREENING = struct(
@@ -131,7 +140,9 @@ SCREENING = struct(
     """,
 )
 
-_FILTER = """
+WEIGHT_FILTER = struct(
+    "weight_filter",
+    """
     int32_t weights: n
     int32_t outputs: n_y
     int32_t stride: n_y rounded up to whole vectors
@@ -159,13 +170,14 @@ _FILTER = """
     double *predicted: n_y
     double *innovation: n_y
     double *covariance: n_y x n_y
-"""
-"""Fields of the kernels that learn a whole sample."""
+    """,
+    SCREENING,
+)
+"""Fields of every kernel that learns a whole sample."""
 
 PANEL_FILTER = struct(
     "panel_filter",
-    _FILTER
-    + """
+    """
     int32_t rows: of all blocks, each rounded up to a multiple of PANEL by zeros
     int32_t blocks: of weights whose covariance is kept: 1, or one a layer
     const int32_t *starts: blocks + 1: first row of each block
@@ -181,7 +193,7 @@ PANEL_FILTER = struct(
     REAL *at_mean: 2 x layers x padded: sums and activations at the mean
     REAL *weighting: items widths[layers] x stride: readout, transposed
     """,
-    SCREENING,
+    base=WEIGHT_FILTER,
 )
 
 LAGS = struct(
@@ -222,8 +234,7 @@ EXTENDED_FILTER = struct(
 
 NODE_FILTER = struct(
     "node_filter",
-    _FILTER
-    + """
+    """
     int32_t drifts: 1: drift and decay act before each sample, 0: growth does
     int32_t drifted: 1: `grown` is the root before the next sample
     REAL *root: of all groups
@@ -244,7 +255,7 @@ NODE_FILTER = struct(
     double *squares: nodes: a'a where slopes are of rank one
     double *wide_small: 2 x n_y x n_y x WIDE
     """,
-    SCREENING,
+    base=WEIGHT_FILTER,
 )
 
 LOW_RANK = struct(
@@ -299,5 +310,8 @@ PIPELINE = struct(
     """,
 )
 
-STRUCTS = (PIPELINE, SCREENING, PANEL_FILTER, LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK)
+STRUCTS = (
+    *(PIPELINE, SCREENING, WEIGHT_FILTER, PANEL_FILTER),
+    *(LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK),
+)
 """Structures of the kernels; the header of each can be included by any kernel."""

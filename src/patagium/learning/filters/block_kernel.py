@@ -94,6 +94,7 @@ class BlockKernel:
         )
         self._library = library
         self.mean = self._arrays["mean"]
+        self._measured = self._arrays["measured"]
         self._results = self._arrays["predicted"], self._arrays["covariance"]
 
     @property
@@ -120,7 +121,7 @@ class BlockKernel:
             y: Measurement, (n_y,).
         """
         self._take(x)
-        self._arrays["measured"][:] = y
+        self._measured[:] = y
         outcome = self._update(self._address)
         mean, covariance = self._results
         return outcome, mean.copy(), covariance.copy()

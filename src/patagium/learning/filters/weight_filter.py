@@ -69,6 +69,9 @@ class WeightFilter:
         self._kernel = None if kernel is None else BlockKernel(kernel, numbers, self.screen)
         self._mean, self._nis = np.zeros(len(mean)), float("nan")
         self._before: Any = None
+        self._noise = numbers.process_noise if numbers.has_process_noise else None
+        drifts_itself = self._kernel is None or self._kernel.drifts
+        self._drifts = self._noise is not None and not drifts_itself
         start = np.sqrt(numbers.prior_variance) if std is None else std
         self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
 
@@ -88,7 +91,7 @@ class WeightFilter:
     @property
     def compiled(self) -> Compiled | None:
         """Filter as C code meets it; None where a sample takes Python as well."""
-        if self._kernel is None or (self.numbers.has_process_noise and not self._kernel.drifts):
+        if self._kernel is None or self._drifts:
             return None
         return self._kernel.compiled(self.screen)
 
@@ -103,7 +106,8 @@ class WeightFilter:
             MatrixLost: If the covariance is no longer positive definite.
         """
         if self._kernel is not None:
-            self._advance_kernel(self._kernel)
+            if self._drifts:
+                self._advance_kernel(self._kernel)
             return Prediction(*self._kernel.predict(x))
         look = self._look(self.numbers.network.encode_one(x))
         found, _ = self._structure.moments(self._advanced(), look)
@@ -121,11 +125,12 @@ class WeightFilter:
         """
         if self._kernel is None:
             return self._update(x, y)
-        self._advance_kernel(self._kernel)
-        outcome, *prediction = self._kernel.update(x, y)
+        if self._drifts:
+            self._advance_kernel(self._kernel)
+        outcome, mean, covariance = self._kernel.update(x, y)
         if outcome == 0:
             self._before = None
-        return Outcome(outcome), Prediction(*prediction)
+        return Outcome(outcome), Prediction(mean, covariance)
 
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once.
@@ -183,25 +188,23 @@ class WeightFilter:
 
     def _advance_kernel(self, kernel: BlockKernel) -> None:
         """Process noise, where the kernel does not add it itself; once a sample."""
-        numbers = self.numbers
-        if kernel.drifts or self._before is not None or not numbers.has_process_noise:
+        if self._before is not None:
             return
-        before = kernel.roots()
-        growth = 1.0 / numbers.forgetting_factor
-        grown = self._structure.drifted(numbers, before, growth, numbers.process_noise)
+        before, numbers = kernel.roots(), self.numbers
+        grown = self._structure.drifted(
+            numbers, before, 1.0 / numbers.forgetting_factor, self._noise
+        )
         kernel.place(self._mean, kernel.nis, grown)
         self._before = before
 
     def _advanced(self) -> Any:
         """State of the covariance before the next sample, forgetting and process noise done."""
-        numbers, noise = self.numbers, None
-        if numbers.has_process_noise:
-            noise = numbers.process_noise
-        elif self._structure.forgets or numbers.forgetting_factor == 1:
+        numbers = self.numbers
+        if self._noise is None and (self._structure.forgets or numbers.forgetting_factor == 1):
             return self._kept
         if self._before is None:
             growth = 1.0 / numbers.forgetting_factor
-            self._before = self._structure.drifted(numbers, self._kept, growth, noise)
+            self._before = self._structure.drifted(numbers, self._kept, growth, self._noise)
         return self._before
 
     def _look(self, encoding: Encoding) -> Look:

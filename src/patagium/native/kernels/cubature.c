@@ -23,7 +23,7 @@
  * and whatever is not COMPLETED leaves mean and S as they were.
  */
 #include "points.h"
-#include "sample.h"
+#include "panels.h"
 
 /* Slopes and curvatures of y over WIDTH columns, from the mlp's outputs at their points. */
 static void read_out(const panel_filter *f, int first, REAL *outputs) {
@@ -95,14 +95,15 @@ static void moments(panel_filter *f, double *remainder, double *work) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-int cubature_predict(panel_filter *f) {
+int cubature_predict(void *memory) {
+  panel_filter *f = memory;
   visit(f);
   moments(f, f->small, f->small + f->stride * f->stride);
-  return predicted(f);
+  return predicted(&f->base);
 }
 
 /* Learn one sample. */
-int cubature_update(panel_filter *f) { return learn_sample(f, cubature_predict); }
+int cubature_update(panel_filter *f) { return learn_by_panels(f, cubature_predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int cubature_lanes(void) { return WIDTH; }

@@ -5,7 +5,7 @@
 #include <stddef.h>
 
 #include "activations.h"
-#include "screening.h"
+#include "sample.h"
 #include "panel_filter_struct.h"
 
 enum { SOFTPLUS = 0, TANH = 1 };

@@ -2,12 +2,12 @@
  *
  * The network is y = offset + readout . mlp(features; W) and linear around the mean: H = dy/dW by
  * reverse accumulation through the mlp, Z = S' H', M = R. What a sample then does to mean and
- * root is the cubature filter's: sample.h. Where the network remembers, the first weights are
+ * root is the cubature filter's: panels.h. Where the network remembers, the first weights are
  * numbers of the air: features, readout and lags depend on them, and their columns of H come
  * from derivatives along each (lags).
  */
 #include "points.h"
-#include "sample.h"
+#include "panels.h"
 
 #include "lags_struct.h"
 #include "extended_filter_struct.h"
@@ -156,9 +156,10 @@ static void visit(extended_filter *e) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-static int predict(panel_filter *f) {
+static int predict(void *memory) {
+  panel_filter *f = memory;
   const int m = f->outputs, stride = f->stride;
-  visit((extended_filter *)f);
+  visit(memory);
   memset(f->small, 0, sizeof(double) * stride * stride);
   for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));
   for (int k = 0; k < m; k++) {
@@ -169,13 +170,13 @@ static int predict(panel_filter *f) {
       for (int b = 0; b < f->blocks; b++) *sum += gram_of(f, b)[k * stride + l];
     }
   }
-  return predicted(f);
+  return predicted(&f->base);
 }
 
-int extended_predict(extended_filter *e) { return predict(&e->filter); }
+int extended_predict(extended_filter *e) { return predict(e); }
 
 /* Learn one sample. */
-int extended_update(extended_filter *e) { return learn_sample(&e->filter, predict); }
+int extended_update(extended_filter *e) { return learn_by_panels(&e->filter, predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int extended_lanes(void) { return WIDTH; }

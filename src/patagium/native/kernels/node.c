@@ -170,10 +170,11 @@ static void drift(node_filter *f) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-int node_predict(node_filter *f) {
+int node_predict(void *memory) {
+  node_filter *f = memory;
   const int m = f->outputs, last = f->widths[f->layers], padded = padded_of(f);
   const double growth = f->drifts ? 1 : f->growth;
-  double *total = f->small, sum = 0;
+  double *total = f->small;
   drift(f);
   if (f->encode) f->encode(f->encode_arguments, f->encode_results);
   find_noise(f->screen, f->items * last, f->readout);
@@ -193,9 +194,7 @@ int node_predict(node_filter *f) {
     else gather(f, &g, steps, slopes, growth, total);
   }
   finish_moments(f, total);
-  for (int k = 0; k < m * m; k++) sum += f->covariance[k];
-  for (int k = 0; k < m; k++) sum += f->predicted[k];
-  return isfinite(sum) ? COMPLETED : NOT_FINITE;
+  return predicted(&f->base);
 }
 
 /* Weights of a group by their steps: growth times cross (rows of `terms`) times gain. */
@@ -261,17 +260,9 @@ static reals learn(node_filter *f, const group *g, double growth, const REAL *be
   return longest;
 }
 
-/* Why there is no prediction. */
-static int unseen(const node_filter *f) {
-  const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
-  if (are_numbers(features, f->features) && are_numbers(rows * f->outputs, f->readout))
-    return NOT_FINITE;
-  f->screen->counts[BAD_INPUTS]++;
-  return BAD_INPUT;
-}
-
-/* Slopes and moments of y as the screen has them. */
-static void screen_moments(node_filter *f) {
+/* Slopes and moments of y without the channels left out, with the noise of those doubted. */
+static void screen_neurons(void *memory) {
+  node_filter *f = memory;
   const screening *s = f->screen;
   const int m = f->outputs;
   leave_out(s, f->stride, f->small);
@@ -287,47 +278,47 @@ static void screen_moments(node_filter *f) {
   }
 }
 
-/* Learn one sample. */
-int node_update(node_filter *f) {
+static int neurons_in_range(void *memory) {
+  const node_filter *f = memory;
+  double reach = 0;
+  for (int k = 0; k < f->outputs; k++)
+    reach = fmax(reach, f->covariance[k * f->outputs + k]);
+  return f->largest * sqrt(reach) < (SINGLE ? 1e36 : 1e300);
+}
+
+static int invert_total(void *memory, double *g, double *turned) {
+  node_filter *f = memory;
   const int m = f->outputs, stride = f->stride, size = stride * stride;
-  double *work = f->small + size, *inverse = work + size, *turned = inverse + size;
-  double inner[stride], step[stride], reach = 0;
-  const int refused = admit(f->screen);
-  if (refused) return refused;
-  if (node_predict(f) != COMPLETED) return unseen(f);
-  for (int k = 0; k < m; k++) reach = fmax(reach, f->covariance[k * m + k]);
-  if (!(f->largest * sqrt(reach) < (SINGLE ? 1e36 : 1e300))) return NOT_FINITE;
-  memset(inner, 0, sizeof inner);
-  const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
-  if (!kept) return BLIND;
-  screen_moments(f);
-  memset(inverse, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, f->small, work, inverse)) return COVARIANCE_LOST;
+  memset(g, 0, sizeof(double) * size);
+  if (!invert_root(m, stride, f->small, f->small + size, g)) return 0;
   for (int k = 0; k < stride; k++)
-    for (int l = 0; l < stride; l++) turned[k * stride + l] = inverse[l * stride + k];
-  combine(m, stride, f->innovation, inverse, inner);
-  combine(m, stride, inner, turned, step);
-  double nis = 0;
-  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
-  if (!isfinite(nis)) return NOT_FINITE;
-  f->nis = nis;
-  learn_noise(f->screen, step, stride, inverse);
-  watch(f->screen, nis, kept);
+    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+  return 1;
+}
+
+/* Mean and root after the sample; gain: P_yy^-1 (y - mean), g g' = P_yy^-1. */
+static void learn_neurons(void *memory, const double *gain, const double *g) {
+  node_filter *f = memory;
   const double growth = f->drifts ? 1 : f->growth;
   reals longest = {0};
-  for (group g = {0}; next_group(f, &g);) {
-    const REAL *before = (f->drifts ? f->grown : f->root) + g.entries * WIDTH;
-    const REAL *slopes = f->slopes + g.rows * m * WIDTH;
-    longest = reals_larger(longest,
-                           is_line(f, &g)
-                               ? learn_line(f, &g, growth, before, slopes, inverse, step)
-                               : learn(f, &g, growth, before, slopes, step));
+  for (group one = {0}; next_group(f, &one);) {
+    const REAL *before = (f->drifts ? f->grown : f->root) + one.entries * WIDTH;
+    const REAL *slopes = f->slopes + one.rows * f->outputs * WIDTH;
+    longest = reals_larger(longest, is_line(f, &one)
+                                        ? learn_line(f, &one, growth, before, slopes, g, gain)
+                                        : learn(f, &one, growth, before, slopes, gain));
   }
   f->largest = 0;
   for (int c = 0; c < WIDTH; c++)
     f->largest = (double)longest[c] <= f->largest * f->largest ? f->largest : sqrt((double)longest[c]);
   f->drifted = 0;
-  return COMPLETED;
+}
+
+/* Learn one sample. */
+int node_update(node_filter *f) {
+  static const structure neurons = {node_predict, neurons_in_range, screen_neurons, invert_total,
+                                    learn_neurons};
+  return learn_sample(&f->base, f, &neurons);
 }
 
 /* Lanes of a vector: the caller lays out the memory by it. */

@@ -10,8 +10,7 @@
 #include <stddef.h>
 
 #include "activations.h"
-#include "screening.h"
-#include "small.h"
+#include "sample.h"
 #include "node_filter_struct.h"
 
 enum { SOFTPLUS = 0, TANH = 1 };
