@@ -8,10 +8,10 @@ compiled code. Neglected: cold caches.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from patagium.robot import load_robot
+from patagium.robot import Robot, load_robot
 from patagium_lab.bench import air as benchmark_air
 from patagium_lab.bench import learning
 from patagium_lab.bench.dynamics import DynamicsBench
@@ -30,7 +30,7 @@ from patagium_lab.rivals.symbolic_code import SymbolicCode
 from patagium_lab.study import Stages
 from patagium_lab.timing import one_core
 
-Timer = Callable[[DynamicsBench], Iterator[Result]]
+Timer = Callable[[DynamicsBench], Iterable[Result]]
 CONDITIONS = "conditions"
 """Group of the rows that describe machine and load."""
 TIME_TAKEN = "time taken by "
@@ -71,51 +71,42 @@ def _condition(name: str, value: float | None, unit: str, note: str = "") -> dic
     return {"group": CONDITIONS, **Result(name, value, unit, note=note).as_dict()}
 
 
-def _ours(bench: DynamicsBench) -> Iterator[Result]:
-    with one_core():
-        yield from bench.alone()
+def _on_one_core(timer: Callable[[DynamicsBench], Iterable[Result]]) -> Timer:
+    """The same timer, run on one core."""
+
+    def run_there(bench: DynamicsBench) -> Iterator[Result]:
+        with one_core():
+            yield from timer(bench)
+
+    return run_there
 
 
-def _batch(bench: DynamicsBench) -> Iterator[Result]:
-    with one_core():
-        yield from bench.batches()
+def _beside(make: Callable[[Robot], Rival | str], batch: bool = False) -> Timer:
+    """Timer of our equations beside a rival's, or the reason why the rival is left out."""
+
+    def run_beside(bench: DynamicsBench) -> Iterator[Result]:
+        rival = make(bench.robot)
+        if isinstance(rival, str):
+            yield Result("rival left out", None, "ns", note=rival)
+            return
+        with one_core():
+            yield from bench.against(rival, batch)
+
+    return run_beside
 
 
-def _energy(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _beside(bench, energy_rival.short_rival(bench.robot))
+def _symbolic(derive: Callable[[Robot], SymbolicCode | str], shared: bool) -> Timer:
+    """Timer of our equations beside code of symbolic algebra."""
 
+    def make(robot: Robot) -> Rival | str:
+        code = derive(robot)
+        if isinstance(code, str):
+            return code
+        # both without sharing would compile as long as D and the bias before it
+        quantities = ("mass_matrix", "bias", "both") if shared else ("mass_matrix", "bias")
+        return symbolic_rival.symbolic_rival(robot, code, shared, quantities)
 
-def _published(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _beside(bench, energy_rival.published_rival(bench.robot))
-
-
-def _sympy(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _symbolic(bench, symbolic_rival.sympy_code(bench.robot), shared=True)
-
-
-def _unshared(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _symbolic(bench, symbolic_rival.sympy_code(bench.robot), shared=False)
-
-
-def _symengine(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _symbolic(bench, symbolic_rival.symengine_code(bench.robot), shared=True)
-
-
-def _symbolic(bench: DynamicsBench, code: SymbolicCode | str, shared: bool) -> Iterator[Result]:
-    if isinstance(code, str):
-        yield from _beside(bench, code)
-        return
-    # both without sharing would compile as long as D and the bias before it
-    quantities = ("mass_matrix", "bias", "both") if shared else ("mass_matrix", "bias")
-    yield from _beside(bench, symbolic_rival.symbolic_rival(bench.robot, code, shared, quantities))
-
-
-def _pinocchio(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _beside(bench, pinocchio_rival.pinocchio_rival(bench.robot), batch=True)
-
-
-def _mujoco(bench: DynamicsBench) -> Iterator[Result]:
-    yield from _beside(bench, mujoco_rival.mujoco_rival(bench.robot))
+    return _beside(make)
 
 
 def _python(bench: DynamicsBench) -> Iterator[Result]:
@@ -126,62 +117,23 @@ def _python(bench: DynamicsBench) -> Iterator[Result]:
             yield from bench.in_python(quantity, rivals)
 
 
-def _beside(bench: DynamicsBench, rival: Rival | str, batch: bool = False) -> Iterator[Result]:
-    if isinstance(rival, str):
-        yield Result("rival left out", None, "ns", note=rival)
-        return
-    with one_core():
-        yield from bench.against(rival, batch)
-
-
-def _air(bench: DynamicsBench) -> Iterator[Result]:
-    yield from learning.on_one_thread("air")
-
-
-def _models(bench: DynamicsBench) -> Iterator[Result]:
-    with one_core():
-        yield from benchmark_air.model_results(bench.robot)
-
-
-def _strips(bench: DynamicsBench) -> Iterator[Result]:
-    with one_core():
-        yield from benchmark_air.strip_results(bench.robot)
-
-
-def _update(bench: DynamicsBench) -> Iterator[Result]:
-    yield from learning.on_one_thread("update")
-
-
-def _simulation(bench: DynamicsBench) -> Iterator[Result]:
-    with one_core():
-        yield learning.flight_result(bench.robot)
-
-
-def _pipeline(bench: DynamicsBench) -> Iterator[Result]:
-    yield from learning.pipeline_results()
-
-
-def _compile(bench: DynamicsBench) -> Iterator[Result]:
-    yield from learning.compile_results()
-
-
 TIMERS: dict[str, Timer] = {
-    "dynamics": _ours,
-    "batch": _batch,
-    "energy": _energy,
-    "published": _published,
-    "sympy": _sympy,
-    "sympy-without-cse": _unshared,
-    "symengine": _symengine,
-    "pinocchio": _pinocchio,
-    "mujoco": _mujoco,
+    "dynamics": _on_one_core(lambda bench: bench.alone()),
+    "batch": _on_one_core(lambda bench: bench.batches()),
+    "energy": _beside(energy_rival.short_rival),
+    "published": _beside(energy_rival.published_rival),
+    "sympy": _symbolic(symbolic_rival.sympy_code, shared=True),
+    "sympy-without-cse": _symbolic(symbolic_rival.sympy_code, shared=False),
+    "symengine": _symbolic(symbolic_rival.symengine_code, shared=True),
+    "pinocchio": _beside(pinocchio_rival.pinocchio_rival, batch=True),
+    "mujoco": _beside(mujoco_rival.mujoco_rival),
     "python": _python,
-    "aerodynamics": _air,
-    "air-models": _models,
-    "strips": _strips,
-    "update": _update,
-    "pipeline": _pipeline,
-    "simulation": _simulation,
-    "compile": _compile,
+    "aerodynamics": lambda bench: learning.on_one_thread("air"),
+    "air-models": _on_one_core(lambda bench: benchmark_air.model_results(bench.robot)),
+    "strips": _on_one_core(lambda bench: benchmark_air.strip_results(bench.robot)),
+    "update": lambda bench: learning.on_one_thread("update"),
+    "pipeline": lambda bench: learning.pipeline_results(),
+    "simulation": _on_one_core(lambda bench: [learning.flight_result(bench.robot)]),
+    "compile": lambda bench: learning.compile_results(),
 }
 """Function that times each group, by name."""

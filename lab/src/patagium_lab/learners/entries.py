@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from math import exp
@@ -216,22 +217,15 @@ def _persistence(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     return HeldSample(data.y.shape[1])
 
 
-def _filterpy(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
-    from patagium_lab.rivals.filterpy_cubature import FilterpyCubature
+def _rival(module: str, name: str) -> Build:
+    """Another program's filter of the dense network, with our prior, noise and memory."""
 
-    return FilterpyCubature(data.network("dense"), seed=seed, **_assumed(data, settings))
+    def build(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
+        kind = getattr(import_module(f"patagium_lab.rivals.{module}"), name)
+        learner: AnyLearner = kind(data.network("dense"), seed=seed, **_assumed(data, settings))
+        return learner
 
-
-def _stonesoup(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
-    from patagium_lab.rivals.stonesoup_cubature import StoneSoupCubature
-
-    return StoneSoupCubature(data.network("dense"), seed=seed, **_assumed(data, settings))
-
-
-def _dynamax(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
-    from patagium_lab.rivals.dynamax_extended import DynamaxExtended
-
-    return DynamaxExtended(data.network("dense"), seed=seed, **_assumed(data, settings))
+    return build
 
 
 def _rebayes(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
@@ -255,6 +249,9 @@ def _pytagi(data: DataSet, settings: Settings, seed: int) -> AnyLearner:
     return PytagiNetwork(network, gain=settings["gain"], measurement_std=noise, seed=seed)
 
 
+_FILTERPY = _rival("filterpy_cubature", "FilterpyCubature")
+_STONESOUP = _rival("stonesoup_cubature", "StoneSoupCubature")
+_DYNAMAX = _rival("dynamax_extended", "DynamaxExtended")
 _FILTER = ("prior", "noise", "memory")
 _POINTS = (*_FILTER, "spread")
 _SINGLE = {"dtype": "float32"}
@@ -294,10 +291,10 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("linear", "least squares, linear", _linear(0), "linear", knobs=_FILTER),
     Entry("features", f"least squares, {FEATURES} random features", _linear(FEATURES), "linear",
           knobs=_FILTER),
-    Entry("filterpy", _CUBATURE, _filterpy, package="filterpy", module="filterpy", twin="rule"),
-    Entry("stonesoup", _CUBATURE, _stonesoup, package="stonesoup", module="stonesoup",
+    Entry("filterpy", _CUBATURE, _FILTERPY, package="filterpy", module="filterpy", twin="rule"),
+    Entry("stonesoup", _CUBATURE, _STONESOUP, package="stonesoup", module="stonesoup",
           twin="rule"),
-    Entry("dynamax", "extended filter", _dynamax, package="dynamax", module="dynamax",
+    Entry("dynamax", "extended filter", _DYNAMAX, package="dynamax", module="dynamax",
           twin="extended"),
     Entry("rebayes", f"low-rank extended filter (LoFi), rank {RANK}", _rebayes,
           package="rebayes-mini", module="rebayes_mini", knobs=("prior", "noise", "wander")),

@@ -12,6 +12,7 @@ for (E3): the audits of such a flight say how much. Neglected: sense.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
@@ -34,6 +35,18 @@ INITIAL_YAW = 2 * np.pi
 """Heading the published experiment starts with [rad] (E7)."""
 
 
+class PublishedOptions(TypedDict, total=False):
+    """Rarely used keywords of `simulate_published`.
+
+    Attributes:
+        throw: Whether a run that stops early raises; it does by default.
+        progress: Receives the number of steps done and of all steps.
+    """
+
+    throw: bool
+    progress: Progress | None
+
+
 def simulate_published(
     robot: Robot,
     aero: Aerodynamics,
@@ -43,8 +56,7 @@ def simulate_published(
     speed: float = 2.0,
     duration: float = 2.0,
     time_step: float = 1e-4,
-    throw: bool = True,
-    progress: Progress | None = None,
+    **options: Unpack[PublishedOptions],
 ) -> xr.Dataset:
     """Flight as the published experiment steps it; its defaults are the experiment's.
 
@@ -56,8 +68,7 @@ def simulate_published(
         speed: Initial speed along x [m/s].
         duration: A whole number of time steps [s].
         time_step: Step [s].
-        throw: Whether a run that stops early raises.
-        progress: Receives the number of steps done and of all steps.
+        **options: See `PublishedOptions`.
 
     Returns:
         The flight, as `simulate` gives it. `a` is the free acceleration, u1 is zero.
@@ -66,13 +77,7 @@ def simulate_published(
         ParameterError: If an argument is not what it may be.
         SimulationFailed: If the run stopped early and `throw` is set.
     """
-    if not robot.floating:
-        raise ParameterError("robot", "a robot with a floating body", robot.name)
-    if robot.attitude != "euler":
-        raise ParameterError("robot", "a robot with Euler angles, as published", robot.attitude)
-    if aero.state_size:
-        raise ParameterError("aero", "a model without states of its own", aero.name)
-    aero.air.require_uniform("aero.air")
+    _check(robot, aero)
     steps = whole_steps(duration, time_step)
     check_robots(robot, aero)
     gait = sinusoidal(robot, frequency=frequency, plunge=amplitude)
@@ -86,15 +91,26 @@ def simulate_published(
     state[robot.dof : 2 * robot.dof] = robot.velocities(x=speed)
     equations, names = _equations(robot, aero, state), _state_names(robot)
     check_start(equations, names, state)
-    run = integrate(equations, state, rows, steps, time_step, progress)
+    run = integrate(equations, state, rows, steps, time_step, options.get("progress"))
     message = outcome_message(run, names, equations, steps, time_step)
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
     origin = FlightOrigin(robot, aero, gait.describe(), "free", time_step, "published")
     flight = flight_record(origin, time, run.samples, run.outcome, message)
-    if throw and run.outcome is not Outcome.COMPLETED:
+    if options.get("throw", True) and run.outcome is not Outcome.COMPLETED:
         raise SimulationFailed(message, flight, run.outcome)
     return flight
+
+
+def _check(robot: Robot, aero: Aerodynamics) -> None:
+    """Refuse a robot or air that the published stepping does not know."""
+    if not robot.floating:
+        raise ParameterError("robot", "a robot with a floating body", robot.name)
+    if robot.attitude != "euler":
+        raise ParameterError("robot", "a robot with Euler angles, as published", robot.attitude)
+    if aero.state_size:
+        raise ParameterError("aero", "a model without states of its own", aero.name)
+    aero.air.require_uniform("aero.air")
 
 
 def published_functions(robot: Robot, aero: Aerodynamics) -> Sequence[ca.Function]:

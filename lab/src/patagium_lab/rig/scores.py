@@ -20,6 +20,7 @@ from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
 from patagium_lab.rig.learning import LogResult, SourceResult
 from patagium_lab.rig.plan import UNIT, RigPlan
+from patagium_lab.targets import at_most, between
 
 Array = NDArray[np.float64]
 
@@ -198,36 +199,31 @@ def targets(metrics: Mapping[str, Any]) -> list[dict[str, Any]]:
     """
     by_noise = {row["noise"]: row for row in metrics["noise"]}
     row = by_noise.get(1.0) or metrics["noise"][0]
-    at, rows = f"{row['noise']:g} x data sheet", []
-    for name, one in row["sources"].items():
-        rows.append(_below(f"{name}: worst force, second half, {at}", LEARNED_LIMIT, one["worst"]))
-    for name, one in row["sources"].items():
-        found = one["unseen"]["path and gait"]["worst"]
-        rows.append(_below(f"{name}: unseen path and gait, worst force, {at}", UNSEEN_LIMIT, found))
-    low, high = COVERED
-    for name, one in row["sources"].items():
-        share = one["coverage"]
-        rows.append(
-            {
-                "target": f"{name}: truth in the 95 % interval, second half, {at}",
-                "limit": f"{low:.2f} to {high:.2f}",
-                "found": share,
-                "met": bool(low <= share <= high),
-            }
+    at, sources = f"{row['noise']:g} x data sheet", row["sources"].items()
+    pairs = [
+        (at_most(f"{name}: worst force, second half, {at}", LEARNED_LIMIT), one["worst"])
+        for name, one in sources
+    ]
+    pairs += [
+        (
+            at_most(f"{name}: unseen path and gait, worst force, {at}", UNSEEN_LIMIT),
+            one["unseen"]["path and gait"]["worst"],
         )
-    for clock in row["clocks"]:
-        late = abs(clock["error"])
-        rows.append(_below(f"clock and delay of {clock['instrument']} [s]", CLOCK_LIMIT, late))
-    return rows
-
-
-def _below(target: str, limit: float, found: float) -> dict[str, Any]:
-    return {
-        "target": target,
-        "limit": f"at most {limit:g}",
-        "found": found,
-        "met": bool(found <= limit),
-    }
+        for name, one in sources
+    ]
+    covered = "truth in the 95 % interval, second half"
+    pairs += [
+        (between(f"{name}: {covered}, {at}", *COVERED, ideal=0.95), one["coverage"])
+        for name, one in sources
+    ]
+    pairs += [
+        (
+            at_most(f"clock and delay of {clock['instrument']} [s]", CLOCK_LIMIT),
+            abs(clock["error"]),
+        )
+        for clock in row["clocks"]
+    ]
+    return [target.row(found) for target, found in pairs]
 
 
 def _at(flight: xr.Dataset, name: str, times: Array) -> Array:
