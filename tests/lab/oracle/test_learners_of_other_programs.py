@@ -85,7 +85,7 @@ before = np.mean((rival.predict(x) - y) ** 2)
 for one, measured in zip(x, y):
     rival.update(one, measured)
 assert np.mean((rival.predict(x) - y) ** 2) < before / 5
-assert rival.std(x[0]).shape == (2,) and (rival.deviation(x[0]) > [0.099, 0.199]).all()
+assert rival.std(x[0]).shape == (2,) and (rival.std(x[0]) > [0.099, 0.199]).all()
 """
 
 
