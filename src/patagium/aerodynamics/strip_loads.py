@@ -38,7 +38,7 @@ class AeroExpressions:
             (n_strips, 1) [m^2/s]; zero in models without.
         downwash: Normal velocity that the wings induce at each strip, against its normal,
             (n_strips, 1) [m/s]; zero in models without.
-        memory: What the states follow, of models with any.
+        memory: Relaxation of the states; None for a model without states.
     """
 
     generalized_force: ca.SX
@@ -92,7 +92,7 @@ def assemble(
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         loads: One load a strip, in the order of `robot.strips`.
         state_derivative: Rate of the model's own states, (n_z, 1) [m/s^2, 1/s].
-        memory: What they follow.
+        memory: Relaxation of these states.
     """
     poses = body_poses(robot, q)
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}

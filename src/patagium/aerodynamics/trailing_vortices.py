@@ -159,7 +159,7 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
 
     Args:
         robot: The machine.
-        chains: Which strips share legs.
+        chains: Chains of strips that share legs.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].

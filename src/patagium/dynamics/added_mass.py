@@ -139,7 +139,7 @@ def kirchhoff_wrenches(
         v: Generalized velocities, (n,) [m/s, rad/s].
         accelerations: For a body's index the acceleration of its origin and its angular
             acceleration, body axes, (3, 1) each.
-        added: What the bodies carry along.
+        added: Added mass of the bodies.
     """
     twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
     return {
@@ -174,7 +174,7 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.S
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
-        added: What the bodies carry along.
+        added: Added mass of the bodies.
     """
     if added.wind.shape[1] == 1:
         energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))

@@ -107,7 +107,7 @@ def mass_matrix(robot: Robot, q: ca.SX, added: BodyAddedMass | None = None) -> c
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
-        added: Fluid that moves with the bodies, sum_b J_b^T M_b J_b; None for a vacuum.
+        added: Added mass of the bodies, sum_b J_b^T M_b J_b; None for a vacuum.
 
     Returns:
         D, (n, n) [kg, kg m, kg m^2]: symmetric, positive definite; zero between

@@ -99,7 +99,7 @@ def forward(
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         f: Every generalized force but inertia and gravity, (n,) [N, N m].
-        added: Fluid that moves with the bodies; None for a vacuum.
+        added: Added mass of the bodies; None for a vacuum.
     """
     matrix = mass_matrix(robot, q, added)
     return solve(matrix, f - bias(robot, q, v, added), parent_coordinates(robot))
@@ -126,7 +126,7 @@ def forward_prescribed(
         a_prescribed: Accelerations of the prescribed coordinates, (n_a,) [m/s^2, rad/s^2].
         f: Every generalized force but inertia, gravity and the constraint's, (n,) [N, N m].
         prescribed: Indices of the prescribed coordinates; the actuated ones by default.
-        added: Fluid that moves with the bodies; None for a vacuum.
+        added: Added mass of the bodies; None for a vacuum.
 
     Returns:
         a, (n, 1), and the constraint force, (n, 1), zero in the free coordinates.

@@ -42,7 +42,7 @@ def newton_euler(
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         gravity: Acceleration of free fall along -z, scalar [m/s^2].
-        added: Fluid that moves with the bodies; None for a vacuum.
+        added: Added mass of the bodies; None for a vacuum.
 
     Returns:
         Generalized force, (n, 1) [N, N m]; linear in a.
@@ -75,7 +75,7 @@ def kirchhoff_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: BodyAdded
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
-        added: Fluid that moves with the bodies.
+        added: Added mass of the bodies.
     """
     states = _accelerations(robot, q, v, a, ca.SX(0))
     accelerations = {k: (states[k][2], states[k][1]) for k in added.matrices}

@@ -59,7 +59,7 @@ class PageSection:
     """A titled run of blocks.
 
     Attributes:
-        title: Heading.
+        title: Title of the page.
         blocks: Prose (`code` and **bold** are understood), tables, pictures, notes, links.
     """
 

@@ -114,7 +114,7 @@ class Replay:
     """All that a page shows, at F times.
 
     Attributes:
-        title: Heading.
+        title: Title of the page.
         subtitle: What flies, in a few words.
         time: (F,) [s].
         period: One wingbeat [s], or None.

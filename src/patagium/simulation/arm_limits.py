@@ -27,7 +27,7 @@ def check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, 
 
     Args:
         arm: The arm.
-        tool: What follows the path.
+        tool: Tool that follows the path.
         time: Knots, (K,) [s].
         target: The path there.
         q: Joint positions there, (K, n) [rad, m]; not finite from where there are none.
@@ -87,7 +87,7 @@ def check_period(arm: Robot, path: Path, q: Array) -> None:
 
     Args:
         arm: The arm.
-        path: Where its tool goes.
+        path: Path of the tool.
         q: Joint positions over one period, (K, n) [rad, m].
 
     Raises:

@@ -44,7 +44,7 @@ class ArmPlan:
 
     Attributes:
         arm: The arm.
-        path: Where its tool goes.
+        path: Path of the tool.
         at: Body that carries the tool.
         position: Tool's origin in that body's axes, (3,) [m].
         orientation: Roll, pitch, yaw of the tool in that body's axes, (3,) [rad].
@@ -132,7 +132,7 @@ def plan_arm(
     Args:
         arm: Six joints on the world, its limits of position, speed, acceleration and
             effort those of its file.
-        path: Where the tool goes, in the world.
+        path: Path of the tool in the world.
         at: Body that carries the tool.
         position: Tool's origin in that body's axes, (3,) [m].
         orientation: Roll, pitch, yaw of the tool in that body's axes, (3,) [rad].
@@ -180,8 +180,8 @@ class CarriedGait:
 
     Attributes:
         joints: Actuated joints of the composed robot.
-        plan: What the arm does.
-        gait: What the robot does.
+        plan: Plan of the arm.
+        gait: Gait of the robot.
     """
 
     joints: tuple[str, ...]
@@ -220,7 +220,7 @@ def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
 
     Args:
         robot: The robot with its arm; the arm's joints come first.
-        plan: What the arm does.
+        plan: Plan of the arm.
         gait: What the robot's own joints do.
 
     Raises:
@@ -241,7 +241,7 @@ def track_tool(
     """Joint positions that hold a tool where it was, from one time to the next, (N, 6).
 
     Args:
-        tool: Of the arm.
+        tool: Tool of the arm.
         time: Increasing, (N,) [s].
         placed: Where it was, (N, 3) [m], and its rotations to the world, (N, 3, 3).
         start: Joint positions near which it began, (6,) [rad, m].

@@ -133,9 +133,9 @@ class FlightOrigin:
 
     Attributes:
         robot: The machine.
-        aero: What the air did to it.
+        aero: Model of the air around it.
         gait: Description of the gait.
-        mount: How it was held.
+        mount: Kind of mount that held it.
         time_step: Step of the integrator [s].
         stepping: The integrator, in words.
         added_mass: Inertia of the air that moved with it, or None.
@@ -162,8 +162,8 @@ def flight_record(
     Args:
         origin: What it was flown with.
         time: Times of the samples, (N,) [s].
-        samples: What `stage.RECORDED` names, and `wind`, (N, ...); with added mass the rest too.
-        outcome: How the run ended.
+        samples: Quantities of `flight_equations.RECORDED`, and `wind`, (N, ...); with added mass the rest too.
+        outcome: Outcome of the run.
         message: The same in words.
     """
     values = dict(samples)

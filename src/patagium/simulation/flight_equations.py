@@ -65,8 +65,8 @@ def flight_functions(
 
     Args:
         robot: The machine.
-        aero: What the air does to it.
-        mount: How it is held.
+        aero: Model of the air around it.
+        mount: Mount that holds it.
         added_mass: Inertia of the air, whose parameters follow the model's; or None.
         cells: Load cells.
     """

@@ -69,7 +69,7 @@ class IntegrationResult:
     Attributes:
         samples: Name to values at all samples up to the end, (N + 1, ...).
         steps: Steps completed, N.
-        outcome: How it ended.
+        outcome: Outcome of the run.
         state: The state at the end; on a bad outcome the one that broke, (size,).
         which: Index in the state of what broke, or -1.
     """
@@ -85,7 +85,7 @@ class Integration:
     """Integration that goes on in pieces of any length.
 
     Args:
-        equations: What to integrate.
+        equations: Equations to integrate.
         state: Initial state, (size,).
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         steps: Steps to take at most.
@@ -129,7 +129,7 @@ class Integration:
 
         Args:
             steps: Steps to take, fewer where fewer are left.
-            progress: Told the steps done and to do, after every chunk.
+            progress: Function that takes the steps done and to do, called after every chunk.
 
         Returns:
             COMPLETED while all is well.
@@ -173,12 +173,12 @@ def integrate(
     """Integrate a number of steps, or up to the first state that is not sound.
 
     Args:
-        equations: What to integrate.
+        equations: Equations to integrate.
         state: Initial state, (size,).
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         steps: Steps to take.
         time_step: Step [s].
-        progress: Told the steps done and to do, after every chunk.
+        progress: Function that takes the steps done and to do, called after every chunk.
         began: Time of the initial state [s].
     """
     marching = Integration(equations, state, rows, steps, time_step, began)

@@ -148,7 +148,7 @@ class Simulator:
 
         Args:
             steps: Steps to take, fewer where fewer are left.
-            progress: Told the steps done and to do, from time to time.
+            progress: Function that takes the steps done and to do, called from time to time.
 
         Returns:
             COMPLETED while all is well.

@@ -194,8 +194,8 @@ def state_layout(
 
     Args:
         robot: The machine; numbers or symbols.
-        aero: What the air does to it.
-        mount: How it is held.
+        aero: Model of the air around it.
+        mount: Mount that holds it.
         added_mass: Inertia of the air, or None.
         cells: Load cells.
     """

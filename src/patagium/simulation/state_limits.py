@@ -81,7 +81,7 @@ def check_start(
     """Refuse an initial state outside of where it must stay.
 
     Args:
-        equations: What is integrated, with its limits.
+        equations: Equations to integrate, with their limits.
         names: Of the entries of the state.
         state: Where it starts, (size,).
         singular: Places in it of pitch angles.
@@ -110,7 +110,7 @@ def outcome_message(
     Args:
         run: The run.
         names: Of the entries of the state.
-        equations: What was integrated, with its limits.
+        equations: Equations that were integrated, with their limits.
         steps: Steps that were to be taken.
         time_step: Step [s].
         singular: Places in the state of pitch angles.

@@ -47,7 +47,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
     Args:
         robot: The machine.
         gait: What its joints do; one that stands still cannot be steered.
-        pipeline: What learns; None where nothing does.
+        pipeline: Pipeline that learns; None where nothing is learned.
     """
     network = None if pipeline is None else pipeline.learner.network
     outputs = robot.dof_names if network is None else network.output_names
@@ -69,8 +69,8 @@ class LiveFlight:
         gait: What its joints do until somebody steers.
         time_step: Of the integrator [s].
         view: The page.
-        subject: What it shows.
-        pipeline: What learns; None where nothing does.
+        subject: Subject of the page.
+        pipeline: Pipeline that learns; None where nothing is learned.
         every: Samples from which one at most is learned.
     """
 

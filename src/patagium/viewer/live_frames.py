@@ -66,7 +66,7 @@ class Subject:
         robot: The machine.
         outputs: Coordinates whose force of the air is known or learned.
         network: What is learned; None where nothing is.
-        title: Heading.
+        title: Title of the page.
         beat: One wingbeat [s]; None where unknown.
         steering: What it may ask for; None where nothing listens.
         strips: Whether the true force on each strip is known.
@@ -107,8 +107,8 @@ class Feed:
 
     Args:
         letters: Where frames go.
-        subject: What they show.
-        learner: What learns; None where nothing does.
+        subject: Subject of the page.
+        learner: Learner; None where nothing is learned.
     """
 
     def __init__(self, letters: Mailbox, subject: Subject, learner: Learner | None = None) -> None:

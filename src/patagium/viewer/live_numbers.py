@@ -23,7 +23,7 @@ def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
 
     Args:
         letter: The last frame.
-        subject: What is shown.
+        subject: Subject of the page.
         pace: Time flown over time on the clock.
     """
     rows = [("Time", f"{letter['time']:.2f} s")]

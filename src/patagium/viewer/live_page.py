@@ -32,7 +32,7 @@ class LivePage:
     """Page in a browser.
 
     Args:
-        subject: What is shown.
+        subject: Subject of the page.
         host: Address.
         port: Port; 0: any that is free.
         commands: Where what is asked for goes.

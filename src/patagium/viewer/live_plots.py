@@ -31,7 +31,7 @@ class LivePlots:
 
     Args:
         gui: viser's.
-        subject: What is shown.
+        subject: Subject of the page.
     """
 
     def __init__(self, gui: Any, subject: Subject) -> None:

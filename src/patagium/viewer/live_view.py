@@ -33,7 +33,7 @@ class LiveView:
     """A live page, served until it is closed.
 
     Args:
-        subject: What it shows.
+        subject: Subject of the page.
         host: Address it is served at; others than loopback let others in.
         port: Port; 0: any that is free.
 
