@@ -162,7 +162,8 @@ def flight_record(
     Args:
         origin: What it was flown with.
         time: Times of the samples, (N,) [s].
-        samples: Quantities of `flight_equations.RECORDED`, and `wind`, (N, ...); with added mass the rest too.
+        samples: Quantities of `flight_equations.RECORDED` and `wind`, (N, ...) each [SI]; with
+            added mass those of `RECORDED_WITH_ADDED_MASS`.
         outcome: Outcome of the run.
         message: The same in words.
     """
