@@ -1,8 +1,8 @@
-"""A learned model on disk: the network, its weights, how sure they are, what they came from.
+"""A learned model on disk: the network, its weights and their covariance, and its source.
 
-One JSON file, written whole or not at all. Numbers come back bit for bit; of the covariance
-the bytes of what its structure keeps: lower triangles of blocks, or diagonal and columns of
-its inverse. Neglected: the learner's own state beyond that; see `state_file`.
+A model is one JSON file, written whole or not at all. Numbers come back bit for bit. The
+covariance is stored as its structure keeps it: lower triangles of blocks, or the diagonal and
+the columns of its inverse. The state of the learner has a file of its own; see `state_file`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
 
 @runtime_checkable
 class _Structured(Protocol):
-    """A learner that gives its covariance in the size of what it keeps."""
+    """A learner that gives its covariance as its structure keeps it."""
 
     def kept_covariance(self) -> WeightCovariance: ...
 
@@ -49,13 +49,13 @@ class Model:
 
     Attributes:
         network: The network.
-        weights: (n,).
-        kept_covariance: Of the weights, as much as the learner kept; None if it had none.
-        measurement_std: Of the measurements it learned from, as given or estimated,
-            (n_y,) in the unit of y; None where unknown.
-        inputs: Names of what the network sees; None: the state q, then v.
-        learner: What the learner was made of.
-        source: What it was learned from, in words.
+        weights: Weights, (n,).
+        kept_covariance: Covariance of the weights as the learner kept it; None if it had none.
+        measurement_std: Standard deviation of the measurements, given or estimated,
+            (n_y,) [unit of y]; None where unknown.
+        inputs: Names of the inputs; None: the state q, then v.
+        learner: Description of the learner.
+        source: Source of the samples, in words.
     """
 
     network: Network
@@ -88,7 +88,7 @@ class Model:
         """Measurement at x before it is made, with the network linear around its weights.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
 
         Returns:
             Mean, (n_y,), and covariance H P H' + R, (n_y, n_y); nan without a covariance.
@@ -106,12 +106,12 @@ class Model:
 
 
 def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
-    """Model that a learner has learned.
+    """Model that a learner has learned, without the learner.
 
     Args:
         learner: The learner.
-        inputs: Names of what its network sees; None: the state q, then v.
-        source: What it was learned from, in words.
+        inputs: Names of the inputs; None: the state q, then v.
+        source: Source of the samples, in words.
     """
     description = learner.describe()
     noise = getattr(learner, "measurement_std", description.get("measurement_std"))
@@ -128,7 +128,7 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
 
 
 def save_model(path: str | Path, model: Model | Learner) -> Path:
-    """Write a model as JSON; an interrupted write leaves what was there.
+    """Write a model as JSON; an interrupted write leaves the former file.
 
     Args:
         path: The file, replaced if it exists; folders are made.
@@ -198,7 +198,7 @@ def _model(words: Mapping[str, Any]) -> Model:
 
 
 def _kept(learner: Learner) -> WeightCovariance | None:
-    """Covariance as the learner keeps it; the whole matrix for a learner of another package."""
+    """Covariance as a learner keeps it; of a learner of another kind the whole matrix."""
     if isinstance(learner, _Structured):
         return learner.kept_covariance()
     whole = learner.covariance

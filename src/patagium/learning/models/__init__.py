@@ -1,1 +1,1 @@
-"""Models that map flows to forces: networks, their physics, their memory."""
+"""Models of the force of the air: networks, grey boxes, their memory and their description."""

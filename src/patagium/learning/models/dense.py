@@ -1,7 +1,6 @@
 """A network that knows no physics: any vector in, any vector out.
 
 The paper's network is one of these, with two softplus layers and a linear one.
-Neglected: everything known about the robot.
 """
 
 from __future__ import annotations
@@ -98,7 +97,7 @@ class DenseNetwork(PerceptronNetwork):
         return Encoding(features[:, None, :], readout, self.output_center)
 
     def encode_one(self, x: Array) -> Encoding:
-        """Encoding of one sample, x (n_x,)."""
+        """Scaled input of one sample, (1, n_x)."""
         features = ((x - self.input_center) / self.input_scale)[None]
         return Encoding(features, self._readout, self.output_center)
 
@@ -114,7 +113,7 @@ class DenseNetwork(PerceptronNetwork):
         return None if address is None else (address, constants)
 
     def describe(self) -> dict[str, Any]:
-        """Description from which the network is made again, as JSON values."""
+        """Description of the network that rebuilds it, as JSON-able values."""
         return {
             "kind": self.kind,
             "inputs": self.inputs,

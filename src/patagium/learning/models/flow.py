@@ -1,9 +1,9 @@
-"""A dense network of what the wings meet: flow and joints in, coefficients of force out.
+"""A dense network in dimensionless quantities: flow and joints in, force coefficients out.
 
-It knows how the robot moves, not what a section is: which way the air meets each panel is
-kinematics, and that forces grow with the square of the speed and turn with the robot is
-how air pushes. The rest, from the flow at all wings to all forces, is one perceptron.
-Neglected: what the flow did before, Reynolds number, forces on anything but wings.
+The network knows the kinematics of the robot: the direction of the air at each panel, that
+forces grow with the square of the speed, and that they turn with the robot. One perceptron
+maps the flow at all wings to all forces. Neglected: history of the flow, Reynolds number,
+forces on anything but wings.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from patagium.robot.model import Robot
 
 Array = NDArray[np.float64]
 
-_GAIN = 1.5  # of the inputs: neurons then bend within the flows and angles a wing meets
+_GAIN = 1.5  # of the inputs, so that neurons saturate outside of the usual flows and angles
 _LEAST_LEVER = 1e-3  # of the longest: forces on coordinates that move no wing as drawn
 
 
@@ -41,10 +41,10 @@ class FlowNetwork(WingNetwork):
     generalized force of unit coefficients. B(q) turns force and moment on a floating body
     from its own axes to its coordinates, and is one for joints.
 
-    Nothing is scaled by a flight: at another speed, heading or attitude the perceptron sees
-    and says the same. x is the state [q, v], y the generalized force of the air. A learner
+    Nothing is scaled by a flight: inputs and outputs of the perceptron are the same at another
+    speed, heading or attitude. x is the state [q, v], y the generalized force of the air. A learner
     that follows every sample of a flapping flight does well with prior_std 1,
-    measurement_std 0.01 force_scale(speed), and a memory of one wingbeat or two.
+    measurement_std 0.01 force_scale(speed), and a forgetting over one wingbeat or two.
 
     Args:
         robot: The machine; its numbers are taken as they are.
@@ -96,7 +96,7 @@ class FlowNetwork(WingNetwork):
     def force_scale(self, speed: float) -> Array:
         """Generalized force of unit coefficients at a speed, (n,) [N, N m].
 
-        A share of it is a measurement deviation in proportion for every coordinate.
+        A share of it is a measurement_std in proportion for every coordinate.
 
         Args:
             speed: Of the wings through the air, root mean square over strips [m/s].

@@ -1,4 +1,4 @@
-"""Grey box: a model of the air whose numbers are the weights, learned as networks are.
+"""A grey box: model of the air whose numbers are the weights, learned as networks are.
 
 Physics of `QuasiSteady`, `LiftingLine` or `DeLaurier`, numbers of it or of the robot unknown; a
 residual network may learn what the physics leaves. The lag states of the air are found at the
@@ -158,7 +158,7 @@ class GreyBox(GroupedNetwork):
 
     @property
     def output_names(self) -> tuple[str, ...]:
-        """Coordinates whose force y is."""
+        """Names of the coordinates whose force is y."""
         return self._names
 
     @property
@@ -186,14 +186,14 @@ class GreyBox(GroupedNetwork):
         return weights
 
     def encode(self, x: Array) -> Encoding:
-        """The samples as they are, (N, 1, n_x); see `encode_one`."""
+        """Samples as they are, (N, 1, n_x), with the residual's readout."""
         readout = np.ones((len(x), self.outputs, 1))
         if self.residual is not None:
             readout = self.residual.encode(self._residual_inputs(x)).readout
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
     def encode_one(self, x: Array) -> Encoding:
-        """One sample, (1, n_x), with the residual's readout: estimated noise grows with it."""
+        """One sample, (1, n_x), with the residual's readout, which scales estimated noise."""
         readout = np.ones((self.outputs, 1))
         if self.residual is not None:
             readout = self.residual.encode_one(self._residual_inputs(x)).readout
@@ -241,7 +241,7 @@ class GreyBox(GroupedNetwork):
         """The parameters, with standard deviations in their own units.
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
             variances: Of the weights, (n,); None: not known.
         """
         spread = np.full(self._count, np.nan) if variances is None else variances
@@ -267,7 +267,7 @@ class GreyBox(GroupedNetwork):
         """Model of the air and added mass with what was learned, to fly with, without the residual.
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
 
         Raises:
             ParameterError: If a parameter is no argument of the model.
@@ -275,7 +275,7 @@ class GreyBox(GroupedNetwork):
         return changed_air(self.model, self.added_mass, self.estimates(weights))
 
     def describe(self) -> dict[str, Any]:
-        """Description from which the network is made again, as JSON values."""
+        """Description of the network that rebuilds it, as JSON-able values."""
         return {
             "kind": self.kind,
             "robot": self.model.robot.source,
@@ -478,7 +478,7 @@ class GreyEquations:
         return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
 
     def functions(self) -> list[ca.Function]:
-        """CasADi functions of the equations."""
+        """CasADi functions that `compiled` compiles."""
         n_z, count = self.model.state_size, len(self.parameters)
         x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", n_z)
         theta, numbers = ca.SX.sym("theta", count), ca.SX.sym("numbers", self._count + count)

@@ -1,8 +1,8 @@
 """A dense network with memory: states of the air around the whole body, learned.
 
-Sigma'_Aero of the source paper as it stands there: hidden states xi driven by one perceptron,
-forces from flow and hidden states by another. It knows the robot as `FlowNetwork` does.
-Neglected: hidden states that drive each other, Reynolds number, forces on anything but wings.
+Sigma'_Aero of the source paper: one perceptron drives hidden states xi, another one maps flow
+and hidden states to forces. The network knows the robot as `FlowNetwork` does. Neglected:
+hidden states that drive each other, Reynolds number, forces on anything but wings.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class HiddenFlowNetwork(RobotNetwork, GroupedNetwork):
         """Rates b of the hidden states, (n_xi,) [1/semichord].
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
         """
         return self._lags.rates(np.asarray(weights, float))
 
@@ -153,7 +153,7 @@ class HiddenFlowNetwork(RobotNetwork, GroupedNetwork):
 
         Args:
             rows: [f, xi, vec S, W_m], (N or 1, ...).
-            own: W_m', (N, n_m) or (n_m,).
+            own: New weights of the lags, (N, n_m) or (n_m,).
         """
         seen, lags = self._drive.widths[0], self._lags
         flow, memory = rows[:, :seen], memory_in(rows[:, seen:], lags.states, lags.parameters)
@@ -208,7 +208,7 @@ class HiddenStates(NamedTuple):
         """Rates b at weights, (n_xi,) [1/semichord].
 
         Args:
-            weights: (n,), those of the rates first.
+            weights: Weights, (n,), those of the rates first.
         """
         return np.asarray(self.start * np.exp(_REACH * weights[: self.states]))
 
@@ -216,7 +216,7 @@ class HiddenStates(NamedTuple):
         """Carried numbers of each sample but for the hidden states, and rates.
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
             x: [q, v], (N, n_q + n).
 
         Returns:

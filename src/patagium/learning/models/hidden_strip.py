@@ -3,7 +3,7 @@
 Sigma'_Aero of the source paper by strips. The encoder is the state-space lifting line: lags of
 every strip, trailing vortices that carry them to its neighbors, lift across the induced wind,
 from the same functions as `LiftingLine`. Its lag rates, amplitudes, lift slope and stall are
-weights (`LearnedAir`); what a section makes of its flow beyond that is one perceptron for all
+weights (`LearnedAir`); the rest of a section's force is one perceptron for all
 strips. Neglected: forces on anything but strips, Reynolds number, camber in the normalwash (the
 perceptron sees it), separation with a memory of its own, amplitudes of lift that differ in sign.
 """
@@ -41,12 +41,13 @@ from patagium.learning.models.memory import (
     CompiledSteps,
     LagEquations,
     MemoryState,
+    compiled_steps,
     memory_in,
     row_size,
 )
 from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import Encoding, GroupedNetwork
-from patagium.learning.models.strip import parted
+from patagium.learning.models.strip import direction_inputs
 from patagium.learning.models.structure import stacked
 from patagium.learning.models.wing import RobotNetwork
 from patagium.native import NativeFunction, load_functions
@@ -152,7 +153,9 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         )
         sizes = robot.state_size, len(robot.strips) * self.lags.size, len(robot.strips), parameters
         numbers = self._prior, self._reach, self._constants
-        self._lags = StripLags(self._functions, *numbers, *sizes)
+        begin, step = (self._functions[name].address for name in ("begin", "step"))
+        steps = compiled_steps(begin, step, *numbers)
+        self._lags = StripLags(self._functions, *numbers, *sizes, steps)
 
     @property
     def inputs(self) -> int:
@@ -171,7 +174,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     @property
     def items(self) -> int:
-        """Number of evaluations of the perceptron for one x: one a strip."""
+        """Number of strips, at each of which the perceptron is evaluated."""
         return len(self.robot.strips)
 
     def initial(self, seed: int) -> Array:
@@ -191,13 +194,13 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         return np.append(np.zeros(self._count), weights)
 
     def constants(self, weights: ArrayLike) -> dict[str, float]:
-        """Numbers of the air by name, as a `LiftingLine` calls them where it has them.
+        """Numbers of the air by the names of `LiftingLine`.
 
         Beside those `stall` [rad], where half of the flow is separated, and `stall_width` in
         the square of its sine.
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
         """
         own = np.asarray(weights, float)[: self._count]
         found = learned_air((self._prior + self._reach * own).tolist(), self.lags.size)
@@ -212,12 +215,12 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         return None if self._lags.compiled is None else self._lags
 
     def encode(self, x: Array) -> Encoding:
-        """The samples as they are, (N, 1, n_x); see `encode_one`."""
+        """Samples as they are, (N, 1, n_x)."""
         readout = np.ones((len(x), self.outputs, 1))
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
     def encode_one(self, x: Array) -> Encoding:
-        """One sample, (1, n_x), with the readout at W_m: estimated noise grows with it."""
+        """One sample, (1, n_x), with the readout at W_m, which scales estimated noise."""
         own, n_m = np.zeros(self._count), self._lags.parameters
         own[:n_m] = x[-n_m:]
         _, readout = self._seen(x[None], own[None])
@@ -229,11 +232,11 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         return np.asarray((readout @ sections[:, :, None])[:, :, 0])
 
     def sections(self, x: Array, weights: Array) -> tuple[Array, Array]:
-        """Readout, (N, n_y, m n_out), and what the perceptron says of m strips, (N, m n_out).
+        """Readout, (N, n_y, m n_out), and outputs of the perceptron for m strips, (N, m n_out).
 
         Args:
-            x: Inputs, (N, n_x).
-            weights: (n,).
+            x: Inputs, (N, n_x) [units of x].
+            weights: Weights, (n,).
         """
         own = np.broadcast_to(weights[: self._count], (len(x), self._count))
         features, readout = self._seen(x, own)
@@ -301,13 +304,14 @@ class StripLags(NamedTuple):
 
     Attributes:
         functions: Those of `hidden_functions`.
-        prior: Coded numbers are prior + reach W, (n_o,).
-        reach: (n_o,).
+        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
+        reach: Change of each coded number for a weight of one, (n_o,) [1].
         constants: Constants of the functions.
         measured: Length of [q, v].
         states: Number of lags z, n_z.
         strips: Number of strips, whose semichords a second each drive the next step.
         parameters: Number of weights that the lags depend on, n_m.
+        compiled: Equations in C; None without a compiler.
     """
 
     functions: Mapping[str, NativeFunction]
@@ -318,19 +322,12 @@ class StripLags(NamedTuple):
     states: int
     strips: int
     parameters: int
+    compiled: CompiledSteps | None
 
     @property
     def carried(self) -> tuple[int, int]:
         """Number of lags and normalwashes, and of strips."""
         return self.states + self.strips, self.strips
-
-    @property
-    def compiled(self) -> CompiledSteps | None:
-        """Equations in C; None without a compiler."""
-        begin, step = (self.functions[name].address for name in ("begin", "step"))
-        if begin is None or step is None:
-            return None
-        return CompiledSteps(begin, step, self.prior, self.reach, self.constants)
 
     @property
     def encode(self) -> int | None:
@@ -374,12 +371,12 @@ class StripLags(NamedTuple):
 
 
 def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array | None:
-    """Force of each strip along x, y, z, (N, m, 3) [N]; None if no body floats.
+    """Force of each strip along x, y, z of the floating body, (N, m, 3) [N]; None without one.
 
     Args:
         network: The network.
-        x: Inputs, (N, n_x).
-        weights: (n,).
+        x: Inputs, (N, n_x) [units of x].
+        weights: Weights, (n,).
     """
     floating = [body.floating_dofs for body in network.robot.bodies if body.floating_dofs]
     if len(floating) != 1:
@@ -425,7 +422,7 @@ def learned_air(coded: Any, lags: int) -> LearnedAir:
 
 
 def coded_size(lags: int) -> tuple[int, int]:
-    """Number of coded numbers, and number of the first ones that memory depends on.
+    """Number of coded numbers, and of the first ones, on which the lags depend.
 
     Args:
         lags: How many a strip.
@@ -489,7 +486,7 @@ def _shares(logarithms: Sequence[Any]) -> list[Any]:
 
 
 def _logarithms(shares: Sequence[float]) -> Array:
-    """Logarithms of positive numbers over one less their sum."""
+    """Logarithms of positive numbers over what their sum leaves of one."""
     return np.asarray(np.log(shares) - np.log(1.0 - sum(shares)))
 
 
@@ -625,7 +622,7 @@ def _slopes(air: _Air) -> ca.Function:
 
 
 def _seen(air: _Air, outputs: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Inputs of the perceptron at each strip, and y from its outputs."""
+    """Inputs of the perceptron for each strip, and y as a function of its outputs."""
     wash = air.wash(air.state, air.numbers.lags)
     seen: list[ca.SX] = []
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
@@ -676,7 +673,7 @@ def _wrench(
 
 
 def _direction(flow: SectionFlow) -> ca.SX:
-    return parted(ca.vertcat(flow.forward, flow.normal) / flow.speed)
+    return direction_inputs(ca.vertcat(flow.forward, flow.normal) / flow.speed)
 
 
 def _forward(value: ca.SX, variables: ca.SX, seeds: ca.SX) -> ca.SX:

@@ -1,7 +1,6 @@
-"""Linear in its weights: a readout of the scaled inputs, or of fixed random features of them.
+"""Network linear in its weights: a readout of the scaled inputs or of fixed random features.
 
 y = offset + scale B f(x), f the scaled inputs and 1, or random softplus features of them and 1.
-Neglected: everything the features do not span.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class LinearNetwork(DenseNetwork):
         return Encoding(mixed[:, None, :], readout, self.output_center)
 
     def encode_one(self, x: Array) -> Encoding:
-        """Encoding of one sample, features (1, n_f)."""
+        """Features of one sample, (1, n_f)."""
         many = self.encode(x[None])
         return Encoding(many.features[0], self._readout, self.output_center)
 
@@ -80,7 +79,7 @@ class LinearNetwork(DenseNetwork):
         return np.zeros(self.size)
 
     def describe(self) -> dict[str, Any]:
-        """Description from which the network is made again, as JSON values."""
+        """Description of the network that rebuilds it, as JSON-able values."""
         base = self._base.describe()
         return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
 

@@ -47,7 +47,7 @@ class MemoryState(NamedTuple):
             then those that only their own equations read.
         sensitivity: S = dz/dW_m, ([N,] n_s, n_m).
         weights: W_m, ([N,] n_m).
-        driver: Quantities of the sample that the next step starts from, (n_d,).
+        driver: Numbers of the sample that the next step starts from, (n_d,) [as x].
         time: Time of the sample [s].
     """
 
@@ -73,18 +73,34 @@ class CompiledSteps(NamedTuple):
     """Lag equations in C: functions of (x, coded, constants) for the kernel `memory.c`.
 
     Attributes:
+        kernel: The compiled kernel.
         begin: Address of `void f(x, coded, constants) -> (z, S, driver)`.
         step: Address of `void f(x, coded, constants, time step, z, S, driver) -> (z, S, driver)`.
-        prior: Coded numbers are prior + reach W, (n_o,).
-        reach: (n_o,).
+        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
+        reach: Change of each coded number for a weight of one, (n_o,) [1].
         constants: Constants of both functions.
     """
 
+    kernel: ctypes.CDLL
     begin: int
     step: int
     prior: Array
     reach: Array
     constants: Array
+
+
+def compiled_steps(begin: int | None, step: int | None, *numbers: Array) -> CompiledSteps | None:
+    """Lag equations in C; None without a compiler.
+
+    Args:
+        begin: Address of the function of that name.
+        step: Address of the function of that name.
+        numbers: Prior, reach and constants.
+    """
+    kernel = load_kernel("memory")
+    if kernel is None or begin is None or step is None:
+        return None
+    return CompiledSteps(kernel, begin, step, *numbers)
 
 
 class LagEquations(Protocol):
@@ -116,11 +132,11 @@ class LagEquations(Protocol):
         ...
 
     def drivers(self, weights: Array, x: Array) -> Sequence[Any] | Array:
-        """Drivers of the lags at each sample: N items that `begin` and `step` take.
+        """Drivers of the lags, one for each of N samples, which `begin` and `step` take.
 
         Args:
             weights: From the first one of the lags on.
-            x: Measured inputs, (N, measured).
+            x: Measured inputs, (N, measured) [units of x].
         """
         ...
 
@@ -188,7 +204,7 @@ def row_size(lags: LagEquations) -> int:
 
 
 def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
-    """Memory as the input of a network holds it.
+    """Memory read from the inputs of a network.
 
     Args:
         rows: [z, vec S, W_m], (N, states (1 + parameters) + parameters).
@@ -210,12 +226,12 @@ def memory_of(network: Network) -> ModelMemory | None:
 
 
 def replay(network: Network, time: Array, x: Array, gaps: ArrayLike = ()) -> ModelMemory:
-    """A memory that follows a log; without lag states it hands out x as it is.
+    """A memory that follows a log; without lag states the inputs are x.
 
     Args:
         network: With memory or without.
         time: Increasing, (N,) [s].
-        x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+        x: Measured inputs, (N, n_measured), or all, (N, n_x) [units of x].
         gaps: First sample after each gap, where memory begins anew.
 
     Raises:
@@ -236,9 +252,9 @@ def network_inputs(
 
     Args:
         network: With memory or without.
-        weights: (n,).
+        weights: Weights, (n,).
         time: Increasing, (N,) [s].
-        x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+        x: Measured inputs, (N, n_measured), or all, (N, n_x) [units of x].
         gaps: First sample after each gap, where memory begins anew.
 
     Raises:
@@ -281,9 +297,9 @@ class ModelMemory:
         Sample k depends on samples up to k alone.
 
         Args:
-            weights: That hold over the block, (n,).
+            weights: Weights over the block, (n,).
             time: Increasing, (N,) [s].
-            x: Measured inputs, (N, n_measured).
+            x: Measured inputs, (N, n_measured) [units of x].
             gaps: First sample after each gap, where memory begins anew.
         """
         rows, self.states = self._block(weights, np.asarray(time, float), x, gaps, self.states)
@@ -303,29 +319,29 @@ class ModelMemory:
 
         Args:
             time: Increasing, (N,) [s].
-            x: Measured inputs, (N, n_measured), or all inputs, (N, n_x).
+            x: Measured inputs, (N, n_measured), or all, (N, n_x) [units of x].
             gaps: First sample after each gap, where memory begins anew.
         """
         self._log, self._reached = (time, x, np.asarray(gaps, np.int64)), 0
         self._whole = x.shape[1] == self._network.inputs
 
     def upto(self, end: int, weights: Array) -> Array:
-        """Inputs from the sample reached up to another one; the memory goes on from there.
+        """Inputs from the sample reached up to another one; the memory moves on.
 
         Args:
             end: One past the last sample.
-            weights: That hold over them, (n,).
+            weights: Weights over these samples, (n,).
         """
         rows, self.states = self._span(end, weights)
         self._reached = end
         return rows
 
     def ahead(self, end: int, weights: Array) -> Array:
-        """Inputs from the sample reached up to another one; the memory stays where it is.
+        """Inputs from the sample reached up to another one; the memory stays.
 
         Args:
             end: One past the last sample.
-            weights: That hold over them, (n,).
+            weights: Weights over these samples, (n,).
         """
         return self._span(end, weights)[0]
 
@@ -334,8 +350,8 @@ class ModelMemory:
 
         Args:
             time: Of the sample [s].
-            x: Measured inputs, (n_measured,).
-            weights: That hold there, (n,).
+            x: Measured inputs, (n_measured,) [units of x].
+            weights: Weights at that sample, (n,).
         """
         before = self.states if self._follows(time) else None
         rows, found = self._block(weights, np.array([time]), x[None], (), before)
@@ -344,7 +360,7 @@ class ModelMemory:
         return np.asarray(rows[0])
 
     def settle(self, outcome: Outcome, change: Array) -> None:
-        """Keep or drop the sample of `next_input`, once the learner is done with it.
+        """Keep or drop the sample of `next_input` after the learner's update.
 
         Args:
             outcome: What became of the sample.
@@ -404,15 +420,13 @@ class ModelMemory:
         """The memory as C code moves it between two calls; None without a compiler.
 
         Args:
-            x: Input that a compiled filter reads, (n_x,).
-            mean: Weights of the filter, (n,).
+            x: Input that a compiled filter reads, (n_x,) [units of x].
+            mean: Mean weights of the filter, (n,).
         """
         if len(self._lags) != 1 or self._lags[0][0] != 0:
             return None
         lags = self._lags[0][1]
-        if lags.compiled is None or load_kernel("memory") is None:
-            return None
-        return CompiledLags(lags, lags.compiled, mean, x)
+        return None if lags.compiled is None else CompiledLags(lags, lags.compiled, mean, x)
 
     @property
     def _lags(self) -> tuple[tuple[int, LagEquations], ...]:
@@ -509,9 +523,8 @@ def _advanced_in_c(
     anew: NDArray[np.int8],
     before: MemoryState | None,
 ) -> tuple[Array, MemoryState] | None:
-    """Lags advanced by one call of C; None without a compiler."""
-    kernel = load_kernel("memory") if lags.compiled is not None else None
-    if kernel is None or lags.compiled is None:
+    """Result of `_advanced` by one call of C; None without a compiler."""
+    if lags.compiled is None:
         return None
     block = CompiledLags(lags, lags.compiled, weights)
     last = -inf if before is None else before.time
@@ -520,7 +533,7 @@ def _advanced_in_c(
     steps, rows = np.diff(time, prepend=last), np.empty((len(x), row_size(lags)))
     arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
-    kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
+    lags.compiled.kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
     return rows, block.taken(float(time[-1]), weights[: lags.parameters])
 
 
@@ -530,8 +543,8 @@ class CompiledLags(ctypes.Structure):
     Args:
         lags: The equations.
         steps: The same in C.
-        mean: Weights, (n,); those of a compiled filter are read anew at each sample.
-        x: Input that a compiled filter reads, (n_x,); None where blocks are recalled.
+        mean: Current weights, (n,); those of a compiled filter are read anew at each sample.
+        x: Input that a compiled filter reads, (n_x,) [units of x]; None where blocks are recalled.
     """
 
     _fields_ = [
@@ -558,6 +571,7 @@ class CompiledLags(ctypes.Structure):
             "clock": np.zeros(3),
             "counts": np.zeros(2, np.int64),
         }
+        self._kernel = steps.kernel
         sizes = lags.measured, lags.states, n_m, states, drivers, own
         addresses = {name: array.ctypes.data for name, array in self.arrays.items()}
         super().__init__(*sizes, steps.begin, steps.step, **addresses)
@@ -565,8 +579,7 @@ class CompiledLags(ctypes.Structure):
     @property
     def native(self) -> tuple[int, int, int]:
         """Addresses of the functions that find the next input and settle it, and of the memory."""
-        kernel = load_kernel("memory")
-        calls = (getattr(kernel, name) for name in ("memory_next", "memory_settle"))
+        calls = (getattr(self._kernel, name) for name in ("memory_next", "memory_settle"))
         begin, end = (int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls)
         return begin, end, ctypes.addressof(self)
 
@@ -581,7 +594,7 @@ class CompiledLags(ctypes.Structure):
 
         Args:
             time: Of that sample [s].
-            weights: W_m, (n_m,).
+            weights: Weights W_m, (n_m,).
         """
         states, n_m, carried = self.all, self.parameters, self.arrays["carried"]
         end = states * (1 + n_m)

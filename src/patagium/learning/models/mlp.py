@@ -2,7 +2,7 @@
 
 All hidden layers share one activation, the last layer is linear. Weights are one
 vector: for every layer W (out, in) row by row, then b (out). The readable twin of
-the compiled kernel `cubature.c`. Neglected: anything but dense layers.
+the compiled kernel `cubature.c`.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Perceptron:
 
     @property
     def fan_in(self) -> Array:
-        """Number of inputs that the neuron of each weight sums, 1 for a bias, (size,)."""
+        """Fan-in of the neuron of each weight, 1 for a bias, (size,)."""
         parts = []
         for below, above in pairwise(self.widths):
             parts += [np.full(below * above, float(below)), np.ones(above)]
@@ -114,7 +114,7 @@ class Perceptron:
         the layers; dz_l/dW_l is the outer product of the seed with the layer's input.
 
         Args:
-            features: Inputs, (m, n_in).
+            features: Inputs, (m, n_in) [1].
             weights: (size,).
 
         Returns:
@@ -143,9 +143,9 @@ class Perceptron:
         the m inputs of (dy / dz_o) x_j: see `linearized`, where it is multiplied out.
 
         Args:
-            features: Inputs, (m, n_in).
+            features: Inputs, (m, n_in) [1].
             weights: (size,).
-            readout: (n_y, m n_out).
+            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
 
         Returns:
             (m, n_out); x of each layer, (m, in); dy / dz of each layer, (m, out, n_y).
@@ -165,9 +165,9 @@ class Perceptron:
         """Derivative of y = readout . outputs for the inputs, (n_y, m, n_in).
 
         Args:
-            features: Inputs, (m, n_in).
+            features: Inputs, (m, n_in) [1].
             weights: (size,).
-            readout: (n_y, m n_out).
+            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
         """
         _, _, seeds = self.sensitivities(features, weights, readout)
         matrix, _ = next(self._layers(weights))

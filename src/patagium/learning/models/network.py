@@ -24,9 +24,9 @@ class Encoding(NamedTuple):
     """Samples as the weights meet them: N samples, or one (no leading axis).
 
     Attributes:
-        features: Inputs of the perceptron, ([N,] m, n_in).
-        readout: From its outputs to y, ([N,] n_y, m n_out).
-        offset: Added to y, (n_y,).
+        features: Inputs of the perceptron, ([N,] m, n_in) [1].
+        readout: Matrix from its outputs to y, ([N,] n_y, m n_out) [unit of y].
+        offset: Vector added to y, (n_y,) [unit of y].
     """
 
     features: Array
@@ -41,7 +41,7 @@ class FlightTerms(NamedTuple):
         acceleration: Whether the measured inputs are [q, v, a], and not [q, v].
         added_mass: Whether y holds the force of the air carried along.
         strip_forces: Matrix from the strip forces in world axes, x y z of one strip after the
-            other, to y, (n_y, 3 n_strips); None where y are generalized forces.
+            other, to y, (n_y, 3 n_strips) [unit of y / N]; None where y is a generalized force.
     """
 
     acceleration: bool = False
@@ -82,7 +82,7 @@ class Network(Protocol):
 
     @property
     def fan_in(self) -> Array:
-        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
         ...
 
     @property
@@ -112,7 +112,7 @@ class Network(Protocol):
 
         Args:
             encoding: Of N samples.
-            weights: (n,).
+            weights: Weights, (n,).
         """
         ...
 
@@ -130,20 +130,20 @@ class Network(Protocol):
 
         Args:
             encoding: Of one sample.
-            weights: (n,).
+            weights: Weights, (n,).
         """
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Description from which the network is made again, as JSON values."""
+        """Description of the network that rebuilds it, as JSON-able values."""
         ...
 
     def __call__(self, x: ArrayLike, weights: ArrayLike) -> Array:
         """y of one x, (n_y,) in the unit of y.
 
         Args:
-            x: Input, (n_x,).
-            weights: (n,).
+            x: Input, (n_x,) [units of x].
+            weights: Weights, (n,).
 
         Raises:
             ShapeError: If an argument has another shape.
@@ -157,8 +157,8 @@ class Network(Protocol):
         """y of many x, (N, n_y) in the unit of y.
 
         Args:
-            x: Inputs, (N, n_x).
-            weights: (n,).
+            x: Inputs, (N, n_x) [units of x].
+            weights: Weights, (n,).
 
         Raises:
             ShapeError: If an argument has another shape.
@@ -201,7 +201,7 @@ class GroupedNetwork(Network):
 
     @property
     def fan_in(self) -> Array:
-        """Number of inputs that the neuron of each weight sums; 1 for a bias or a number, (n,)."""
+        """Fan-in of the neuron of each weight, 1 for a bias or a number, (n,)."""
         return self._groups.fan_in
 
 

@@ -2,9 +2,9 @@
 
     y = offset + readout(x) . vec(mlp(features(x); W))
 
-Physics sits in the encoder and in the readout, which depend on x alone; only the
-perceptron holds weights. It is evaluated for m items (the strips of a wing, or one),
-so that what holds for one item holds for all. Neglected: physics with weights of its own.
+The physics is in the encoder and in the readout, which depend on x alone; only the perceptron
+has weights. It is evaluated for m items (the strips of a wing, or one), all with the same
+weights.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class PerceptronNetwork(Network):
 
     @property
     def fan_in(self) -> Array:
-        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
         return self.perceptron.fan_in
 
     def initial(self, seed: int) -> Array:

@@ -1,8 +1,9 @@
-"""Physical parameters as weights: what they are called, their units, how far they may be off.
+"""Physical parameters as weights: their names, units and prior standard deviations.
 
-A weight counts prior deviations from where a parameter starts; of a parameter that cannot be
-negative it is the logarithm that is counted, so that no update takes it below zero. Neglected:
-limits that depend on other parameters, such as stall that begins before it is complete.
+A weight is the distance of a parameter from its start in prior standard deviations. For a
+parameter that cannot be negative, the weight measures its logarithm, so that no update takes
+the parameter below zero. Neglected: limits that depend on other parameters, such as stall that
+begins before it is complete.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _PLAIN = {"1": "", "1/semichord": "", "semichords": "", "N s/m or N m s": ""}
 
 
 class Estimate(NamedTuple):
-    """A physical parameter as it is known.
+    """A physical parameter with its value and standard deviation.
 
     Attributes:
         name: Such as `section.lift_slope`, or `left_wing[0].chord`.
@@ -97,11 +98,11 @@ class PhysicalParameter(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """Factor of the weight: standard deviation of the parameter or of its logarithm."""
+        """Standard deviation of the parameter, or of its logarithm: a weight of one."""
         return self.std / self.prior if self.positive else self.std
 
     def estimate(self, weight: float, variance: float = float("nan")) -> Estimate:
-        """Estimate of the parameter at a weight, linear in its standard deviation.
+        """Estimate at a weight, its standard deviation to first order.
 
         Args:
             weight: In prior deviations.
@@ -128,7 +129,7 @@ class PhysicalNetwork(Network, Protocol):
         """Physical parameters among the weights, with their standard deviations.
 
         Args:
-            weights: (n,).
+            weights: Weights, (n,).
             variances: Of the weights, (n,); None: not known.
         """
         ...
@@ -153,7 +154,7 @@ def physical_estimates(
 
     Args:
         network: With physical parameters or without.
-        weights: (n,).
+        weights: Weights, (n,).
         variances: Of the weights, (n,); None: not known.
     """
     if not hasattr(network, "estimates"):
@@ -174,7 +175,7 @@ def unit_of(name: str) -> str:
 
 
 def written_unit(name: str) -> str:
-    """Unit as written behind a number; empty for pure numbers.
+    """Unit of a parameter as text behind a number; empty for pure numbers.
 
     Args:
         name: Of the parameter.
@@ -247,7 +248,7 @@ def process_stds(parameters: Sequence[PhysicalParameter], wandering: Mapping[str
 def changed_air(
     model: Aerodynamics, added_mass: AddedMass | None, estimates: Sequence[Estimate]
 ) -> tuple[Aerodynamics, AddedMass | None]:
-    """Model of the air of the same robot with other numbers.
+    """Model of the air and its robot with other numbers.
 
     Args:
         model: The model of the air.
@@ -300,12 +301,12 @@ def _examples(robot: Robot) -> str:
 
 
 def _last(name: str) -> str:
-    """Last part of a parameter's name."""
+    """Last part of a parameter's name, without its index."""
     return re.sub(r"\[\d+\]$", "", name.rpartition(".")[2])
 
 
 def inertial(names: Sequence[str], robot: Robot) -> bool:
-    """Whether one of them changes what the robot's own motion takes: masses, and where they are.
+    """Whether a parameter changes the robot's own inertia or weight.
 
     Args:
         names: Of parameters.

@@ -1,6 +1,6 @@
 """Centers and scales of a network's inputs and outputs: physical units stay outside.
 
-Neglected: scales that follow the samples; they are fixed when the network is made.
+Scales are fixed when the network is made; they do not follow the samples.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def center_of(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def scale_of(name: str, value: ArrayLike, size: int) -> Array:
-    """Scale of positive numbers, (size,).
+    """A scalar or vector as a read-only vector of positive numbers, (size,).
 
     Raises:
         ShapeError: If it is neither scalar nor (size,).

@@ -1,9 +1,9 @@
-"""A network that knows the robot and how air pushes on strips, but not the section's polar.
+"""A network that knows the robot and the loads on strips, but not the polar of a section.
 
 The perceptron maps the direction of the local flow of a strip to two section
 coefficients, and is the same for every strip of every wing; speed, density, area and
-geometry are known. Neglected: what a strip does not see of its own flow (history,
-neighbors, Reynolds number), forces on anything but strips, section moments.
+geometry are known. Neglected: history of the flow, neighboring strips, Reynolds number,
+forces on anything but strips, section moments.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ Array = NDArray[np.float64]
 Measured = Sequence[str] | ArrayLike | None
 
 _COEFFICIENTS = 2
-_GAIN = 3.0  # of the direction: neurons then bend within the incidences a wing meets
-_PARTING, _PARTING_WIDTH = 0.4, 0.1  # how far, and how steeply, above and below are parted
+_GAIN = 3.0  # of the direction, so that neurons saturate outside of the usual incidences
+_SIDE, _SIDE_WIDTH = 0.4, 0.1  # distance of flow from above and below, and its steepness
 
 
 class StripNetwork(WingNetwork):
     """Section coefficients learned, the rest known: y = sum_i B_i(q) 1/2 rho A_i |v_i|^2 c_i.
 
     v_i = (forward, normal) is the velocity of the strip's force point relative to the air,
-    (f, n) = v_i / |v_i| its direction, c_i = scale * mlp(parted(f, n); W) the section's force
+    (f, n) = v_i / |v_i| its direction, c_i = scale * mlp(g(f, n); W) the section's force
     coefficients forward and normal, B_i the transposed Jacobian of the force point. That is
     a quarter chord ahead of mid-chord, behind it where the strip moves backward
     (`smooth_sign`, as `QuasiSteady`); |v| in the direction is smoothed near zero.
     Mirrored wings share the perceptron through their mirrored axes. x is the state [q, v].
 
-        parted(f, n) = 3 (f (1 + 0.4 n / sqrt(n^2 + 0.1^2)), n)
+        g(f, n) = 3 (f (1 + 0.4 n / sqrt(n^2 + 0.1^2)), n)
 
-    is the circle of directions with its two crossings of the chord line drawn apart along
-    f: coefficients change fastest there (a section answers flow from above and from below
-    with different sides), while n stays as it is for sections that do not care.
+    is the circle of directions with its two crossings of the chord line moved apart along f.
+    Coefficients change fastest there, because a section meets flow from above and from below
+    with different sides.
 
     Args:
         robot: The machine; its numbers are taken as they are.
@@ -163,7 +163,7 @@ class StripNetwork(WingNetwork):
             square = ca.sumsqr(flow)
             speed = smooth_norm(square)
             turn = [strip.chord * motion.pitch_rate / speed] if self.rotation else []
-            seen.append(ca.vertcat(parted(flow / speed), *turn))
+            seen.append(ca.vertcat(direction_inputs(flow / speed), *turn))
             force = pressure * strip.chord * strip.width * square / 2 * coefficients[:, number]
             loads.append(StripLoad(motion, force[0], force[1], ahead, ca.SX(0)))
         air = assemble(robot, q, loads, ca.SX(0, 1))
@@ -177,15 +177,15 @@ class StripNetwork(WingNetwork):
         return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
 
 
-def parted(direction: ca.SX) -> ca.SX:
-    """The circle of directions, its crossings of the chord line drawn apart, (2, 1).
+def direction_inputs(direction: ca.SX) -> ca.SX:
+    """Inputs of the perceptron for a direction of flow, (2, 1) [1].
 
     Args:
-        direction: Forward and normal, of length one, (2, 1).
+        direction: Forward and normal part, of length one, (2, 1) [1].
     """
     forward, normal = direction[0], direction[1]
-    side = normal / ca.sqrt(normal**2 + _PARTING_WIDTH**2)
-    return _GAIN * ca.vertcat(forward * (1 + _PARTING * side), normal)
+    side = normal / ca.sqrt(normal**2 + _SIDE_WIDTH**2)
+    return _GAIN * ca.vertcat(forward * (1 + _SIDE * side), normal)
 
 
 def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Array | None]:

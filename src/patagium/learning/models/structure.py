@@ -1,9 +1,8 @@
-"""Groups of weights that vary together: all weights, a layer, a neuron, or low rank.
+"""Blocks of weights whose covariance a learner keeps: all weights, layers or neurons.
 
 Full: every pair of weights. Layer: pairs within a layer. Node: pairs within a neuron, its
 bias included. Low rank: the inverse of a diagonal plus a product of few columns. After each
-sample the covariance of the filter over all weights is found and what the structure keeps
-of it is kept. Neglected: structure chosen by what the samples excite.
+sample the covariance over all weights is computed, and the part in the structure is kept.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Layered(Protocol):
 
     @property
     def fan_in(self) -> NDArray[np.float64]:
-        """Number of inputs that the neuron of each weight sums, 1 for a bias, (n,)."""
+        """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
         ...
 
     @property
@@ -49,7 +48,7 @@ class WeightGroups(NamedTuple):
 
     Attributes:
         size: Number of weights, n.
-        fan_in: How many inputs the neuron of each weight sums, 1 for a bias or a number, (n,).
+        fan_in: Fan-in of the neuron of each weight, 1 for a bias or a number, (n,) [1].
         neurons: Weights of each neuron in rising order, layer by layer.
     """
 

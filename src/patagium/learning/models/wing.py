@@ -68,7 +68,7 @@ class RobotNetwork(Network):
         return self._perceptron.widths[1:-1]
 
     def describe(self) -> dict[str, Any]:
-        """Description from which the network is made again, as JSON values."""
+        """Description of the network that rebuilds it, as JSON-able values."""
         values = {name: _described(value) for name, value in self._arguments().items()}
         return {"kind": self.kind, **values, "robot": self.robot.source}
 
@@ -144,7 +144,7 @@ class WingNetwork(RobotNetwork, PerceptronNetwork):
 
 
 def _described(value: Any) -> Any:
-    """An argument of a network as a JSON-able value; a robot is left as it is."""
+    """An argument of a network as a JSON-able value, but for a robot."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, tuple):
