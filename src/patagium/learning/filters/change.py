@@ -1,4 +1,4 @@
-"""Has the air or the wing changed? The last innovations against those before them.
+"""Test for changes of the air or the wing: recent innovations against those before them.
 
 The normalized innovation squared e' P_yy^-1 e of a sample with m channels is chi-square with
 m degrees of freedom where the filter is right. Its mean over a window, over its mean over a
@@ -22,7 +22,7 @@ _LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
 
 
 class ChangeMonitor:
-    """The running test of one learner: the twin of `watch` in `kernels/screening.h`.
+    """Running test of one learner, in NumPy as `watch` in `kernels/screening.h`.
 
     Args:
         detection: What it tests for; None: nothing.
@@ -40,11 +40,11 @@ class ChangeMonitor:
 
     @property
     def alarm(self) -> bool:
-        """Whether a change was found and nobody has said that it was dealt with."""
+        """Whether a change was found and `settle` was not called since."""
         return bool(self.whole[_ALARM])
 
     def settle(self) -> None:
-        """The alarm was dealt with."""
+        """Take back the alarm: the learner has acted on it."""
         self.whole[_ALARM] = 0
 
     def alarmed_by(self, nis: float, channels: int) -> bool:
@@ -80,7 +80,10 @@ class ChangeMonitor:
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:
-    """What F exceeds at that rate: P(F > x) = I_u(d2 / 2, d1 / 2), u = d2 / (d2 + d1 x)."""
+    """Quantile of F at the false alarm rate.
+
+    P(F > x) = I_u(d2 / 2, d1 / 2) with u = d2 / (d2 + d1 x).
+    """
     window, reference = detection.window * channels, detection.reference * channels
     share = float(betaincinv(reference / 2, window / 2, detection.false_alarm_rate))
     return reference * (1 - share) / (window * share)

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class FilterNumbers(NamedTuple):
-    """Numbers of a filter over the weights of a network, beside its state.
+    """Numbers of a filter over the weights of a network; its state is kept elsewhere.
 
     Attributes:
         network: Network whose weights are estimated.

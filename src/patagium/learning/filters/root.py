@@ -1,7 +1,4 @@
-"""Square roots of covariances, S S' = P: how a measurement changes them, and how time does.
-
-Neglected: structure of P; it is dense.
-"""
+"""Square roots of dense covariances, S S' = P, after a measurement and after time has passed."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class MatrixLost(Exception):
-    """A matrix of the filter that is not positive definite or not finite; stays inside.
+    """Matrix of the filter that is not positive definite or not finite; stays inside.
 
     Args:
         outcome: Which of the two.
@@ -69,7 +66,7 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
 
 
 def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
-    """The same with S lower triangular again: the Cholesky factor of the new P.
+    """Cholesky factor of the covariance after a measurement.
 
     A rotation from the right, S Q' with Q from the QR factors of S', changes no P; of order
     n^3. The compiled kernel reaches the same S in order n^2 n_y, column by column.
@@ -92,7 +89,7 @@ def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, 
 
 
 def triangular(root: Array) -> Array:
-    """The lower triangular square root of the same covariance, its diagonal at least zero.
+    """Lower triangular square root of the same covariance, its diagonal at least zero.
 
     Args:
         root: S, any square root, (n, n).
@@ -103,7 +100,7 @@ def triangular(root: Array) -> Array:
 
 
 def with_noise(root: Array, noise: Array) -> Array:
-    """The square root of S S' + diag(noise), (n, n): of order n^3.
+    """Square root of S S' + diag(noise), (n, n): of order n^3.
 
     Args:
         root: S, (n, n).

@@ -1,10 +1,10 @@
-"""A sample on its way into a filter of weights: what of it is believed, and how much.
+"""Screening of samples: outliers, stuck and missing channels, late samples, noise.
 
 A channel that is no number is left out: the others are learned from as if it were not there.
 With `Screening`, so is one that moved before and now repeats one value; and an innovation beyond
 a limit has its noise raised until it lies at the limit. With `NoiseEstimation` the
 variances of the measurement follow the innovations. Samples that are late are refused. Whatever
-happens is counted. The readable twin of `kernels/screening.h`; both work on the same arrays.
+happens is counted. `kernels/screening.h` does the same in C on the same arrays.
 Neglected: channels that fail together in a way that each of them looks right.
 """
 
@@ -47,7 +47,7 @@ _MARKS = ("still", "moved", "left_out")
 
 
 class Screened(NamedTuple):
-    """A sample as it is learned from.
+    """Sample as it is learned from.
 
     Attributes:
         moments: Of y, without the channels left out and with the noise of those doubted.
@@ -59,7 +59,7 @@ class Screened(NamedTuple):
 
 
 class Screen:
-    """What screening remembers between samples: arrays that the compiled filters share.
+    """Memory of the screening between samples: arrays that the kernels share.
 
     Args:
         noise: Variances of the measurement to start from, (n_y,).
@@ -94,7 +94,7 @@ class Screen:
 
     @property
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """All it remembers, by name."""
+        """Arrays of the memory, by name."""
         return {
             "numbers": self.numbers,
             "whole": self.whole,
@@ -105,7 +105,7 @@ class Screen:
         }
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Remember what another one did.
+        """Take over the memory of another screening.
 
         Args:
             arrays: Its `arrays`.
@@ -119,12 +119,12 @@ class Screen:
 
     @property
     def events(self) -> dict[str, int]:
-        """How often each event happened."""
+        """Number of each event."""
         return dict(zip(EVENTS, self.counts.tolist(), strict=True))
 
     @property
     def variances(self) -> Array:
-        """Of the measurement at the mean load, (n_y,)."""
+        """Variances of the measurement at the mean load, (n_y,) [y^2]."""
         if self.share == 0:
             return self.parts["noise"].copy()
         return self.parts["steady"] + self.parts["loaded"]
@@ -136,10 +136,10 @@ class Screen:
 
     @contextmanager
     def noisier(self, variance: Array) -> Iterator[None]:
-        """More noise of the measurement for one sample, on top of what is known or estimated.
+        """Context in which a sample has more noise of the measurement.
 
         Args:
-            variance: Of it, (n_y,).
+            variance: Variance added, (n_y,) [y^2].
         """
         place = self.stated if self.share else self.parts["noise"]
         before = place.copy()
@@ -154,7 +154,7 @@ class Screen:
         self.counts[EVENTS.index(event)] += 1
 
     def admit(self) -> Outcome:
-        """Whether the sample, by the stamp in `numbers`, is later than the one before."""
+        """Outcome of the time stamp in `numbers`: COMPLETED if it is later than the one before."""
         stamp, last, late = self.numbers[:3]
         if isnan(stamp):
             return Outcome.COMPLETED
@@ -188,7 +188,7 @@ class Screen:
         return parts["noise"].copy()
 
     def screened(self, found: Moments, measured: Array) -> Screened | None:
-        """The sample as it is learned from; None where nothing of it is left.
+        """Sample as it is learned from; None where no channel is left.
 
         Args:
             found: Moments of y before it was measured.
@@ -210,7 +210,7 @@ class Screen:
         return Screened(Moments(found.mean, slopes, remainder), innovation)
 
     def learned(self, gain: Array, inverse: Array, nis: float) -> None:
-        """Variances and the test for changes after a sample.
+        """Update the variances and the test for changes after a sample.
 
         Args:
             gain: P_yy^-1 e, (n_y,).

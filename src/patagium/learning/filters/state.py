@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:
-    """An array of a state in double precision, C-contiguous.
+    """Array of a state in double precision, C-contiguous.
 
     Args:
         state: Arrays by name.
@@ -54,7 +54,7 @@ def arrays_like(
 
 
 def part(state: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """What of a state has a prefix, without it.
+    """Part of a state whose names have a prefix, without it.
 
     Args:
         state: Values by name.
@@ -97,7 +97,7 @@ def unpacked(values: Array, sizes: Sequence[int]) -> list[Array]:
 
 
 def symmetric(lower: Array) -> Array:
-    """A symmetric matrix from its lower triangle, (k, k).
+    """Symmetric matrix from its lower triangle, (k, k).
 
     Args:
         lower: The triangle, zeros above it.

@@ -54,7 +54,7 @@ class WeightCovariance(Protocol):
         ...
 
     def arrays(self) -> tuple[str, dict[str, Array]]:
-        """What is kept of P, by a word, and the arrays it consists of."""
+        """Name of the structure, and its arrays."""
         ...
 
 
@@ -165,11 +165,11 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
 def covariance_of_state(
     weights: Layered, structure: Structure, state: Mapping[str, Array]
 ) -> WeightCovariance:
-    """What a filter keeps of the covariance of its weights.
+    """Covariance of the weights from the state of a filter.
 
     Args:
         weights: Whose, a network or the part of it with weights.
-        structure: What is kept.
+        structure: Covariance structure.
         state: Of the filter, between two samples; its arrays are left alone.
     """
     if isinstance(structure, LowRank):
@@ -187,12 +187,12 @@ def covariance_of_state(
 
 
 def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> WeightCovariance:
-    """Inverse of `WeightCovariance.arrays`.
+    """Covariance from the arrays of `WeightCovariance.arrays`.
 
     Args:
         weights: Whose, a network or the part of it with weights.
-        kind: What is kept.
-        arrays: Of which it consists.
+        kind: Name of the structure.
+        arrays: Arrays by name.
 
     Raises:
         KeyError: If an array is missing.

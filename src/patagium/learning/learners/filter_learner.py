@@ -18,12 +18,12 @@ from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
-from patagium.learning.filters.screening import REFUSALS
+from patagium.learning.filters.screening import REFUSALS, Screen
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
-    Saved,
+    OnlineLearner,
     Stopwatch,
     as_input,
     diverged,
@@ -41,7 +41,7 @@ from patagium.learning.settings import (
 Array = NDArray[np.float64]
 
 
-class FilterLearner(Saved):
+class FilterLearner(OnlineLearner):
     """Estimate of weights with a covariance, moved by one sample at a time.
 
     A subclass names the kind of the learner. Its constructor takes a record of settings and,
@@ -81,16 +81,16 @@ class FilterLearner(Saved):
         chosen = chosen_settings(self.kind, settings, given)
         numbers = filter_numbers(network, chosen, self.kind)
         self.settings, self.memory = compact_settings(numbers), memory_of(network)
-        self._network, self._seed, self._numbers = network, seed, numbers
+        super().__init__(network)
+        self._seed, self._numbers = seed, numbers
         self._filter = WeightFilter(numbers, network.initial(seed))
-        self._stopwatch = Stopwatch()
         self._changes: list[int] = []
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
 
     @property
-    def network(self) -> Network:
-        """The network whose weights are learned."""
-        return self._network
+    def _screen(self) -> Screen:  # type: ignore[override]
+        """Screening of the filter, which a copy of the filter makes anew."""
+        return self._filter.screen
 
     @property
     def weights(self) -> Array:
@@ -123,35 +123,14 @@ class FilterLearner(Saved):
         return tuple(self._changes)
 
     @property
-    def events(self) -> dict[str, int]:
-        """Number of samples of each event so far.
-
-        Channels of samples: missing (no number), outliers (doubted, or too far off to be
-        looked at), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets
-        (a clock that went back was believed), blind (no channel left), refused (the filter could
-        not be moved by it); changes (the covariance was opened anew).
-        """
-        return self._filter.screen.events
-
-    @property
     def measurement_std(self) -> Array:
         """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y]."""
-        return np.sqrt(self._filter.screen.variances)
+        return np.sqrt(self._screen.variances)
 
     @property
     def innovation_covariance(self) -> Array:
         """P_yy of the last sample learned, before it was used or doubted, (n_y, n_y)."""
         return self._innovation_covariance
-
-    @property
-    def count(self) -> int:
-        """Samples learned."""
-        return self._stopwatch.count
-
-    @property
-    def time_per_update(self) -> float:
-        """Median wall-clock time of an update, all in [s]; NaN before the first."""
-        return self._stopwatch.median
 
     @renamed_arguments(deviation="std")
     def predict(self, x: ArrayLike, std: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -225,7 +204,7 @@ class FilterLearner(Saved):
             self._refuse(outcome, sample, measured)
             return np.full(len(measured), np.nan)
         self._innovation_covariance = prediction.covariance
-        self._heed_alarm(self.count + 1)
+        self._act_on_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
         return np.where(screen.left_out, np.nan, measured - prediction.mean)
 
@@ -233,12 +212,12 @@ class FilterLearner(Saved):
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
         if std is None:
             return nullcontext()
-        added, shape = np.asarray(std, float), self._filter.screen.stated.shape
+        added, shape = np.asarray(std, float), self._screen.stated.shape
         if added.shape != shape:
             raise ShapeError("std", shape, added.shape)
         if (added < 0).any() or np.isinf(added).any():
             raise ParameterError("std", "zero or more", added.tolist())
-        return self._filter.screen.noisier(np.nan_to_num(added) ** 2)
+        return self._screen.noisier(np.nan_to_num(added) ** 2)
 
     @property
     def compiled(self) -> Compiled | None:
@@ -266,10 +245,10 @@ class FilterLearner(Saved):
                 screen.note("refused")
         if compiled is not None and learned[-1:].any():
             self._innovation_covariance = compiled.covariance.copy()
-        self._heed_alarm(self.count)
+        self._act_on_alarm(self.count)
 
-    def _heed_alarm(self, sample: int) -> None:
-        monitor = self._filter.screen.monitor
+    def _act_on_alarm(self, sample: int) -> None:
+        monitor = self._screen.monitor
         if monitor.detection is not None and monitor.alarm:
             monitor.settle()
             self._changes.append(sample)
@@ -313,17 +292,13 @@ class FilterLearner(Saved):
         structure = self.settings.covariance
         return covariance_of_state(self._network, structure, self._filter.state())
 
-    def restart_clock(self) -> None:
-        """Take the next sample by whatever clock it comes: another log begins."""
-        self._filter.screen.restart_clock()
-
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
         kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
         kept["innovation_covariance"] = self._innovation_covariance.copy()
         kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
         kept |= {} if self.memory is None else self.memory.state()
-        return kept | {f"screen_{name}": a.copy() for name, a in self._filter.screen.arrays.items()}
+        return kept | {f"screen_{name}": a.copy() for name, a in self._screen.arrays.items()}
 
     def resume(self, state: Mapping[str, Any]) -> None:
         """Go on from a state; wall-clock times of updates begin anew.
@@ -337,11 +312,11 @@ class FilterLearner(Saved):
         """
         outputs = self._network.outputs
         covariance = vector(state, "innovation_covariance", outputs, outputs)
-        seen = arrays_like(self._filter.screen.arrays, part(state, "screen_"))
+        seen = arrays_like(self._screen.arrays, part(state, "screen_"))
         changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
         if self.memory is not None:
             self.memory.resume(state)
         self._filter.resume(part(state, "filter_"))
-        self._filter.screen.restore(seen)
+        self._screen.restore(seen)
         self._innovation_covariance, self._changes = covariance, changes
         self._stopwatch = stopwatch

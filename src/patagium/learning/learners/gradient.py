@@ -19,7 +19,7 @@ from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen, usable_channels
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.learners.learner import (
-    Saved,
+    OnlineLearner,
     Stopwatch,
     as_input,
     diverged,
@@ -36,7 +36,7 @@ _SCATTER_DECAY = 0.99
 _MEMORY = 4096  # samples kept for replay
 
 
-class GradientLearner(Saved):
+class GradientLearner(OnlineLearner):
     """Adam over the weights of a network, one step a sample, with or without replay.
 
     g = sum over the sample and those replayed of (y(W) - y)' A^-2 dy/dW, A the running
@@ -66,7 +66,8 @@ class GradientLearner(Saved):
     ) -> None:
         chosen: GradientSettings = chosen_settings("gradient", settings, given)
         check_needed("gradient", chosen)
-        self.settings, self._network, self._seed = chosen, network, seed
+        super().__init__(network)
+        self.settings, self._seed = chosen, seed
         self._replay, self._rate = chosen.replay, float(chosen.learning_rate or 0.0)
         self._weights = network.initial(seed)
         self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
@@ -74,14 +75,8 @@ class GradientLearner(Saved):
         self._power = np.zeros(network.outputs)
         self._memory: list[tuple[Array, Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
-        self._stopwatch = Stopwatch()
         self._screen = Screen(np.ones(network.outputs))
         self.memory = memory_of(network)
-
-    @property
-    def network(self) -> Network:
-        """The network whose weights are learned."""
-        return self._network
 
     @property
     def weights(self) -> Array:
@@ -97,21 +92,6 @@ class GradientLearner(Saved):
     def variances(self) -> None:
         """None, as there is no covariance."""
         return None
-
-    @property
-    def events(self) -> dict[str, int]:
-        """Number of samples of each event; see `screening.EVENTS`."""
-        return self._screen.events
-
-    @property
-    def count(self) -> int:
-        """Samples learned."""
-        return self._stopwatch.count
-
-    @property
-    def time_per_update(self) -> float:
-        """Median wall-clock time of an update, all in [s]; NaN before the first."""
-        return self._stopwatch.median
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x, and the running mean square of the innovations.
@@ -182,10 +162,6 @@ class GradientLearner(Saved):
             **asdict(self.settings),
             "seed": self._seed,
         }
-
-    def restart_clock(self) -> None:
-        """Take the next sample by whatever clock it comes: another log begins."""
-        self._screen.restart_clock()
 
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""

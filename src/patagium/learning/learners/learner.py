@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
+from patagium.learning.filters.screening import Screen
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.network import Network
 
@@ -95,32 +96,6 @@ class Resumable(Learner, Protocol):
         ...
 
 
-class Saved:
-    """Mixin of a learner that keeps itself in a file."""
-
-    def describe(self) -> dict[str, Any]:
-        """Network and settings as JSON-able values; not what was learned."""
-        raise NotImplementedError
-
-    def state(self) -> dict[str, Any]:
-        """Values that the next samples depend on: arrays and JSON-able values by name."""
-        raise NotImplementedError
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
-
-        Args:
-            path: File, replaced whole or not at all; folders are made.
-
-        Returns:
-            The path.
-
-        Raises:
-            OSError: If it cannot be written; the file is then as it was.
-        """
-        return write_state(path, self.describe(), self.state())
-
-
 class Stopwatch:
     """Durations of updates, in nanoseconds; the last 2^16 are kept.
 
@@ -148,6 +123,73 @@ class Stopwatch:
         else:
             self._durations[self._count % _KEPT] = nanoseconds
         self._count += 1
+
+
+class OnlineLearner:
+    """Base of the learners: network, counts, events and file.
+
+    A subclass has a `Screen` in `_screen`, and gives `describe` and `state`.
+
+    Args:
+        network: Network whose weights are learned.
+    """
+
+    _screen: Screen
+
+    def __init__(self, network: Network) -> None:
+        self._network, self._stopwatch = network, Stopwatch()
+
+    @property
+    def network(self) -> Network:
+        """Network whose weights are learned."""
+        return self._network
+
+    @property
+    def events(self) -> dict[str, int]:
+        """Events of the samples so far, and their number.
+
+        Channels of samples: missing (no number), outliers (down-weighted, or too far off to be
+        used), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets (a clock
+        that went back was believed), blind (no channel left), refused (the filter could not be
+        moved by it), changes (the covariance was opened anew).
+        """
+        return self._screen.events
+
+    @property
+    def count(self) -> int:
+        """Number of samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update [s]; NaN before the first."""
+        return self._stopwatch.median
+
+    def restart_clock(self) -> None:
+        """Take the next sample whatever its time stamp: another log begins."""
+        self._screen.restart_clock()
+
+    def describe(self) -> dict[str, Any]:
+        """Network and settings as JSON-able values; not what was learned."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, Any]:
+        """Values that the next samples depend on: arrays and JSON-able values by name."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: File, replaced whole or not at all; folders are made.
+
+        Returns:
+            The path.
+
+        Raises:
+            OSError: If it cannot be written; the file is then as it was.
+        """
+        return write_state(path, self.describe(), self.state())
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:

@@ -27,7 +27,7 @@ from patagium.learning.filters.state import (
 )
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
 from patagium.learning.learners.learner import (
-    Saved,
+    OnlineLearner,
     Stopwatch,
     as_input,
     diverged,
@@ -41,7 +41,7 @@ from patagium.learning.settings import LinearSettings, check_needed, chosen_sett
 Array = NDArray[np.float64]
 
 
-class LinearLearner(Saved):
+class LinearLearner(OnlineLearner):
     """Recursive least squares with forgetting.
 
     With f the features, all outputs in their scales and r their deviation:
@@ -64,6 +64,8 @@ class LinearLearner(Saved):
         Ljung (1999), System Identification, section 11.2.
     """
 
+    _network: LinearNetwork
+
     def __init__(
         self,
         network: DenseNetwork,
@@ -75,7 +77,7 @@ class LinearLearner(Saved):
         chosen: LinearSettings = chosen_settings("linear", settings, given)
         check_needed("linear", chosen)
         self.settings = chosen
-        self._network = LinearNetwork(network, chosen.features, seed)
+        super().__init__(LinearNetwork(network, chosen.features, seed))
         self._std = scale_of("measurement_std", np.asarray(chosen.measurement_std), network.outputs)
         self._prior = float(np.asarray(chosen.prior_std))
         self._forgetting = float(chosen.forgetting_factor)
@@ -83,7 +85,6 @@ class LinearLearner(Saved):
         count = self._network.perceptron.widths[0] + 1
         self._slopes = np.zeros((count, network.outputs))
         self._spread = np.eye(count) * self._prior**2
-        self._stopwatch = Stopwatch()
         self._screen = Screen(self._std**2)
 
     @property
@@ -111,21 +112,6 @@ class LinearLearner(Saved):
         """Diagonal of that covariance, (n,)."""
         each, outputs = np.diagonal(self._spread), self._slopes.shape[1]
         return np.concatenate([np.tile(each[:-1], outputs), np.full(outputs, each[-1])])
-
-    @property
-    def events(self) -> dict[str, int]:
-        """Number of samples of each event; see `screening.EVENTS`."""
-        return self._screen.events
-
-    @property
-    def count(self) -> int:
-        """Samples learned."""
-        return self._stopwatch.count
-
-    @property
-    def time_per_update(self) -> float:
-        """Median wall-clock time of an update, all in [s]; NaN before the first."""
-        return self._stopwatch.median
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made.
@@ -196,10 +182,6 @@ class LinearLearner(Saved):
         """The covariance by outputs, each that of the features' weights."""
         parts = [self._spread] * self._network.outputs
         return block_covariance(self._network, "node", parts)
-
-    def restart_clock(self) -> None:
-        """Take the next sample by whatever clock it comes: another log begins."""
-        self._screen.restart_clock()
 
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
