@@ -251,17 +251,19 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
 def _chosen(found: dict[str, Any]) -> LearnerChoice:
     """Choice of the values of `_options`; a file of settings gives what was not given."""
     path = found.pop("settings", None)
-    names = {"network": "network", "hidden": "hidden", "activation": "activation"}
-    names |= {"learner": "kind", "seed": "seed"}
-    shape = {new: found[old] for old, new in names.items() if found[old] is not None}
+    given = {name: value for name, value in found.items() if value is not None}
+    shape: dict[str, Any] = {}
+    shape |= {name: given[name] for name in ("network", "hidden", "seed") if name in given}
+    words = {"activation": "activation", "learner": "kind"}
+    shape |= {new: str(given[old]) for old, new in words.items() if old in given}
     settings = {}
     for word, dotted, one in setting_options():
-        value = found[word.replace("-", "_")]
-        for old in (old for old, new in OLD_NAMES.items() if new == one.name):
-            if found[old] is not None:
-                words = f"--{old.replace('_', '-')} is called --{word}; the old name goes with 0.3"
-                typer.echo(f"patagium: {words}", err=True)
-                value = found[old] if value is None else value
+        value = given.get(word.replace("-", "_"))
+        for old in (old for old, new in OLD_NAMES.items() if new == one.name and old in given):
+            old_word = f"--{old.replace('_', '-')}"
+            message = f"{old_word} is called --{word}; the old name goes with 0.3"
+            typer.echo(f"patagium: {message}", err=True)
+            value = given[old] if value is None else value
         if value is not None:
             settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
     choice = LearnerChoice(settings=settings, given=bool(shape or settings or path), **shape)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import patagium
-from patagium.cli.learner_options import setting_options
+from patagium.cli.learner_options import LearnerChoice, setting_options, with_learner_options
+from patagium.cli.main import run
+from patagium.cli.words import Numbers
 from patagium.learning.settings import OLD_NAMES, leaves
 from patagium.learning.settings_table import settings_table
 
@@ -127,3 +132,28 @@ def test_no_other_module_lists_settings() -> None:
 def test_the_page_of_settings_is_the_table_of_the_record() -> None:
     page = (DOCS / "settings.md").read_text("utf-8")
     assert settings_table() in page, "write settings_table() into docs/settings.md"
+
+
+@pytest.mark.parametrize("old", OLD_NAMES)
+def test_an_old_option_works_is_hidden_and_warns(
+    old: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    word = f"--{old.replace('_', '-')}"
+    with pytest.raises(SystemExit):
+        run(["identify", "--help"])
+    assert word not in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        run(["identify", str(tmp_path / "none.nc"), word, "3.0"])
+    assert f"{word} is called --{OLD_NAMES[old].replace('_', '-')}" in capsys.readouterr().err
+
+
+def test_an_old_option_gives_its_value_to_the_setting() -> None:
+    found = {}
+
+    @with_learner_options()
+    def verb(choice: LearnerChoice) -> None:
+        found.update(choice.settings or {})
+
+    empty = {one: None for one in inspect.signature(verb).parameters}
+    verb(**empty | {"outlier_deviation": 6.0, "prior_deviation": Numbers([0.3])})
+    assert found == {"screening.outlier_std": 6.0, "prior_std": 0.3}
