@@ -1,5 +1,8 @@
 """Networks with memory learned live, packet by packet, against the same samples as a log."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -107,6 +110,10 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
     whole, part = pipeline_of(network, robot), pipeline_of(network, robot)
     expected = whole.run(packets)
     part.run(packets[:25])
+    twins = copy.deepcopy(part.learner), pickle.loads(pickle.dumps(part.learner))
+    for twin in twins:
+        rows = Pipeline(twin, robot).run(packets[25:]).rows
+        np.testing.assert_array_equal(rows[:, :-1], expected.rows[25:, :-1])
     resumed = Pipeline(load_learner(part.learner.save(tmp_path / "state")), robot)
     found = resumed.run(packets[25:])
     np.testing.assert_array_equal(found.rows[:, :-1], expected.rows[25:, :-1])
