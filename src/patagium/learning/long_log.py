@@ -2,8 +2,8 @@
 
 Each block ends right before a sample that is used, so predictions and updates are those of one
 stream over all samples. Learner and sums are kept after every block; a run that was interrupted,
-or killed, goes on from there. Neglected: horizons across the ends of blocks, the memory of
-networks across them, and a record of every prediction: that of the last block remains.
+or killed, goes on from there. No horizon is scored across the end of a block, and of the record
+of predictions that of the last block remains.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import xarray as xr
 from patagium.errors import LogError, Outcome
 from patagium.learning.learners.learner import Resumable
 from patagium.learning.learners.registry import load_learner
+from patagium.learning.models.memory import ModelMemory
 from patagium.learning.prequential import BlockRun, Progress, Samples
 from patagium.learning.result import Identification
 from patagium.learning.schedule import used_samples
@@ -35,7 +36,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
-_FORMAT = 2  # of the file that a run goes on from
+_FORMAT = 3  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 
@@ -93,6 +94,7 @@ class _LongRun:
         self.scorer, self.held = Scorer(names, horizons), np.zeros(len(names))
         self.begin, self.last, self.gaps, self.updates = 0, float("nan"), 0, 0
         self.final: tuple[BlockRun, xr.Dataset] | None = None
+        self.memory = ModelMemory(learner.network)
         self._resume()
 
     def go(self, progress: Progress | None) -> None:
@@ -148,9 +150,10 @@ class _LongRun:
         gaps = gaps[gaps < end - begin]
         if begin and time[0] - self.last > self.record.gap * self.step:
             self.gaps += 1
+            self.memory.states = None  # it begins anew after a gap
         self.gaps += len(gaps)
         samples = Samples(time[rows], table.x[rows], table.y[rows], gaps)
-        run = BlockRun(self.learner, samples, self.every, self.scorer.horizons)
+        run = BlockRun(self.learner, samples, self.every, self.scorer.horizons, self.memory)
         run.go(None if progress is None else lambda done, _: progress(begin + done, total))
         held = persistence(samples.y, run.used, self.held)
         run.score(self.scorer, held, begin, total // 2)
@@ -179,7 +182,11 @@ class _LongRun:
         words = {"mark": self._mark(), "learner": kept.name}
         words |= {name: getattr(self, name) for name in _NUMBERS}
         content = io.BytesIO()
-        arrays: dict[str, Any] = {"held": self.held, **self.scorer.state()}
+        arrays: dict[str, Any] = {
+            "held": self.held,
+            **self.memory.state(),
+            **self.scorer.state(),
+        }
         np.savez(content, words=np.array(json.dumps(words)), **arrays)
         write_whole(self.path, content.getvalue())
         if begin:
@@ -202,6 +209,8 @@ class _LongRun:
         for name in _NUMBERS:
             setattr(self, name, words[name])
         self.held = sums.pop("held")
+        self.memory = ModelMemory(self.learner.network)
+        self.memory.resume(sums)
         self.scorer.resume(sums)
 
     def _remove(self) -> None:

@@ -121,7 +121,11 @@ def learn(
 
 
 def prequential(
-    learner: Learner, samples: Samples, used: Indices, watch: Watch | None = None
+    learner: Learner,
+    samples: Samples,
+    used: Indices,
+    watch: Watch | None = None,
+    memory: ModelMemory | None = None,
 ) -> Iterator[tuple[Hold, Update | None]]:
     """Loop over samples in order: each hold interval is predicted, then its last sample learned.
 
@@ -130,14 +134,20 @@ def prequential(
         samples: A block of them.
         used: Samples to learn from, increasing.
         watch: Looks at each interval before it is learned from; None for nobody.
+        memory: Memory of the network after the block before, moved on; None to begin anew.
 
     Yields:
         Each interval, once it is over, with its update; None for a last one without.
 
     Raises:
         FilterDiverged: If the learner or its weights are lost.
+        ShapeError: If x does not fit the network.
     """
-    memory = replay(learner.network, samples.time, samples.x, samples.gaps)
+    log = samples.time, samples.x, samples.gaps
+    fresh = replay(learner.network, *log)
+    if memory is None:
+        memory = fresh
+    memory.follow(*log)
     for hold in holds(used, len(samples.time)):
         before = learner.weights
         if watch is not None:
@@ -162,6 +172,7 @@ class BlockRun:
         samples: The block.
         every: One sample in so many is used.
         durations: Label and length [s] of the spans to predict with frozen weights.
+        memory: Memory of the network after the block before, moved on; None to begin anew.
 
     Attributes:
         used: Samples used for an update, (U,).
@@ -173,9 +184,14 @@ class BlockRun:
     """
 
     def __init__(
-        self, learner: Learner, samples: Samples, every: int, durations: Mapping[str, float]
+        self,
+        learner: Learner,
+        samples: Samples,
+        every: int,
+        durations: Mapping[str, float],
+        memory: ModelMemory | None = None,
     ) -> None:
-        self.learner, self.samples = learner, samples
+        self.learner, self.samples, self._memory = learner, samples, memory
         count, outputs = samples.y.shape
         self.used = used_samples(count, every, samples.gaps)
         self.horizons = plan_horizons(durations, samples.time, self.used, samples.gaps)
@@ -204,7 +220,7 @@ class BlockRun:
         """
         total = len(self.samples.time)
         often = max(1, len(self._checked) // 200)
-        loop = prequential(self.learner, self.samples, self.used, self)
+        loop = prequential(self.learner, self.samples, self.used, self, self._memory)
         try:
             for number, (hold, update) in enumerate(loop):
                 if update is not None:

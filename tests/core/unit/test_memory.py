@@ -1,10 +1,13 @@
 """A log recalled in blocks is the log recalled at once, and stays so across an update."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import patagium as pt
 from patagium.errors import ShapeError
+from patagium.learning.long_log import identify_record
 from patagium.learning.models.memory import memory_of, network_inputs, replay
 from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
@@ -94,6 +97,45 @@ def test_a_stream_recalls_with_the_weights_it_has():
     assert np.allclose(found.prediction["prediction"], np.vstack(expected), rtol=1e-13)  # rounding
     with pytest.raises(ShapeError, match="x"):
         stream(Clerk(), TIME, np.hstack([SIGNAL] * 2), np.cos(TIME)[:, None], every=5)
+
+
+class Record:
+    """A long log of one input and one output."""
+
+    count, gap, path = 20, 3.0, None
+
+    def time(self, begin=0, end=20):
+        return TIME[begin:end]
+
+    def of_role(self, role):
+        return ("y",)
+
+    def table(self, begin, end):
+        span = slice(begin, end)
+        y = np.cos(TIME[span])[:, None]
+        return SimpleNamespace(time=TIME[span], x=SIGNAL[span], y=y, output_units=("1",))
+
+
+def test_blocks_of_a_long_log_remember_those_before():
+    class Clerk:
+        network, variances, time_per_update, events = LAG, None, 0.0, {}
+        weights = WEIGHTS.copy()
+
+        def predict(self, x):
+            return LAG.evaluate(x[None], self.weights)[0], np.eye(1)
+
+        def update(self, x, y, time=None):
+            self.weights = self.weights + np.array([0.1, 0.02])
+            return np.zeros(1)
+
+    whole = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=1)
+    parts = identify_record(Record(), Clerk(), every=1, horizons={}, block=10)
+    count = parts.prediction.sizes["time"]
+    assert count < 20  # the last block
+    found = parts.prediction["prediction"].values
+    expected = whole.prediction["prediction"].values[-count:]
+    np.testing.assert_allclose(found, expected, rtol=1e-13)  # rounding
+    assert parts.scores["nmse"]["y"] == pytest.approx(whole.scores["nmse"]["y"], rel=1e-9)
 
 
 def test_what_lies_between_used_samples_is_foreseen_with():
