@@ -210,7 +210,17 @@ def _look(flight: Any) -> float:
 def table_network(
     table: LogTable, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
-    """A network for a table; it is scaled by the ranges of its mapping."""
+    """Network for a table, scaled by the ranges of its mapping.
+
+    Args:
+        table: Rows of a log.
+        kind: Kind asked for; None is dense.
+        hidden: Neurons of each hidden layer.
+        activation: Activation of the hidden layers.
+
+    Raises:
+        ParameterError: If the kind needs a robot.
+    """
     from patagium.errors import ParameterError
     from patagium.learning.tables import network_for
 

@@ -4,16 +4,16 @@ DEBTS = {
     "modules in cycles": 0,
     "classes that know their children": 0,
     "packages with code in their __init__": 0,
-    "functions above 60 lines": 2,
-    "functions with more than 8 parameters": 3,
+    "functions above 60 lines": 1,
+    "functions with more than 8 parameters": 2,
     "lines of Python in the wheel": 47_900,
     "classes of weight filters": 4,
     "types of memory": 2,
     "modules on the walk of spread": 8,
     "modules on the walk of a sample": 8,
-    "first lines that are no noun phrase": 20,
-    "arguments with a shape and no unit": 180,
-    "functions that raise and do not say so": 4,
+    "first lines that are no noun phrase": 5,
+    "arguments with a shape and no unit": 150,
+    "functions that raise and do not say so": 0,
 }
 
 

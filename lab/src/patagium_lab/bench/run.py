@@ -72,7 +72,7 @@ def _condition(name: str, value: float | None, unit: str, note: str = "") -> dic
 
 
 def _on_one_core(timer: Callable[[DynamicsBench], Iterable[Result]]) -> Timer:
-    """The same timer, run on one core."""
+    """Timer that runs on one core."""
 
     def run_there(bench: DynamicsBench) -> Iterator[Result]:
         with one_core():

@@ -159,7 +159,11 @@ class SavitzkyGolay:
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
+        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
+
+        Raises:
+            LogError: If a window holds too few samples for the polynomial.
+        """
         times = time if at is None else at
         deviations = np.broadcast_to(np.asarray(std, float), values.shape[1:])
         state = np.empty((len(times), values.shape[1], 3))
