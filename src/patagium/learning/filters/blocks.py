@@ -111,7 +111,8 @@ def covariance_parts(roots: Roots) -> list[Array]:
     Args:
         roots: Square root of each block, (k, k).
     """
-    return [np.asarray(root.astype(float) @ root.T.astype(float)) for root in roots]
+    doubles = [root.astype(float) for root in roots]
+    return [np.asarray(root @ root.T) for root in doubles]
 
 
 def _variances(numbers: FilterNumbers, roots: Roots) -> Array:
