@@ -162,6 +162,8 @@ def test_what_it_cannot_be_is_refused(robot):
         pt.learning.HiddenStripNetwork(robot, stall_begins=0.6, stall_complete=0.5)
     with pytest.raises(ParameterError, match="lift_slope"):
         pt.learning.HiddenStripNetwork(robot, lift_slope=0.0)
+    with pytest.raises(TypeError, match="lift_slop"):
+        pt.learning.HiddenStripNetwork(robot, lift_slop=6.0)
 
 
 @pytest.mark.parametrize("kind", [pt.ExtendedLearner, pt.CubatureLearner])

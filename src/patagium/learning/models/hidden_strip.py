@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log, pi, radians, sin
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
@@ -62,7 +62,28 @@ _SLOWEST, _FASTEST = 0.05, 0.8  # rates of lags asked for by number [1/semichord
 _REACH = {"lags": 5.0, "lift_slope": 1.0, "stall": 1.5, "stall_width": 0.5}
 _STALL_SLOPE = 8.75  # widths of the logistic function in a smooth step of the same slope
 _LAST = 0.05  # of the usual size: at first the section is that of theory
-_NUMBERS = ("lift_slope", "stall_begins", "stall_complete", "coefficient_scale")
+_NUMBERS = {
+    "lift_slope": 2 * pi,
+    "stall_begins": radians(15.0),
+    "stall_complete": radians(35.0),
+    "coefficient_scale": 4.0,
+}
+
+
+class StartingNumbers(TypedDict, total=False):
+    """Numbers that a strip network with memory starts from.
+
+    Attributes:
+        lift_slope: Lift slope of a section, 2 pi by default [1/rad].
+        stall_begins: Effective incidence up to which flow is attached, 15 degrees [rad].
+        stall_complete: Effective incidence beyond which flow is separated, 35 degrees [rad].
+        coefficient_scale: Expected size of coefficients, 4 by default: an output of one.
+    """
+
+    lift_slope: float
+    stall_begins: float
+    stall_complete: float
+    coefficient_scale: float
 
 
 class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
@@ -96,12 +117,11 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             logarithm from .05 to .8 a semichord, with fitted amplitudes.
         air: Density and steady wind; gusts are not known to the network.
         activation: "softplus" or "tanh".
-        lift_slope: Where it starts from [1/rad].
-        stall_begins: Effective incidence up to which flow is attached, to start from [rad].
-        stall_complete: That beyond which it is separated, to start from [rad].
-        coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
+        **numbers: `lift_slope`, `stall_begins`, `stall_complete` and `coefficient_scale`; see
+            `StartingNumbers`.
 
     Raises:
+        TypeError: If there is no such number.
         ParameterError: If the robot has no strips, there is no lag, a number is not positive,
             stall is complete before it begins, or a width or the activation not what it may be.
 
@@ -120,21 +140,23 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         lags: int | Indicial = 2,
         air: Air | None = None,
         activation: str = "tanh",
-        *,
-        lift_slope: float = 2 * pi,
-        stall_begins: float = radians(15.0),
-        stall_complete: float = radians(35.0),
-        coefficient_scale: float = 4.0,
+        **numbers: Unpack[StartingNumbers],
     ) -> None:
+        unknown = set(numbers) - set(_NUMBERS)
+        if unknown:
+            word = sorted(unknown)[0]
+            raise TypeError(f"HiddenStripNetwork() got an unexpected keyword argument {word!r}")
+        start: dict[str, Any] = {**_NUMBERS, **numbers}
+        stall_begins, stall_complete = start["stall_begins"], start["stall_complete"]
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         if not 0 < stall_begins < stall_complete <= pi / 2:
             angles = (stall_begins, stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
         self.lags = starting_lags(lags)
-        self.lift_slope = positive("lift_slope", lift_slope)
+        self.lift_slope = positive("lift_slope", start["lift_slope"])
         self.stall_begins, self.stall_complete = float(stall_begins), float(stall_complete)
-        self.coefficient_scale = positive("coefficient_scale", coefficient_scale)
+        self.coefficient_scale = positive("coefficient_scale", start["coefficient_scale"])
         self.robot, self.air = robot, Air() if air is None else air
         self._perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)
         self._count, parameters = coded_size(self.lags.size)
@@ -152,10 +174,10 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             many_only=("slopes",),
         )
         sizes = robot.state_size, len(robot.strips) * self.lags.size, len(robot.strips), parameters
-        numbers = self._prior, self._reach, self._constants
+        coded = self._prior, self._reach, self._constants
         begin, step = (self._functions[name].address for name in ("begin", "step"))
-        steps = compiled_steps(begin, step, *numbers)
-        self._lags = StripLags(self._functions, *numbers, *sizes, steps)
+        steps = compiled_steps(begin, step, *coded)
+        self._lags = StripLags(self._functions, *coded, *sizes, steps)
 
     @property
     def inputs(self) -> int:
