@@ -13,6 +13,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.deprecation import renamed_arguments
 from patagium.errors import LogError, ShapeError
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import measured_inputs
@@ -42,6 +43,7 @@ class StreamOptions(TypedDict, total=False):
     progress: Progress | None
 
 
+@renamed_arguments(deviation="std")
 def stream(
     learner: Learner,
     time: ArrayLike,
