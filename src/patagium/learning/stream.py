@@ -103,8 +103,7 @@ def stream(
         **scorer.scores(),
         **run.facts(),
     }
-    record = run.record(names, units, held)
-    return Identification(scores, record, learner, run.outcome, run.message)
+    return Identification(scores, run.record(names, units, held), learner, run.outcome, run.message)
 
 
 def checked_samples(

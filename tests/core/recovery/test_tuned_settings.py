@@ -167,3 +167,8 @@ def test_a_cluster_gives_the_same_answer() -> None:
     command = [sys.executable, "-c", CLUSTER, str(Path(__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.stdout.strip() == "True", done.stderr
+
+
+def test_an_option_that_tune_has_not_is_refused() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'job'"):
+        tuned(job=2)

@@ -1,1 +1,1 @@
-"""How one sample moves weights and their covariance."""
+"""Filters that update weights and their covariance with one sample at a time."""

@@ -42,7 +42,7 @@ class WeightCovariance(Protocol):
         ...
 
     def variances(self) -> Array:
-        """Its diagonal, (n,)."""
+        """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
         ...
 
     def seen_by(self, slope: Array) -> Array:
@@ -87,7 +87,7 @@ class BlockCovariance:
         return whole
 
     def variances(self) -> Array:
-        """Its diagonal, (n,)."""
+        """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
         found = np.empty(self.size)
         for block, part in zip(self.blocks, self.parts, strict=True):
             found[block] = np.diagonal(part)
@@ -126,7 +126,7 @@ class LowRankCovariance:
         return self.precision.solve(whole)
 
     def variances(self) -> Array:
-        """Its diagonal, (n,)."""
+        """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
         return self.precision.variances()
 
     def seen_by(self, slope: Array) -> Array:

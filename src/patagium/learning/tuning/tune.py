@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -43,6 +43,25 @@ MOST_WEIGHTS = 400
 SHOWN = 10
 """Number of trials that the file of settings lists."""
 _SHOWN_SCORES = ("log_likelihood_second_half", "nmse_second_half", "coverage_second_half")
+
+
+class SearchOptions(TypedDict, total=False):
+    """Options of `tune` that say where a search runs and what it keeps, not what it finds.
+
+    Attributes:
+        jobs: Number of processes; None: one for each core.
+        cluster: Address of a Dask scheduler whose workers do the work instead.
+        journal: File that keeps each trial as it ends; a search that was stopped goes on
+            from it.
+        source: Name of the flight in the file of settings.
+        progress: Function called with the number of trials done and of all trials.
+    """
+
+    jobs: int | None
+    cluster: str | None
+    journal: str | Path | None
+    source: str
+    progress: Progress | None
 
 
 @dataclass(frozen=True)
@@ -107,11 +126,7 @@ def tune(
     covariance: Sequence[Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     seed: int = 0,
-    jobs: int | None = None,
-    cluster: str | None = None,
-    journal: str | Path | None = None,
-    source: str = "",
-    progress: Progress | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Tuned:
     """Settings of a learner that predict a flight best, by the likelihood of the innovations.
 
@@ -129,26 +144,32 @@ def tune(
         settings: Settings that are not searched over their ranges, by name: a plain value as
             files hold it, or `Alternatives`.
         seed: Seed of the search and of the initial weights.
-        jobs: Number of processes; None: one for each core.
-        cluster: Address of a Dask scheduler whose workers do the work instead.
-        journal: File that keeps each trial as it ends; a search that was stopped goes on
-            from it.
-        source: Name of the flight in the file of settings.
-        progress: Function called with the number of trials done and of all trials.
+        **options: `jobs`, `cluster`, `journal`, `source` and `progress`; see `SearchOptions`.
 
     Raises:
         ParameterError: If a number is out of its range, no output moves, or dask.distributed
             is not installed and a cluster is given.
         ShapeError: If the network does not fit the flight.
         LogError: If the journal is of another question, or every trial diverged.
+        TypeError: If there is no such option.
     """
+    unknown = sorted(set(options) - set(SearchOptions.__annotations__))
+    if unknown:
+        raise TypeError(f"tune() got an unexpected keyword argument {unknown[0]!r}")
     networks = tuple(network) if isinstance(network, Sequence) else (network,)
     chosen = dict(settings or {})
     if covariance is not None:
         chosen["covariance"] = Alternatives(tuple(covariance))
+    source = options.get("source", "")
     problem = _problem(flight, networks, every, learner, chosen, seed, source)
-    book = TrialJournal(problem.question(), journal)
-    drawn = _scored_trials(problem, book, trials, progress, lambda: pool(jobs, cluster))
+    book = TrialJournal(problem.question(), options.get("journal"))
+    drawn = _scored_trials(
+        problem,
+        book,
+        trials,
+        options.get("progress"),
+        lambda: pool(options.get("jobs"), options.get("cluster")),
+    )
     return problem.tuned([(trial, book.scores[trial.number]) for trial in drawn])
 
 
