@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.filters.blocks import blocks_in, scattered
+from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_covariance import scattered
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name, load_kernel

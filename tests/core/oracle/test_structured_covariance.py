@@ -10,8 +10,9 @@ import pytest
 
 import patagium as pt
 from patagium.errors import FilterDiverged, ParameterError
-from patagium.learning.filters.blocks import blocks_in, scattered
+from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_covariance import scattered
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.models.structure import blocks_of, described_structure
 from patagium.learning.settings import FilterSettings, structure_from

@@ -7,8 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning.filters.low_rank import Precision
-from patagium.learning.filters.weight_covariance import LowRankCovariance
+from patagium.learning.filters.weight_covariance import Precision
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 
 
@@ -151,7 +150,7 @@ def test_weights_of_another_network_are_refused() -> None:
     with pytest.raises(ShapeError, match="weights"):
         Model(network, np.zeros(4))
     with pytest.raises(ShapeError, match="covariance"):
-        Model(network, np.zeros(3), LowRankCovariance(Precision(np.ones(2), np.zeros((2, 1)))))
+        Model(network, np.zeros(3), Precision(np.ones(2), np.zeros((2, 1))))
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,11 @@ from patagium.learning.filters.root import (
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.structure import Look, Structure
+from patagium.learning.filters.weight_covariance import (
+    BlockCovariance,
+    block_covariance,
+    scattered,
+)
 from patagium.learning.models.structure import Indices, blocks_of
 
 Array = NDArray[np.float64]
@@ -45,21 +50,6 @@ def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
         numbers: Numbers of the filter.
     """
     return blocks_of(numbers.network, str(numbers.structure))
-
-
-def scattered(parts: Sequence[Array], blocks: Sequence[Indices]) -> Array:
-    """Blocks in one matrix of all weights, (n, n).
-
-    Args:
-        parts: Matrix of each block, (k, k).
-        blocks: Weights of each block, (k,).
-    """
-    if len(parts) == 1:
-        return parts[0]
-    whole = np.zeros((sum(map(len, blocks)),) * 2, parts[0].dtype)
-    for part, block in zip(parts, blocks, strict=True):
-        whole[np.ix_(block, block)] = part
-    return whole
 
 
 def _start(numbers: FilterNumbers, std: Array) -> Roots:
@@ -105,14 +95,10 @@ def _learned(
     return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
 
 
-def covariance_parts(roots: Roots) -> list[Array]:
-    """Covariance of each block, (k, k).
-
-    Args:
-        roots: Square root of each block, (k, k).
-    """
+def _covariance(numbers: FilterNumbers, roots: Roots) -> BlockCovariance:
     doubles = [root.astype(float) for root in roots]
-    return [np.asarray(root @ root.T) for root in doubles]
+    parts = [np.asarray(root @ root.T) for root in doubles]
+    return block_covariance(numbers.network, str(numbers.structure), parts)
 
 
 def _variances(numbers: FilterNumbers, roots: Roots) -> Array:
@@ -144,7 +130,7 @@ BLOCKS = Structure(
     drifted=_drifted,
     moments=_moments,
     learned=_learned,
-    covariance=lambda numbers, roots: scattered(covariance_parts(roots), blocks_in(numbers)),
+    covariance=_covariance,
     variances=_variances,
     packed=_packed,
     unpacked=_unpacked,
@@ -194,7 +180,9 @@ WHOLE = Structure(
     drifted=_whole_drifted,
     moments=_whole_moments,
     learned=_whole_learned,
-    covariance=lambda numbers, covariance: covariance.astype(float),
+    covariance=lambda numbers, covariance: block_covariance(
+        numbers.network, "full", [covariance.astype(float)]
+    ),
     variances=lambda numbers, covariance: np.diagonal(covariance).astype(float),
     packed=lambda numbers, covariance: {"covariance": packed([covariance])},
     unpacked=_whole_unpacked,

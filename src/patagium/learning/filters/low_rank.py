@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
+from scipy.linalg import eigh, solve_triangular
 
 from patagium.errors import Outcome
 from patagium.learning.filters.numbers import FilterNumbers
@@ -29,71 +29,13 @@ from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import vector
 from patagium.learning.filters.structure import Look, Structure
+from patagium.learning.filters.weight_covariance import Precision
 from patagium.learning.settings import LowRank
 
 Array = NDArray[np.float64]
-_LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 _UNSEEN = 1e-13  # share of the largest variance of y below which a direction is rounding
 _STEEPEST = 1e100  # of dy/dW: its square is a number
 _FARTHEST = 1e18  # of a column of P^-1: its square is a number in single precision too
-
-
-class Precision(NamedTuple):
-    """Inverse of a covariance, U + F F'.
-
-    Attributes:
-        diagonal: U, (n,).
-        columns: F, (n, r).
-    """
-
-    diagonal: Array
-    columns: Array
-
-    def solve(self, vectors: Array) -> Array:
-        """(U + F F')^-1 v for vectors v, (n, m)."""
-        scaled, columns = vectors / self.diagonal[:, None], self.columns
-        inner = np.eye(columns.shape[1]) + columns.T @ (columns / self.diagonal[:, None])
-        part = cho_solve(cho_factor(inner, check_finite=False), columns.T @ scaled)
-        return np.asarray(scaled - (columns @ part) / self.diagonal[:, None])
-
-    def variances(self) -> Array:
-        """Diagonal of (U + F F')^-1, (n,)."""
-        diagonal, columns = self
-        scaled = columns / diagonal[:, None]
-        lower = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ scaled)
-        part = solve_triangular(lower, scaled.T, lower=True)
-        return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
-
-    def drifted(self, growth: float, noise: Array) -> Precision:
-        """Inverse of growth P + diag(noise).
-
-        Args:
-            growth: Factor of the covariance; where it is 0 the noise is all of it.
-            noise: Variances added, (n,).
-        """
-        if growth == 0:
-            return Precision(1.0 / noise, np.zeros_like(self.columns))
-        damping = growth + noise * self.diagonal
-        inner = self.columns.T @ (self.columns * (noise / (growth * damping))[:, None])
-        inner[np.diag_indices_from(inner)] += 1.0 / growth
-        lower = np.linalg.cholesky(inner)
-        columns = solve_triangular(lower, (self.columns / damping[:, None]).T, lower=True).T
-        return Precision(self.diagonal / damping, columns)
-
-    def compressed(self, rank: int) -> Precision:
-        """Precision of the strongest columns, and of the others the diagonal.
-
-        U is kept from vanishing.
-
-        Args:
-            rank: Number of columns to keep.
-        """
-        scaled = self.columns / np.sqrt(self.diagonal)[:, None]
-        _, turn = eigh(scaled.T @ scaled, check_finite=False)
-        turned = self.columns @ turn[:, ::-1]
-        squares = turned**2
-        diagonal = self.diagonal + squares[:, rank:].sum(axis=1)
-        return Precision(np.maximum(diagonal, _LEAST * squares.sum(axis=1)), turned[:, :rank])
 
 
 def seen_directions(covariance: Array) -> tuple[Array, Array]:
@@ -233,7 +175,7 @@ LOW_RANK = Structure(
     drifted=_drifted,
     moments=_moments,
     learned=_learned,
-    covariance=lambda numbers, precision: doubled(precision).solve(np.eye(numbers.network.size)),
+    covariance=lambda numbers, precision: Precision(*(np.array(part, float) for part in precision)),
     variances=lambda numbers, precision: doubled(precision).variances(),
     packed=_packed,
     unpacked=_unpacked,

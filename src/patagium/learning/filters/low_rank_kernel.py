@@ -23,7 +23,6 @@ from patagium.learning.filters.kernel_memory import (
 )
 from patagium.learning.filters.low_rank import (
     LOW_RANK,
-    Precision,
     linear_moments_along,
     moments_along,
     rank_of,
@@ -33,6 +32,7 @@ from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.structure import Look, Structure
+from patagium.learning.filters.weight_covariance import Precision
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron
 from patagium.native import load_kernel, structs
 

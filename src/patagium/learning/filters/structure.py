@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
+from patagium.learning.filters.weight_covariance import WeightCovariance
 from patagium.learning.models.network import Encoding
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ class Structure(NamedTuple):
             look) -> moments, directions.
         learned: Weights and state after a sample: (state, look, directions, moments as screened,
             P_yy^-1 (y - mean) (n_y,)) -> W (n,), state.
-        covariance: P, (n, n): (numbers, state) -> array.
+        covariance: P: (numbers, state) -> covariance, which shares no memory with the state.
         variances: Its diagonal, (n,): (numbers, state) -> array.
         packed: Arrays of a file: (numbers, state) -> arrays by name.
         unpacked: Inverse of `packed`: (numbers, arrays by name) -> state.
@@ -59,7 +60,7 @@ class Structure(NamedTuple):
     drifted: Callable[[FilterNumbers, Any, float, Array | None], Any]
     moments: Callable[[Any, Look], tuple[Moments, Any]]
     learned: Callable[[Any, Look, Any, Moments, Array], tuple[Array, Any]]
-    covariance: Callable[[FilterNumbers, Any], Array]
+    covariance: Callable[[FilterNumbers, Any], WeightCovariance]
     variances: Callable[[FilterNumbers, Any], Array]
     packed: Callable[[FilterNumbers, Any], dict[str, Array]]
     unpacked: Callable[[FilterNumbers, Mapping[str, Array]], Any]

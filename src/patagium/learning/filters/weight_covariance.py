@@ -1,61 +1,44 @@
 """Covariance of weights in the size of what is kept of it: blocks, or diagonal and few columns.
 
-What a learned model carries: the variance of its prediction needs H P H' only, never P as one
-matrix. Neglected: changing it; learners do that by their square roots.
+Filters give it, and learned models carry it: the variance of a prediction needs H P H' only,
+never P as one matrix.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.filters.low_rank import Precision
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Indices, Layered, blocks_of
-from patagium.learning.settings import BLOCKS, OWN_BLOCKS, LowRank, Structure
+from patagium.learning.settings import BLOCKS, OWN_BLOCKS
 
 Array = NDArray[np.float64]
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""
+_LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 
 
-class WeightCovariance(Protocol):
-    """Covariance P of n weights, as much of it as is kept."""
+def scattered(parts: Sequence[Array], blocks: Sequence[Indices]) -> Array:
+    """Blocks in one matrix of all weights, (n, n).
 
-    @property
-    def size(self) -> int:
-        """Number of weights, n."""
-        ...
-
-    def dense(self) -> Array:
-        """P, (n, n).
-
-        Raises:
-            ParameterError: If it would be more numbers than are kept, and very many.
-        """
-        ...
-
-    def variances(self) -> Array:
-        """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
-        ...
-
-    def seen_by(self, slope: Array) -> Array:
-        """H P H', (n_y, n_y).
-
-        Args:
-            slope: H, (n_y, n).
-        """
-        ...
-
-    def arrays(self) -> tuple[str, dict[str, Array]]:
-        """Name of the structure, and its arrays."""
-        ...
+    Args:
+        parts: Matrix of each block, (k, k).
+        blocks: Weights of each block, (k,).
+    """
+    if len(parts) == 1:
+        return parts[0]
+    whole = np.zeros((sum(map(len, blocks)),) * 2, parts[0].dtype)
+    for part, block in zip(parts, blocks, strict=True):
+        whole[np.ix_(block, block)] = part
+    return whole
 
 
 @dataclass(frozen=True)
@@ -77,14 +60,19 @@ class BlockCovariance:
         """Number of weights, n."""
         return sum(map(len, self.blocks))
 
-    def dense(self) -> Array:
-        """P, (n, n)."""
+    def dense(self, most: int = MOST_WEIGHTS) -> Array:
+        """P, (n, n).
+
+        Args:
+            most: Number of weights above which several blocks are refused as one matrix.
+
+        Raises:
+            ParameterError: If there are more weights than that.
+        """
         if len(self.parts) == 1:
             return self.parts[0].copy()
-        whole = _zeros(self.size)
-        for block, part in zip(self.blocks, self.parts, strict=True):
-            whole[np.ix_(block, block)] = part
-        return whole
+        _check_size(self.size, most)
+        return scattered(self.parts, self.blocks)
 
     def variances(self) -> Array:
         """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
@@ -94,50 +82,111 @@ class BlockCovariance:
         return found
 
     def seen_by(self, slope: Array) -> Array:
-        """H P H', (n_y, n_y)."""
+        """H P H', (n_y, n_y).
+
+        Args:
+            slope: H, (n_y, n).
+        """
         seen = np.zeros((len(slope), len(slope)))
         for block, part in zip(self.blocks, self.parts, strict=True):
             seen += slope[:, block] @ part @ slope[:, block].T
         return seen
 
     def arrays(self) -> tuple[str, dict[str, Array]]:
-        """Lower triangles of the blocks, one after the other."""
+        """Name of the structure; lower triangles of the blocks, one after the other."""
         return self.structure, {"lower": packed(self.parts)}
 
 
-@dataclass(frozen=True)
-class LowRankCovariance:
-    """The inverse of a diagonal and few columns.
+class Precision(NamedTuple):
+    """Inverse of a covariance, U + F F'.
 
     Attributes:
-        precision: P^-1.
+        diagonal: U, (n,).
+        columns: F, (n, r).
     """
 
-    precision: Precision = field(repr=False)
+    diagonal: Array
+    columns: Array
+
+    def solve(self, vectors: Array) -> Array:
+        """(U + F F')^-1 v for vectors v, (n, m)."""
+        scaled, columns = vectors / self.diagonal[:, None], self.columns
+        inner = np.eye(columns.shape[1]) + columns.T @ (columns / self.diagonal[:, None])
+        part = cho_solve(cho_factor(inner, check_finite=False), columns.T @ scaled)
+        return np.asarray(scaled - (columns @ part) / self.diagonal[:, None])
+
+    def variances(self) -> Array:
+        """Diagonal of P = (U + F F')^-1, variances of the weights, (n,) [unit of W squared]."""
+        diagonal, columns = self
+        scaled = columns / diagonal[:, None]
+        lower = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ scaled)
+        part = solve_triangular(lower, scaled.T, lower=True)
+        return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
 
     @property
     def size(self) -> int:
         """Number of weights, n."""
-        return len(self.precision.diagonal)
+        return len(self.diagonal)
 
-    def dense(self) -> Array:
-        """P, (n, n)."""
-        np.fill_diagonal(whole := _zeros(self.size), 1.0)
-        return self.precision.solve(whole)
+    def dense(self, most: int = MOST_WEIGHTS) -> Array:
+        """P, (n, n).
 
-    def variances(self) -> Array:
-        """Diagonal of P, variances of the weights, (n,) [unit of W squared]."""
-        return self.precision.variances()
+        Args:
+            most: Number of weights above which P is refused as one matrix.
+
+        Raises:
+            ParameterError: If there are more weights than that.
+        """
+        _check_size(self.size, most)
+        return self.solve(np.eye(self.size))
 
     def seen_by(self, slope: Array) -> Array:
-        """H P H', (n_y, n_y)."""
-        seen = slope @ self.precision.solve(slope.T)
+        """H P H', (n_y, n_y).
+
+        Args:
+            slope: H, (n_y, n).
+        """
+        seen = slope @ self.solve(slope.T)
         return np.asarray((seen + seen.T) / 2)
 
     def arrays(self) -> tuple[str, dict[str, Array]]:
-        """Diagonal and columns of P^-1, row by row."""
-        diagonal, columns = self.precision
-        return "low rank", {"diagonal": diagonal, "columns": columns.ravel()}
+        """Name of the structure; diagonal and columns of P^-1, row by row."""
+        return "low rank", {"diagonal": self.diagonal, "columns": self.columns.ravel()}
+
+    def drifted(self, growth: float, noise: Array) -> Precision:
+        """Inverse of growth P + diag(noise).
+
+        Args:
+            growth: Factor of the covariance; where it is 0 the noise is all of it.
+            noise: Variances added, (n,).
+        """
+        if growth == 0:
+            return Precision(1.0 / noise, np.zeros_like(self.columns))
+        damping = growth + noise * self.diagonal
+        inner = self.columns.T @ (self.columns * (noise / (growth * damping))[:, None])
+        inner[np.diag_indices_from(inner)] += 1.0 / growth
+        lower = np.linalg.cholesky(inner)
+        columns = solve_triangular(lower, (self.columns / damping[:, None]).T, lower=True).T
+        return Precision(self.diagonal / damping, columns)
+
+    def compressed(self, rank: int) -> Precision:
+        """Precision of the strongest columns, and of the others the diagonal.
+
+        U is kept from vanishing.
+
+        Args:
+            rank: Number of columns to keep.
+        """
+        scaled = self.columns / np.sqrt(self.diagonal)[:, None]
+        _, turn = eigh(scaled.T @ scaled, check_finite=False)
+        turned = self.columns @ turn[:, ::-1]
+        squares = turned**2
+        diagonal = self.diagonal + squares[:, rank:].sum(axis=1)
+        return Precision(np.maximum(diagonal, _LEAST * squares.sum(axis=1)), turned[:, :rank])
+
+
+WeightCovariance: TypeAlias = BlockCovariance | Precision
+"""Covariance P of n weights, as much of it as is kept."""
 
 
 def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -> BlockCovariance:
@@ -162,30 +211,6 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
     return BlockCovariance(structure, blocks, tuple(parts))
 
 
-def covariance_of_state(
-    weights: Layered, structure: Structure, state: Mapping[str, Array]
-) -> WeightCovariance:
-    """Covariance of the weights from the state of a filter.
-
-    Args:
-        weights: Whose, a network or the part of it with weights.
-        structure: Covariance structure.
-        state: Of the filter, between two samples; its arrays are left alone.
-    """
-    if isinstance(structure, LowRank):
-        return LowRankCovariance(
-            Precision(*(np.array(state[name], float) for name in ("diagonal", "columns")))
-        )
-    sizes = [len(block) for block in blocks_of(weights, structure)]
-    if "covariance" in state:
-        parts = [symmetric(part) for part in unpacked(_double(state["covariance"]), sizes)]
-    else:
-        square = "square" in state
-        roots = [state["square"]] if square else unpacked(_double(state["root"]), sizes)
-        parts = [np.asarray(root @ root.T) for root in roots]
-    return block_covariance(weights, structure, parts)
-
-
 def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> WeightCovariance:
     """Covariance from the arrays of `WeightCovariance.arrays`.
 
@@ -203,7 +228,7 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
         diagonal, columns = arrays["diagonal"], arrays["columns"]
         if diagonal.shape != (weights.size,) or columns.size % weights.size:
             raise ShapeError("covariance", (weights.size,), diagonal.shape)
-        return LowRankCovariance(Precision(diagonal, columns.reshape(weights.size, -1)))
+        return Precision(diagonal, columns.reshape(weights.size, -1))
     if kind not in {*BLOCKS, *OWN_BLOCKS}:
         known = (*BLOCKS, *sorted(OWN_BLOCKS), "low rank")
         raise ParameterError("covariance", f"one of {', '.join(known)}", kind)
@@ -212,13 +237,6 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
     return block_covariance(weights, kind, parts)
 
 
-def _zeros(size: int) -> Array:
-    if size > MOST_WEIGHTS:
-        raise ParameterError(
-            "covariance", f"at most {MOST_WEIGHTS} weights to give it as one matrix", size
-        )
-    return np.zeros((size, size))
-
-
-def _double(values: Array) -> Array:
-    return np.asarray(values, float)
+def _check_size(size: int, most: int) -> None:
+    if size > most:
+        raise ParameterError("covariance", f"at most {most} weights to give it as one matrix", size)

@@ -25,6 +25,7 @@ from patagium.learning.filters.screening import Screened
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
 from patagium.learning.filters.structure import Look
+from patagium.learning.filters.weight_covariance import WeightCovariance
 from patagium.learning.models.network import Encoding
 
 Array = NDArray[np.float64]
@@ -151,8 +152,8 @@ class WeightFilter:
             return self._kept
         return self._kernel.roots() if self._before is None else self._before
 
-    def covariance(self) -> Array:
-        """P after the last sample, (n, n)."""
+    def covariance(self) -> WeightCovariance:
+        """P after the last sample."""
         return self._structure.covariance(self.numbers, self.kept())
 
     def variances(self) -> Array:

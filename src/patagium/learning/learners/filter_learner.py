@@ -20,7 +20,7 @@ from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS, Screen
 from patagium.learning.filters.state import arrays_like, part, vector
-from patagium.learning.filters.weight_covariance import WeightCovariance, covariance_of_state
+from patagium.learning.filters.weight_covariance import WeightCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     OnlineLearner,
@@ -100,7 +100,7 @@ class FilterLearner(OnlineLearner):
     @property
     def covariance(self) -> Array:
         """Covariance P of the weights after the last sample, (n, n); symmetric."""
-        return self._filter.covariance()
+        return self._filter.covariance().dense(most=self._network.size)
 
     @property
     def variances(self) -> Array:
@@ -289,8 +289,7 @@ class FilterLearner(OnlineLearner):
 
     def kept_covariance(self) -> WeightCovariance:
         """Covariance of the weights as kept after the last sample."""
-        structure = self.settings.covariance
-        return covariance_of_state(self._network, structure, self._filter.state())
+        return self._filter.covariance()
 
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
