@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from patagium.simulation import mounts as mounts
     from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
-    from patagium.simulation.simulate import simulate as simulate
+    from patagium.simulation.simulator import simulate as simulate
     from patagium.viewer.replay import replay as replay
     from patagium.viewer.still import still as still
 

@@ -3,7 +3,8 @@
 A `Robot` is a tree of rigid bodies. Its numbers are floats, or CasADi symbols
 after `symbolic()`: the expression builders of the layers above accept either.
 Its state is (q, v). They are as long as each other, and v = dq/dt, unless a body's
-attitude is a quaternion: four coordinates then go with three velocities.
+attitude is a quaternion: four coordinates then go with three velocities. Its qx, qy, qz stand
+where v has roll, pitch, yaw, and qw before the first of them.
 Neglected: flexible bodies, closed chains (a gait may come from one), ground.
 """
 
@@ -20,7 +21,46 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
-from patagium.robot.coordinates import coordinate_names, places_in_q, repeated
+
+Attitudes = Sequence[tuple[int, ...]]
+"""Places in v of roll, pitch and yaw of every body whose attitude is a quaternion."""
+
+
+def repeated(names: Sequence[str]) -> list[str]:
+    """Names that stand more than once."""
+    return [name for i, name in enumerate(names) if name in names[:i]]
+
+
+def places_in_q(dof: int, attitudes: Attitudes) -> tuple[int, ...]:
+    """For each entry of v the place in q of what it moves; of roll that of qx, and so on.
+
+    Args:
+        dof: Number of velocities n.
+        attitudes: Where quaternions are.
+    """
+    firsts = [min(dofs) for dofs in attitudes]
+    return tuple(i + sum(first <= i for first in firsts) for i in range(dof))
+
+
+def coordinate_names(dof_names: Sequence[str], attitudes: Attitudes) -> tuple[str, ...]:
+    """Names of the coordinates, in the order of q.
+
+    Args:
+        dof_names: Names in the order of v.
+        attitudes: Where quaternions are.
+    """
+    scalars: dict[int, str] = {}
+    others: dict[int, str] = {}
+    for dofs in attitudes:
+        stem = dof_names[dofs[0]].removesuffix("roll")
+        scalars[min(dofs)] = f"{stem}qw"
+        others |= {dof: f"{stem}q{letter}" for dof, letter in zip(dofs, "xyz", strict=True)}
+    names: list[str] = []
+    for i, name in enumerate(dof_names):
+        names += [scalars[i]] if i in scalars else []
+        names.append(others.get(i, name))
+    return tuple(names)
+
 
 Number: TypeAlias = "float | ca.SX"
 Vector: TypeAlias = tuple[Any, Any, Any]

@@ -1,8 +1,10 @@
-"""The record of a flight: one named, united array per quantity, and its audits.
+"""The record of a flight: one named, united array per quantity, its audits and its file.
 
 A flight is an `xarray.Dataset`; its attributes hold the robot, the air and the gait
-it was flown with. The audits compare what energy and momentum did with the works
-and impulses that should explain it. Neglected: sensors; all values are the true ones.
+it was flown with, and from them these are made again. The audits compare what energy and
+momentum did with the works and impulses that should explain it. Files are netCDF4, written
+whole or not at all, checked when read, and not compressed: a flight of 1 s at 1e-4 s takes
+about 16 MB. Neglected: sensors; all values are the true ones.
 """
 
 from __future__ import annotations
@@ -10,7 +12,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -22,12 +25,15 @@ from patagium.aerodynamics import (
     added_mass_from_description,
     aero_from_description,
 )
-from patagium.errors import FlightError, Outcome, PatagiumError
+from patagium.dynamics.dynamics import poses_at
+from patagium.errors import FlightError, Outcome, PatagiumError, PathError
 from patagium.robot import Robot, load_robot_text
+from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
-from patagium.simulation.internal_load_cells import InternalLoadCell
+from patagium.simulation.mounts import InternalLoadCell
 from patagium.simulation.state_layout import ADDED_WORK, WORKS
 from patagium.version import __version__
+from patagium.whole_file import whole_file
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -349,3 +355,162 @@ def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
         "stepping": origin.stepping,
         "patagium_version": __version__,
     }
+
+
+_KNOTS = 1000  # samples at which the arm is followed one by one; between them all at once
+
+
+class Carrier(NamedTuple):
+    """An arm and what it did.
+
+    Attributes:
+        arm: The arm, on the world.
+        at: Body that holds the robot.
+        position: Where on it, in its axes, (3,) [m].
+        q: Its joints at every sample of the flight, (N, 6) [rad, m].
+    """
+
+    arm: Robot
+    at: str
+    position: Array
+    q: Array
+
+
+def carrier_of(flight: xr.Dataset) -> Carrier | None:
+    """The arm that carried the robot of a flight; None if none did.
+
+    Args:
+        flight: Record of a robot, on an arm or not.
+
+    Raises:
+        FlightError: If the flight tells an arm that cannot be made again, or that could not
+            hold the robot where it was.
+    """
+    told: Any = json.loads(flight.attrs.get("mount_path", "null"))
+    if flight.attrs.get("mount") != "arm" or not told or "arm" not in told:
+        return None
+    words = told["arm"]
+    try:
+        arm = load_robot_text(words["source"], words["name"])
+        tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
+        time, start = np.asarray(flight["time"].values, float), np.array(words["start"], float)
+        q = track_tool(tool, time, _placed(flight), start, _KNOTS)
+    except (KeyError, PathError, PatagiumError) as problem:
+        raise FlightError(f"the flight's arm cannot be made again: {problem}") from None
+    return Carrier(arm, words["at"], np.array(words["position"], float), q)
+
+
+def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
+    """Position of the floating body, (N, 3) [m], and its rotation to the world, (N, 3, 3)."""
+    robot = robot_of(flight)
+    position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
+    held = next(k for k, body in enumerate(robot.bodies) if body.floating_dofs is not None)
+    return position[:, held], rotation[:, held]
+
+
+def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
+    """Write a flight as netCDF4; an interrupted write leaves the former file.
+
+    Args:
+        flight: The flight.
+        path: The file, replaced if it exists; folders are made.
+
+    Returns:
+        The path.
+
+    Raises:
+        FlightError: If the flight misses a quantity, or the file cannot be written.
+    """
+    check_flight(flight, "flight")
+    try:
+        with whole_file(path) as draft:
+            flight.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
+    except OSError as error:
+        raise FlightError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return Path(path)
+
+
+def load_flight(path: str | Path) -> xr.Dataset:
+    """Flight from a netCDF4 file, read and checked.
+
+    Args:
+        path: A netCDF4 file written by `save_flight`.
+
+    Returns:
+        The flight, in memory; the file is closed.
+
+    Raises:
+        FlightError: If there is no such file, or it is not a whole flight.
+    """
+    path = Path(path)
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as opened:
+            flight = opened.load()
+    except (OSError, ValueError) as error:
+        reason = "no such file" if not path.exists() else f"no netCDF4 file: {error}"
+        raise FlightError(f"{path}: {reason}") from None
+    for variable in flight.variables.values():
+        variable.encoding.clear()
+    flight.encoding.clear()
+    check_flight(flight, str(path))
+    return flight
+
+
+def check_flight(flight: xr.Dataset, name: str) -> None:
+    """Refuse a record that is not a whole flight.
+
+    Args:
+        flight: The record.
+        name: What to call it in errors.
+
+    Raises:
+        FlightError: If a quantity, attribute or coordinate is missing, has other
+            dimensions or units, time does not rise, the state is not finite, or the
+            coordinates are not its robot's.
+    """
+    _check_presence(flight, name)
+    robot = robot_of(flight)
+    _check_contents(flight, name, robot)
+    time = flight["time"].to_numpy()
+    if time.size == 0 or not np.all(np.diff(time) > 0):
+        raise FlightError(f"{name}: time does not rise from sample to sample")
+    for state in ("q", "v"):
+        values = flight[state].to_numpy()
+        if not np.isfinite(values).all():
+            first = time[~np.isfinite(values).all(axis=1)][0]
+            raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
+    expected = {
+        "dof": robot.dof_names,
+        "strip": tuple(strip.name for strip in robot.strips),
+        "axis": AXES,
+    }
+    if robot.attitude == "quaternion":
+        expected["coordinate"] = robot.coordinate_names
+    for dim, labels in expected.items():
+        found = tuple(str(label) for label in flight[dim].to_numpy())
+        if found != labels:
+            raise FlightError(f"{name}: {dim}: expected {labels}, found {found}")
+
+
+def _check_presence(flight: xr.Dataset, name: str) -> None:
+    missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
+    if missing:
+        raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
+    missing = [k for k in ATTRIBUTES if k not in flight.attrs]
+    if missing:
+        raise FlightError(f"{name}: no attribute {', '.join(missing)}: not a whole flight")
+
+
+def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
+    for quantity, kind in (quantities(robot) | OPTIONAL).items():
+        if quantity not in flight:
+            continue  # only what is optional may be missing here
+        variable = flight[quantity]
+        if variable.dims != ("time", *kind.dims):
+            expected = ("time", *kind.dims)
+            raise FlightError(f"{name}: {quantity}: expected {expected}, found {variable.dims}")
+        if variable.attrs.get("units") != kind.units:
+            found = variable.attrs.get("units")
+            raise FlightError(f"{name}: {quantity}: expected [{kind.units}], found [{found}]")
+        if variable.dtype != np.float64:
+            raise FlightError(f"{name}: {quantity}: expected float64, found {variable.dtype}")

@@ -31,8 +31,7 @@ from patagium.dynamics.equations import (
 )
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import Robot
-from patagium.simulation.internal_load_cells import CELL_COORDINATES, InternalLoadCell
-from patagium.simulation.mounts import Mount, floating_dofs
+from patagium.simulation.mounts import CELL_COORDINATES, InternalLoadCell, Mount, floating_dofs
 from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layout
 
 RECORDED = (

@@ -18,7 +18,7 @@ import numpy as np
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
-from patagium.simulation.arm_plans import carried_gait
+from patagium.simulation.arm import carried_gait
 from patagium.simulation.gait_models import (
     Array,
     FourierGait,
@@ -27,8 +27,8 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     TableGait,
+    read_gait_table,
 )
-from patagium.simulation.gait_table import read_gait_table
 
 __all__ = [
     "Gait",

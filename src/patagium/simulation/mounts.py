@@ -1,27 +1,30 @@
-"""Mounts of a robot: none, a rigid stand, or an arm that carries it along a path.
+"""Mounts of a robot (none, a rigid stand, or an arm), and six-axis load cells in its tree.
 
 A mount prescribes the floating coordinates; the force that this takes is the mount's
 force on the robot. A robot without a floating body is always fixed: its equations are
 written on a massless mount at the world's origin that is held still, so that the
-reaction comes out the same way. Load cells may be anywhere in the tree. Neglected: elastic
-stands, and what the robot does to the arm's motion.
+reaction comes out the same way. A load cell is a massless, rigid link with six coordinates that
+are held at zero, anywhere in the tree: the force that holds them is the wrench through it, in
+its own axes, whatever acts beyond it: inertia, weight, air, added mass. The damping of a
+floating base's coordinates acts outside of its cell. Neglected: elastic stands, what the robot
+does to the arm's motion, the cell's mass and elasticity; noise belongs to the sensor that reads
+a cell.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.errors import ParameterError
-from patagium.robot import Body, Robot
+from patagium.robot import Body, Joint, Robot
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES, Axis
-from patagium.simulation.arm_plans import ArmPlan, plan_arm
-from patagium.simulation.internal_load_cells import (
-    InternalLoadCell,
-    with_leading_coordinates,
-)
+from patagium.simulation.arm import ArmPlan, plan_arm
 from patagium.simulation.paths import Path, check_path
 
 __all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
@@ -176,3 +179,195 @@ def on_massless_mount(robot: Robot) -> Robot:
     bodies = (replace(body, parent=body.parent + 1) for body in machine.bodies)
     strips = (replace(strip, body=strip.body + 1) for strip in machine.strips)
     return replace(machine, bodies=(mount, *bodies), strips=tuple(strips))
+
+
+CELL_COORDINATES = 6
+"""Coordinates a cell adds before those of the robot: force x, y, z, moment x, y, z."""
+
+_ZERO = (0.0, 0.0, 0.0)
+_UNIT: tuple[Axis, Axis, Axis] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class InternalLoadCell:
+    """A six-axis load cell between a body and what it hangs on.
+
+    Attributes:
+        at: Name of the body, or of the joint that moves on the cell.
+        position: Origin of the cell from that of the joint's (a fixed body's) axes, in
+            them, before the joint moves, (3,) [m].
+        orientation: Roll, pitch, yaw of the cell's axes in those, (3,) [rad].
+    """
+
+    at: str
+    position: Axis = _ZERO
+    orientation: Axis = _ZERO
+
+    def __post_init__(self) -> None:
+        """Refuse what is no pose.
+
+        Raises:
+            ParameterError: If a number is not finite.
+        """
+        for name in ("position", "orientation"):
+            values = getattr(self, name)
+            if np.shape(values) != (3,) or not np.isfinite(np.asarray(values, float)).all():
+                raise ParameterError(f"load cell {name}", "three finite numbers", values)
+            object.__setattr__(self, name, tuple(float(k) for k in values))
+
+    def describe(self) -> dict[str, Any]:
+        """Description, as JSON-able values."""
+        return {"at": self.at, "position": self.position, "orientation": self.orientation}
+
+
+def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> None:
+    """Refuse cells that the robot cannot carry.
+
+    Args:
+        robot: The machine.
+        cells: Where they are.
+        held: Whether something holds a floating body.
+
+    Raises:
+        ParameterError: If a name is neither body nor joint, a place comes twice, or a cell
+            is to hold a body that nothing holds.
+    """
+    places = [_place(robot, cell.at) for cell in cells]
+    for k, (cell, place) in enumerate(zip(cells, places, strict=True)):
+        if place in places[:k]:
+            raise ParameterError("load cell", "one cell a place", cell.at)
+        if robot.bodies[place[0]].floating_dofs is not None and not held:
+            raise ParameterError("load cell", "a body that something holds", f"{cell.at}, free")
+
+
+def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
+    """Machine with a massless link of six coordinates, which come first, at each cell.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        cells: Where; the first one's coordinates are the first.
+
+    Returns:
+        A robot of 6 more coordinates a cell. With these at zero it moves as the original.
+    """
+    # from the last place backwards, so that the others stay where they are
+    order = sorted(range(len(cells)), key=lambda k: _place(robot, cells[k].at), reverse=True)
+    places = [_place(robot, cell.at) for cell in cells]
+    names = [f"load cell {k}" for k in range(CELL_COORDINATES * len(cells))]
+    machine = with_leading_coordinates(robot, names)
+    for k in order:
+        machine = _with_cell(machine, cells[k], places[k], CELL_COORDINATES * k)
+    return machine
+
+
+def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], first: int) -> Robot:
+    """One cell before a joint of a body; its coordinates are numbered already."""
+    place, before = at
+    body = machine.bodies[place]
+    turn = rotation_from_angles(cell.orientation)
+    foot = Body(
+        name=f"{cell.at} below the cell",
+        parent=body.parent,
+        position=body.position,
+        orientation=body.orientation,
+        joints=body.joints[:before],
+        floating_dofs=body.floating_dofs,
+        attitude=body.attitude,
+        **_MASSLESS,
+    )
+    link = Body(
+        name=f"{cell.at} load cell",
+        parent=place,
+        position=cell.position,
+        orientation=_rows(turn),
+        joints=_six(cell.at, first),
+        floating_dofs=None,
+        **_MASSLESS,
+    )
+    carried = replace(
+        body,
+        parent=place + 1,
+        position=_triple(-turn.T @ np.array(cell.position)),
+        orientation=_rows(turn.T),
+        joints=body.joints[before:],
+        floating_dofs=None,
+    )
+    bodies = [*machine.bodies[:place], foot, link, carried]
+    for other in machine.bodies[place + 1 :]:
+        bodies.append(replace(other, parent=_moved(other.parent, place)))
+    strips = tuple(replace(k, body=_moved(k.body, place)) for k in machine.strips)
+    return replace(machine, bodies=tuple(bodies), strips=strips)
+
+
+def _moved(body: int, place: int) -> int:
+    """Index of a body after foot and link were put before the one at `place`."""
+    return body + 2 if body >= place else body
+
+
+def _place(robot: Robot, name: str) -> tuple[int, int]:
+    """Body whose chain is cut, and how many of its joints stay before the cut."""
+    for index, body in enumerate(robot.bodies):
+        if body.name == name:
+            return index, 0
+    for index, body in enumerate(robot.bodies):
+        for before, joint in enumerate(body.joints):
+            if joint.name == name:
+                return index, before
+    names = [body.name for body in robot.bodies]
+    names += [joint.name for body in robot.bodies for joint in body.joints]
+    raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name)
+
+
+def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:
+    """Machine with room for coordinates before its own, which nothing damps or limits.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        names: Names of the new coordinates: three lengths, then three angles, again and again.
+    """
+    count = len(names)
+
+    def later(body: Body) -> Body:
+        joints = tuple(replace(joint, dof=joint.dof + count) for joint in body.joints)
+        floating = body.floating_dofs
+        moved = None if floating is None else tuple(i + count for i in floating)
+        return replace(body, joints=joints, floating_dofs=moved)
+
+    endless = (float("inf"),) * count
+    return replace(
+        robot,
+        bodies=tuple(later(body) for body in robot.bodies),
+        dof_names=(*names, *robot.dof_names),
+        dof_units=(("m",) * 3 + ("rad",) * 3) * (count // CELL_COORDINATES) + robot.dof_units,
+        actuated=tuple(i + count for i in robot.actuated),
+        damping=(0.0,) * count + robot.damping,
+        lower=tuple(-x for x in endless) + robot.lower,
+        upper=endless + robot.upper,
+        speed_limit=(),
+        acceleration_limit=(),
+        effort_limit=(),
+    )
+
+
+def _six(name: str, first: int) -> tuple[Joint, ...]:
+    kinds = ("prismatic",) * 3 + ("revolute",) * 3
+    return tuple(
+        Joint(f"{name} cell {k}", kind, axis, first + k)  # type: ignore[arg-type]
+        for k, (kind, axis) in enumerate(zip(kinds, (*_UNIT, *_UNIT), strict=True))
+    )
+
+
+_MASSLESS: dict[str, Any] = {
+    "mass": 0.0,
+    "center_of_mass": _ZERO,
+    "inertia": (0.0,) * CELL_COORDINATES,
+}
+
+
+def _triple(vector: Any) -> Axis:
+    x, y, z = (float(k) + 0.0 for k in vector)
+    return (x, y, z)
+
+
+def _rows(matrix: Any) -> tuple[Axis, Axis, Axis]:
+    return _triple(matrix[0]), _triple(matrix[1]), _triple(matrix[2])

@@ -4,7 +4,7 @@ A path is the motion of x, y, z, roll, pitch and yaw in the world, with exact
 velocity and acceleration; the last is continuous everywhere. Periodic ones repeat for
 ever, the others start and end at rest and stay where they end. Attitude is fixed
 but in a sinusoid, way-points and tables. Neglected: limits of what carries it, which
-`patagium.simulation.arm_plans` knows; a pitch of 90 degrees, where Euler angles end.
+`patagium.simulation.arm` knows; a pitch of 90 degrees, where Euler angles end.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from patagium.simulation.gait_models import (
     Gait,
     PrescribedMotion,
     SuperposedGait,
+    read_columns,
+    unit_factor,
 )
-from patagium.simulation.gait_table import read_columns, unit_factor
 
 __all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superposed", "waypoints"]
 

@@ -1,7 +1,9 @@
-"""Simulator of a flight in pieces, for those who look at the flight or steer it on its way.
+"""Flight of a robot through the air, step by step, in one go or in pieces.
 
-The state goes from piece to piece, and the record of all of them is the flight. Neglected:
-what `simulate` neglects.
+Joints follow the gait exactly, everything else the equations of motion; fourth order in the
+time step. The state goes from piece to piece, for those who look at the flight or steer it on
+its way, and the record of all of them is the flight. Neglected: contact, actuator limits,
+sensors.
 """
 
 from __future__ import annotations
@@ -15,27 +17,19 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.errors import Outcome, ParameterError
+from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
 from patagium.simulation.flight import FlightOrigin, flight_record
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
 from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
-from patagium.simulation.gust_field import GustField
-from patagium.simulation.initial_conditions import (
-    check_added_mass,
-    check_robots,
-    initial_coordinates,
-    initial_velocities,
-    whole_steps,
-)
-from patagium.simulation.internal_load_cells import InternalLoadCell, check_cells
-from patagium.simulation.mounts import Mount, mount_of
+from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
 from patagium.simulation.paths import Path
 from patagium.simulation.runge_kutta import (
     Array,
     Equations,
+    GustField,
     Integration,
     IntegrationResult,
     Progress,
@@ -44,12 +38,112 @@ from patagium.simulation.runge_kutta import (
 from patagium.simulation.state_layout import StateLayout, state_layout
 from patagium.simulation.state_limits import (
     SPEED_LIMIT,
+    StepTooLong,
     check_start,
+    diagnose_step,
     limits,
     outcome_message,
     singular_places,
 )
-from patagium.simulation.stiffness import StepTooLong, diagnose_step
+
+
+def whole_steps(duration: float, time_step: float) -> int:
+    """Number of time steps in a duration.
+
+    Raises:
+        ParameterError: If either is not positive, or they do not divide.
+    """
+    for name, value in (("duration", duration), ("time_step", time_step)):
+        if not (np.isfinite(value) and value > 0):
+            raise ParameterError(name, "a positive number of seconds", value)
+    steps = round(duration / time_step)
+    if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
+        raise ParameterError("duration", f"a whole number of time steps of {time_step} s", duration)
+    return steps
+
+
+def check_robots(robot: Robot, aero: Aerodynamics) -> None:
+    """Refuse a model of the air around another robot.
+
+    Raises:
+        ParameterError: If its coordinates or strips are not the robot's.
+    """
+    if _shape(aero.robot) != _shape(robot):
+        raise ParameterError(
+            "aero", f"a model of the air around {_named(robot)}", _named(aero.robot)
+        )
+
+
+def check_added_mass(robot: Robot, aero: Aerodynamics, added_mass: AddedMass | None) -> None:
+    """Refuse added mass of another robot, or in other air.
+
+    Raises:
+        ParameterError: If its coordinates, strips or air are not those of robot and model.
+    """
+    if added_mass is None:
+        return
+    if _shape(added_mass.robot) != _shape(robot):
+        raise ParameterError("added_mass", f"that of {_named(robot)}", _named(added_mass.robot))
+    if added_mass.air != aero.air:
+        raise ParameterError("added_mass.air", f"the air of aero, {aero.air}", added_mass.air)
+
+
+def _shape(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    return robot.dof_names, robot.coordinate_names, len(robot.strips)
+
+
+def _named(robot: Robot) -> str:
+    return robot.name + (" with a quaternion" if robot.attitude == "quaternion" else "")
+
+
+def initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
+    """Initial coordinates, those of zero angles by default, (n_q,); quaternions of length one.
+
+    Args:
+        robot: The machine.
+        values: Coordinates, (n_q,) [m, rad, 1], or None.
+
+    Raises:
+        ShapeError: If they are not (n_q,).
+        ParameterError: If they are not finite, or a quaternion's length is not one.
+    """
+    q = _finite("q", robot.coordinates() if values is None else values, robot.coordinate_names)
+    for body in robot.bodies:
+        if body.by_quaternion:
+            places = list(robot.floating_coordinates(body)[3:])
+            length = float(np.linalg.norm(q[places]))
+            if abs(length - 1) > _LENGTH_TOLERANCE:
+                raise ParameterError("q", "a quaternion of length 1", f"one of {length:.6g}")
+            q[places] /= length
+    return q
+
+
+_LENGTH_TOLERANCE = 1e-6
+"""Of a quaternion as written: six digits."""
+
+
+def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
+    """Initial velocities, zero by default, (n,).
+
+    Args:
+        robot: The machine.
+        values: Velocities, (n,) [m/s, rad/s], or None.
+
+    Raises:
+        ShapeError: If they are not (n,).
+        ParameterError: If they are not finite.
+    """
+    return _finite("v", np.zeros(robot.dof) if values is None else values, robot.dof_names)
+
+
+def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
+    vector = np.array(values, float)
+    if vector.shape != (len(names),):
+        raise ShapeError(name, (len(names),), vector.shape)
+    if not np.isfinite(vector).all():
+        wrong = names[int(np.argmin(np.isfinite(vector)))]
+        raise ParameterError(name, "finite numbers", f"not finite at {wrong}")
+    return vector
 
 
 class FlightOptions(TypedDict, total=False):
@@ -333,3 +427,73 @@ def _held_positions(robot: Robot, layout: StateLayout, q: Array, v: Array) -> Ar
             name = f"initial velocity of {robot.dof_names[i]}"
             raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
     return q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]
+
+
+class SimulationOptions(FlightOptions, total=False):
+    """Keywords of `simulate` that a run mostly does without; see `FlightOptions` for the others.
+
+    Attributes:
+        throw: Whether a run that stops early raises; True where not given.
+        progress: Function that takes the steps done and to do, called from time to time.
+    """
+
+    throw: bool
+    progress: Progress | None
+
+
+def simulate(
+    robot: Robot,
+    aero: Aerodynamics,
+    gait: Gait,
+    *,
+    duration: float,
+    time_step: float,
+    mount: Mount | None = None,
+    **options: Unpack[SimulationOptions],
+) -> xr.Dataset:
+    """Flight of a robot whose actuated joints follow a gait.
+
+    Classic Runge-Kutta at a fixed step, compiled. A run stops where a quantity is not
+    finite, an Euler angle of pitch nears 90 degrees (where roll and yaw are one; a quaternion
+    goes through), a coordinate leaves the robot's limits, or the speed is absurd; what was
+    flown is kept.
+
+    Args:
+        robot: The machine.
+        aero: Model of the air around it.
+        gait: Motion of the actuated joints.
+        duration: A whole number of time steps [s].
+        time_step: Step [s].
+        mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
+            default free if the robot has a floating body, else fixed.
+        **options: Further keywords, all optional:
+            q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes
+            them; the gait's and the path's are overwritten. Those of zero angles by default.
+            v: Initial velocities, (n,) [m/s, rad/s]; likewise. What a fixed mount holds
+            must not move: let the air move instead.
+            added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
+            load_cells: Six-axis cells (`patagium.mounts.load_cell`) whose wrenches to record.
+            throw: Whether a run that stops early raises (default); else the flight up to there
+            is returned, `outcome` and `message` among its attributes.
+            progress: Function that takes the steps done and to do, called from time to time.
+
+    Returns:
+        The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+        ShapeError: If q is not (n_q,) or v not (n,).
+        SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
+    """
+    check_keywords(options, SimulationOptions)
+    throw, progress = options.pop("throw", True), options.pop("progress", None)
+    started: FlightOptions = options
+    simulator = Simulator(
+        robot, aero, gait, duration=duration, time_step=time_step, mount=mount, **started
+    )
+    simulator.advance(simulator.steps, progress)
+    flight = simulator.flight()
+    outcome = Outcome[flight.attrs["outcome"]]
+    if throw and outcome is not Outcome.COMPLETED:
+        raise SimulationFailed(flight.attrs["message"], flight, outcome)
+    return flight

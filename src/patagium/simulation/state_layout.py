@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.robot import Robot
-from patagium.simulation.internal_load_cells import InternalLoadCell, with_load_cells
 from patagium.simulation.mounts import (
+    InternalLoadCell,
     Mount,
     floating_coordinates,
     floating_dofs,
     on_massless_mount,
+    with_load_cells,
 )
 
 Array = NDArray[np.float64]

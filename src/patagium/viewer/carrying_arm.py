@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.solids import Solid, carried_body, solids, tube
-from patagium.simulation.arm_reconstruction import Carrier
+from patagium.simulation.flight import Carrier
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from patagium.dynamics.poses import Poses
+from patagium.dynamics.dynamics import Poses
 from patagium.learning.scores import INTERVAL
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot

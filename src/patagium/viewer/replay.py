@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
 from patagium.learning.identify import flight_horizons
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay

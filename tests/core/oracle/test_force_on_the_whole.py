@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import patagium as pt
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
 from patagium.learning.models.memory import network_inputs
 from patagium.simulation import robot_of

@@ -8,9 +8,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError, PathError, ShapeError
 from patagium.robot.attitude import rotation_from_angles
-from patagium.simulation.arm_kinematics import rotation_vector
-from patagium.simulation.arm_limits import CLEARANCE
-from patagium.simulation.arm_plans import carried_gait, plan_arm
+from patagium.simulation.arm import CLEARANCE, carried_gait, plan_arm, rotation_vector
 
 TURN, SHIFT = (0.0, -np.pi / 2, 0.0), (0.01, 0.02, 0.05)
 EIGHT = {"along": (0, 1, 0), "across": (0, 0, 1)}

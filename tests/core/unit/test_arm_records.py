@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import patagium as pt
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.robot.solids import carried_body, solids
 from patagium.simulation import carrier_of

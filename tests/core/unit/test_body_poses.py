@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ShapeError
 from patagium.robot import preset_names
 from patagium.robot.drawing import strip_corners

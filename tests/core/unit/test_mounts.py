@@ -8,7 +8,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.robot import drawing
-from patagium.simulation.internal_load_cells import with_load_cells
+from patagium.simulation.mounts import with_load_cells
 
 ROCKING = pt.paths.sinusoid(
     (0.1, 0.2, 1.0), frequency=3.0, phase={"z": 0.4}, y=0.1, z=0.05, pitch=0.3, yaw=0.2

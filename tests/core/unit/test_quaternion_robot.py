@@ -10,7 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.dynamics.poses import poses_at
+from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
 from patagium.learning.models.memory import network_inputs
 from patagium.live.record import StreamFile
@@ -24,8 +24,8 @@ from patagium.robot.attitude import (
     quaternion_from_angles,
     rotation_from_quaternion,
 )
-from patagium.robot.coordinates import coordinate_names, places_in_q
 from patagium.robot.drawing import _poses, describe_robot, draw_robot
+from patagium.robot.model import coordinate_names, places_in_q
 from patagium.sensing.force.air_force import packet_columns
 from patagium.viewer import replay
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from patagium.robot.assembly import cut_wing
 from patagium.robot.schema import WingPart
-from patagium.robot.strips import cut_wing
 
 
 def _wing(**segment: object) -> WingPart:

@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.errors import Outcome, SimulationFailed
 from patagium.native import load_functions
 from patagium.simulation.runge_kutta import Equations, integrate
-from patagium.simulation.stiffness import diagnose_step, growth, longest_stable_step
+from patagium.simulation.state_limits import diagnose_step, growth, longest_stable_step
 
 STEP = 0.01
 

@@ -8,7 +8,7 @@ import pytest
 
 import patagium as pt
 from patagium.dynamics.kinematics import point_position, point_velocity
-from patagium.simulation.arm_plans import carried_gait
+from patagium.simulation.arm import carried_gait
 
 CLOSE = 1e-9  # relative to the largest entry: acceptance of the issue
 SHIFT, TURN = (0.01, -0.02, 0.05), (0.0, -np.pi / 2, 0.0)

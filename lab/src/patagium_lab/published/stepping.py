@@ -26,8 +26,8 @@ from patagium.robot import Robot
 from patagium.simulation.flight import FlightOrigin, flight_record
 from patagium.simulation.flight_equations import RECORDED, external_force, observed
 from patagium.simulation.gaits import sinusoidal
-from patagium.simulation.initial_conditions import check_robots, whole_steps
 from patagium.simulation.runge_kutta import Array, Equations, Progress, integrate, times_of
+from patagium.simulation.simulator import check_robots, whole_steps
 from patagium.simulation.state_layout import IMPULSE, WORKS
 from patagium.simulation.state_limits import check_start, limits, outcome_message
 

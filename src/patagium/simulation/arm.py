@@ -1,35 +1,273 @@
-"""Joint motion of an arm whose tool follows a path, planned within the arm's limits.
+"""Arm that carries a robot along a path: kinematics, limits, and the plan of its joints.
 
-Inverse kinematics by Newton's method on the compiled Jacobian: along the path from one
-knot to the next on the same branch, then at any time from a spline through the knots, so
+The tool is a frame fixed to a body of the arm; its functions are compiled, many states at a
+time. Inverse kinematics goes by Newton's method on the compiled Jacobian: along the path from
+one knot to the next on the same branch, then at any time from a spline through the knots, so
 that position, velocity and acceleration are those of the path to rounding. Near a
 singularity the arm is refused, never damped. Where it may start in several ways, each is
-tried. Neglected: collisions, the load on the tool, control errors.
+tried. Neglected: collisions; the load on the tool; jerk, power, elasticity and friction of the
+joints; control errors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from patagium.dynamics.chain import cross
+from patagium.dynamics.equations import damping_force, inverse
+from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError, ShapeError
+from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Axis
-from patagium.simulation.arm_kinematics import (
-    Array,
-    Tool,
-    rotation_vector,
-    solve_each,
-)
-from patagium.simulation.arm_limits import CLOSED, check_branch, check_period
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 from patagium.simulation.paths import Path, span_of
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Tool:
+    """A frame on an arm as functions of its joints.
+
+    Args:
+        arm: The arm.
+        at: Name of the body that carries the frame.
+        position: Its origin in that body's axes, (3,) [m].
+        orientation: Roll, pitch, yaw of its axes in that body's, (3,) [rad].
+
+    Raises:
+        ParameterError: If there is no such body.
+    """
+
+    def __init__(self, arm: Robot, at: str, position: Axis, orientation: Axis) -> None:
+        body = arm.body_index(at)
+        placed = np.concatenate([position, rotation_from_angles(orientation).ravel(order="F")])
+        self._parameters = np.concatenate([arm.parameters, placed])
+        self._functions = load_functions(
+            f"tool {arm.structure} {body}",
+            lambda: _functions(arm, body),
+            label=f"tool of {arm.name}",
+            many_only=["pose", "drift", "torque"],
+        )
+
+    def pose(self, q: Array) -> tuple[Array, Array, Array]:
+        """Position (N, 3) [m], rotation to the world (N, 3, 3) and Jacobian (N, 6, n).
+
+        Args:
+            q: Joint positions, (N, n) [rad, m].
+        """
+        position, turn, jacobian = self._functions["pose"].batch(q, self._parameters)
+        return np.array(position), np.array(turn), np.array(jacobian)
+
+    def drift(self, q: Array, v: Array) -> Array:
+        """Acceleration of the tool without that of the joints, dJ/dt v, (N, 6).
+
+        Args:
+            q: Joint positions, (N, n) [rad, m].
+            v: Joint velocities, (N, n) [rad/s, m/s].
+        """
+        return np.array(self._functions["drift"].batch(q, v, self._parameters))
+
+    def follow(self, q: Array, target: PrescribedMotion) -> PrescribedMotion:
+        """Motion of the joints that keeps the tool on a path.
+
+        v = J^-1 twist, a = J^-1 (its rate - dJ/dt v).
+
+        Args:
+            q: Joint positions that put it there, (N, n) [rad, m].
+            target: The path, x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
+        """
+        twist, change = path_twist(target)
+        _, _, jacobian = self.pose(q)
+        v = solve_each(jacobian, twist)
+        return PrescribedMotion(q, v, solve_each(jacobian, change - self.drift(q, v)))
+
+    def torque(self, motion: PrescribedMotion) -> Array:
+        """Force or torque of each joint, load left out, (N, n) [N m, N]."""
+        moved = motion.position, motion.velocity, motion.acceleration
+        return np.array(self._functions["torque"].batch(*moved, self._parameters))
+
+
+def _functions(arm: Robot, body: int) -> list[ca.Function]:
+    machine, own = arm.symbolic()
+    placed = ca.SX.sym("placed", 12)
+    p, offset, turn = ca.vertcat(own, placed), placed[:3], ca.reshape(placed[3:], 3, 3)
+    q, v, a = (ca.SX.sym(name, arm.dof) for name in "qva")
+    pose, twist = body_poses(machine, q)[body], body_velocities(machine, q, v)[body]
+    place = pose.position + pose.rotation @ offset
+    linear = pose.rotation @ (twist.linear + cross(twist.angular, offset))
+    moves = ca.vertcat(linear, pose.rotation @ twist.angular)
+    outputs = [place, pose.rotation @ turn, ca.jacobian(moves, v)]
+    drift = ca.jtimes(moves, q, v)
+    torque = inverse(machine, q, v, a) - damping_force(machine, v)
+    dense = [ca.densify(k) for k in outputs]
+    return [
+        ca.Function("pose", [q, p], dense, ["q", "parameters"], ["place", "turn", "jacobian"]),
+        ca.Function("drift", [q, v, p], [ca.densify(drift)], ["q", "v", "parameters"], ["drift"]),
+        ca.Function("torque", [q, v, a, p], [torque], ["q", "v", "a", "parameters"], ["torque"]),
+    ]
+
+
+def solve_each(matrices: Array, right: Array) -> Array:
+    """Solutions of square systems, (N, n), one right-hand side each.
+
+    Args:
+        matrices: Matrices, (N, n, n) [SI].
+        right: Right-hand sides, (N, n) [SI].
+    """
+    return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
+
+
+def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
+    """Velocity and acceleration of a path: linear, then angular, world axes, (N, 6) each.
+
+    w = sum_k e_k rate_k over the axes e of roll, pitch and yaw in the world.
+
+    Args:
+        motion: Of x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
+    """
+    rates, second = motion.velocity[:, 3:], motion.acceleration[:, 3:]
+    axes, turned = _euler_axes(motion.position[:, 4:], rates[:, 1:])
+    spin = np.einsum("nij,nj->ni", axes, rates)
+    spun = np.einsum("nij,nj->ni", axes, second) + np.einsum("nij,nj->ni", turned, rates)
+    return (
+        np.hstack([motion.velocity[:, :3], spin]),
+        np.hstack([motion.acceleration[:, :3], spun]),
+    )
+
+
+def _euler_axes(angles: Array, rates: Array) -> tuple[Array, Array]:
+    """Axes of roll, pitch, yaw in the world as columns, and their rates, (N, 3, 3) each."""
+    pitch, yaw = angles.T
+    pitching, yawing = rates.T
+    cp, sp, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    none = np.zeros_like(pitch)
+    roll_axis = [cy * cp, sy * cp, -sp]
+    roll_rate = [
+        -sy * cp * yawing - cy * sp * pitching,
+        cy * cp * yawing - sy * sp * pitching,
+        -cp * pitching,
+    ]
+    pitch_axis, pitch_rate = [-sy, cy, none], [-cy * yawing, -sy * yawing, none]
+    axes: Any = [roll_axis, pitch_axis, [none, none, none + 1.0]]
+    changes: Any = [roll_rate, pitch_rate, [none, none, none]]
+    return np.transpose(np.array(axes), (2, 1, 0)), np.transpose(np.array(changes), (2, 1, 0))
+
+
+def rotation_vector(matrix: Array) -> Array:
+    """Axis times angle of rotations, (N, 3) [rad]; of a half turn one of its two axes.
+
+    Args:
+        matrix: Rotations, (N, 3, 3) [-].
+    """
+    skew = np.stack(
+        [
+            matrix[:, 2, 1] - matrix[:, 1, 2],
+            matrix[:, 0, 2] - matrix[:, 2, 0],
+            matrix[:, 1, 0] - matrix[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(skew, axis=1) / 2
+    cosine = (np.trace(matrix, axis1=1, axis2=2) - 1) / 2
+    angle = np.arctan2(sine, cosine)
+    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, 2 * sine, 1.0), 0.5)
+    return np.asarray(skew * scale[:, None])
+
+
+CLEARANCE = 0.03
+"""Least singular value of the Jacobian, lengths in reaches of the arm, that is no singularity."""
+CLOSED = 1e-10
+"""How far the tool may be from the path [m, rad]."""
+
+
+def check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
+    """Clearance from singularities of a branch that the arm can follow.
+
+    Args:
+        arm: The arm.
+        tool: Tool that follows the path.
+        time: Knots, (K,) [s].
+        target: The path there.
+        q: Joint positions there, (K, n) [rad, m]; not finite from where there are none.
+
+    Returns:
+        Least singular value of the Jacobian, lengths in reaches of the arm.
+
+    Raises:
+        PathError: At the first time when it cannot.
+    """
+    sound = np.isfinite(q).all(axis=1)
+    count = len(time) if sound.all() else int(np.argmin(sound))
+    _, _, jacobian = tool.pose(q[:count])
+    reach = sum(float(np.linalg.norm(np.asarray(b.position, float))) for b in arm.bodies)
+    scaled = jacobian / np.array([reach] * 3 + [1.0] * 3)[:, None]
+    clearance = np.linalg.svd(scaled, compute_uv=False)[:, -1]
+    if clearance.min() < CLEARANCE:
+        k = int(np.argmax(clearance < CLEARANCE))
+        quantity = "inverse clearance from a singularity"
+        raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
+    if count < len(time):
+        raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
+    part = PrescribedMotion(
+        *(k[:count] for k in (target.position, target.velocity, target.acceleration))
+    )
+    _check_limits(arm, tool, time, tool.follow(q[:count], part))
+    return float(clearance.min())
+
+
+def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion) -> None:
+    none = (np.inf,) * arm.dof
+    quantities: list[tuple[str, Array, Sequence[float], tuple[str, str]]] = [
+        ("position", motion.position, arm.upper, ("rad", "m")),
+        ("position", -motion.position, tuple(-k for k in arm.lower), ("rad", "m")),
+        ("speed", np.abs(motion.velocity), arm.speed_limit or none, ("rad/s", "m/s")),
+        (
+            *("acceleration", np.abs(motion.acceleration)),
+            *(arm.acceleration_limit or none, ("rad/s^2", "m/s^2")),
+        ),
+    ]
+    if arm.effort_limit:
+        effort = np.abs(tool.torque(motion))
+        quantities.append(("torque", effort, arm.effort_limit, ("N m", "N")))
+    for number, (name, values, most, units) in enumerate(quantities):
+        beyond = values > np.array(most)
+        if beyond.any():
+            k = int(np.argmax(beyond.any(axis=1)))
+            joint = int(np.argmax(beyond[k]))
+            sign = -1.0 if number == 1 else 1.0
+            unit = units[0] if arm.dof_units[joint] == "rad" else units[1]
+            value, limit = sign * values[k, joint], sign * most[joint]
+            raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
+
+
+def check_period(arm: Robot, path: Path, q: Array) -> None:
+    """A periodic path must bring every joint back: a turn too many cannot go on for ever.
+
+    Args:
+        arm: The arm.
+        path: Path of the tool.
+        q: Joint positions over one period, (K, n) [rad, m].
+
+    Raises:
+        PathError: If a joint is elsewhere after a period.
+    """
+    if not path.period:
+        return
+    gone = np.abs(q[-1] - q[0])
+    joint = int(np.argmax(gone))
+    if gone[joint] > 1e-6:
+        name, unit = arm.dof_names[joint], arm.dof_units[joint]
+        raise PathError(path.period, name, "gain a period", gone[joint], 0.0, unit)
+
 
 AXES = 6
 """Joints of an arm: as many as a tool has ways to move."""
