@@ -62,7 +62,7 @@ def time_call(call: CompiledCall, inputs: Sequence[Array], budget: float = 0.03)
 
     Args:
         call: The function.
-        inputs: One array an argument: (N, k) a state each, or (k,) for all.
+        inputs: One array an argument: (N, k) a state each, or (k,) for all [SI].
         budget: Time to spend [s].
 
     Raises:

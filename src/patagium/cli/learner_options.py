@@ -344,8 +344,8 @@ def scaled_network(
         names: Names of the outputs.
         hidden: Neurons of each hidden layer.
         activation: Activation of the hidden layers.
-        x: Inputs, (N, n_x), in their units.
-        y: Outputs, (N, n_y), in their units.
+        x: Inputs, (N, n_x) [units of x].
+        y: Outputs, (N, n_y) [unit of y].
     """
     from patagium.learning import DenseNetwork
 

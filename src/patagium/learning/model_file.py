@@ -49,7 +49,7 @@ class Model:
 
     Attributes:
         network: The network.
-        weights: Weights, (n,).
+        weights: Weights, (n,) [1].
         kept_covariance: Covariance of the weights as the learner kept it; None if it had none.
         measurement_std: Standard deviation of the measurements, given or estimated,
             (n_y,) [unit of y]; None where unknown.

@@ -150,7 +150,7 @@ class LogSamples(NamedTuple):
 
     Attributes:
         time: Increasing, (N,) [s].
-        x: Measured inputs of the network, (N, n_measured).
+        x: Measured inputs of the network, (N, n_measured) [units of x].
         gaps: First sample after each gap.
         used: Samples used, increasing, (U,).
     """

@@ -321,13 +321,13 @@ class FilterSettings:
 
     Args:
         prior_std: Standard deviation of each weight before any sample, divided by sqrt(fan-in) of
-            its neuron (biases: fan-in 1); one number or (n,). Weights of which the network has its
-            own (`GreyBox`) keep that; None: all have.
+            its neuron (biases: fan-in 1); one number or (n,) [1]. Weights of which the network has
+            its own (`GreyBox`) keep that; None: all have.
         measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y].
         process_std: Standard deviation by which each weight wanders between two samples, one
-            number or (n,); not divided by anything.
-        spread: kappa, distance of the cubature points in standard deviations; None is sqrt(n),
-            the cubature rule; see `spread` for mean and covariance at any other.
+            number or (n,) [1]; not divided by anything.
+        spread: kappa, distance of the cubature points [standard deviations]; None is sqrt(n), the
+            cubature rule; see `spread` for mean and covariance at any other.
         square_root: "transform" carries the square root through the update; "cholesky" is
             Algorithm 1 of the paper to rounding.
         dtype: Precision of the square root and of the points, "float64" or "float32"; the

@@ -84,7 +84,7 @@ def rotor_lag(weights: ArrayLike) -> float:
     """Time constant tau of a rotor [s].
 
     Args:
-        weights: (n,).
+        weights: Weights, (n,) [1].
     """
     return float(FIRST_LAG * np.exp(np.asarray(weights, float)[0]))
 
@@ -167,7 +167,7 @@ class ThrustNetwork(GroupedNetwork):
 
         Args:
             encoding: Encoding of N samples.
-            weights: (n,).
+            weights: Weights, (n,) [1].
         """
         seen, state, _ = self._seen(encoding.features[:, 0], weights[0])
         residual = self._perceptron.forward(seen, weights[PHYSICAL:])[:, 0]
@@ -193,7 +193,7 @@ class ThrustNetwork(GroupedNetwork):
 
         Args:
             encoding: Encoding of one sample.
-            weights: (n,).
+            weights: Weights, (n,) [1].
         """
         rest = weights[PHYSICAL:]
         seen, state, slopes = self._seen(encoding.features, weights[0])

@@ -26,11 +26,11 @@ class Algorithm1:
     Args:
         network: Whose weights are estimated.
         std: Standard deviations of the weights to begin with, (n,).
-        noise: Variances of the measurement, R, (n_y,).
+        noise: Variances of the measurement, R, (n_y,) [y^2].
 
     Attributes:
-        mean: Weights, (n,).
-        covariance: P, (n, n).
+        mean: Weights, (n,) [1].
+        covariance: P, (n, n) [1].
     """
 
     def __init__(self, network: DenseNetwork, std: Array, noise: Array) -> None:
@@ -43,8 +43,8 @@ class Algorithm1:
         """Learn one sample; gives the innovation, (n_y,).
 
         Args:
-            x: Input, (n_x,).
-            y: Measurement, (n_y,).
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
         """
         points = self._points(self.mean, self.covariance)
         count = len(points)

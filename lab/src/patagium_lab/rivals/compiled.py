@@ -24,7 +24,7 @@ class Rival:
     Attributes:
         name: Name, as it stands in the bench.
         calls: Compiled function for each quantity it offers.
-        order: Index in q of each of its coordinates, (n,).
+        order: Index in q of each of its coordinates, (n,) [1].
         extra: Arrays after q, v, a or f, the same for all states.
         note: How the rival was made.
         compile_time: Time the compiler took when it was built [s].

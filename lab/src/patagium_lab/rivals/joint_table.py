@@ -30,7 +30,7 @@ class JointRow:
         parent: Row of the parent, -1 for the world.
         kind: One of `KINDS`.
         dofs: Velocities of the joint, as indices in v, in the joint's own order.
-        rotation: Joint axes to the parent's, (3, 3).
+        rotation: Joint axes to the parent's, (3, 3) [1].
         position: Origin in the parent's axes, (3,) [m].
         mass: Mass [kg]; zero for an intermediate row.
         first_moment: Mass times centre of mass, joint axes, (3,) [kg m].

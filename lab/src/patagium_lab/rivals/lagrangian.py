@@ -29,7 +29,7 @@ class SymbolicEquations:
 
     Attributes:
         backend: "sympy" or "symengine".
-        arguments: Symbols of q (n,), v (n,) and the robot's parameters (n_p,).
+        arguments: Symbols of q (n,), v (n,) and the robot's parameters (n_p,) [SI].
         mass_matrix: D, n rows of n.
         coriolis: C v, n entries.
         gravity: G, n entries.

@@ -30,8 +30,8 @@ class PinocchioModel:
 
     Attributes:
         model: The `pinocchio.Model`.
-        order: Index in v of each velocity of the model, (n,).
-        places: Index in q of each coordinate of the model, (n_q,).
+        order: Index in v of each velocity of the model, (n,) [1].
+        places: Index in q of each coordinate of the model, (n_q,) [1].
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -98,7 +98,7 @@ class FaultFree(NamedTuple):
     """Result of a learner without a fault.
 
     Attributes:
-        error: Normalized square error by sample, (N,).
+        error: Normalized square error by sample, (N,) [1].
         state: State of the learner before the sample `FIRST`.
         events: Events counted by then.
     """
@@ -113,7 +113,7 @@ class FlightResult:
     """Result of a learner on a feed.
 
     Attributes:
-        error: Normalized square error by sample of the flight, mean over outputs, (N,).
+        error: Normalized square error by sample of the flight, mean over outputs, (N,) [1].
         events: Events that it counted.
         finite: Whether all weights are finite.
         definite: Whether the covariance has a Cholesky factor.

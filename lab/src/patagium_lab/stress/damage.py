@@ -60,7 +60,7 @@ class DamagedFlight(NamedTuple):
     """A flight before and after the damage.
 
     Attributes:
-        x: States, (N, 2n).
+        x: States q and v, (N, 2n) [m, rad, m/s, rad/s].
         y: Force of the air, (N, n) [N, N m].
         beats: Number of wingbeats before the damage.
     """

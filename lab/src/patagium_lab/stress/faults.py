@@ -32,9 +32,9 @@ class Feed(NamedTuple):
 
     Attributes:
         time: Stamps, (M,) [s].
-        x: Inputs, (M, n_x).
-        y: Measurements, (M, n_y).
-        sample: Number of each sample in the flight, (M,).
+        x: Inputs, (M, n_x) [units of x].
+        y: Measurements, (M, n_y) [unit of y].
+        sample: Number of each sample in the flight, (M,) [1].
     """
 
     time: Array

@@ -71,8 +71,8 @@ class PitchingCase:
         chord: Chord [m].
         airspeed: Airspeed of the tunnel [m/s].
         angle: Angles of attack of the static polar, (n,) [rad].
-        static_lift: C_L at each, (n,).
-        static_drag: C_D at each, (n,).
+        static_lift: C_L at each angle, (n,) [1].
+        static_drag: C_D at each angle, (n,) [1].
         loops: The pitching records.
     """
 

@@ -74,7 +74,7 @@ class BlockKernel:
 
     Attributes:
         drifts: Whether the kernel adds process noise itself.
-        mean: Weights W, (n,), moved by the kernel.
+        mean: Weights W, (n,) [1], moved by the kernel.
     """
 
     def __init__(self, name: str, numbers: FilterNumbers, screen: Screen) -> None:
@@ -106,7 +106,7 @@ class BlockKernel:
         """Mean, (n_y,), and covariance, (n_y, n_y), of y at x.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
         """
         self._take(x)
         self._predict(self._address)
@@ -117,8 +117,8 @@ class BlockKernel:
         """Outcome of one sample, and the moments of y before it.
 
         Args:
-            x: Input, (n_x,).
-            y: Measurement, (n_y,).
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
         """
         self._take(x)
         self._measured[:] = y
@@ -141,9 +141,9 @@ class BlockKernel:
         """Go on from weights and square roots.
 
         Args:
-            mean: Weights W, (n,).
+            mean: Weights W, (n,) [1].
             nis: Normalized innovation squared of the last sample.
-            roots: Square root of each block, (k, k).
+            roots: Square root of each block, (k, k) [1].
         """
         self.mean[:], self._struct.nis = mean, nis
         lower = lower_roots(roots)

@@ -142,7 +142,7 @@ def lower_roots(roots: Roots) -> Roots:
     """Lower triangular square roots of the same blocks, (k, k) each.
 
     Args:
-        roots: Square root of each block, (k, k).
+        roots: Square root of each block, (k, k) [1].
     """
     return [triangular(root) if np.triu(root, 1).any() else root for root in roots]
 
@@ -195,7 +195,7 @@ def point_moments(look: Look, root: Array) -> Moments:
 
     Args:
         look: Sample before it is measured.
-        root: S, (n, n); the points are evaluated in its precision.
+        root: Square root S of P, (n, n) [1]; the points are evaluated in its precision.
     """
     network, rule = look.numbers.network, look.numbers.rule
     center = look.mean.astype(root.dtype)
@@ -215,7 +215,7 @@ def linear_moments(look: Look, root: Array) -> Moments:
 
     Args:
         look: Sample before it is measured.
-        root: S, (n, n).
+        root: Square root S of P, (n, n) [1].
     """
     y, slope = look.numbers.network.linearized(look.encoding, look.mean)
     return Moments(y, root.T @ slope.T, np.diag(look.noise))

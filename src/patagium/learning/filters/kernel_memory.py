@@ -37,15 +37,15 @@ class Compiled(NamedTuple):
         update: Address of `int f(void *memory)`: learns the sample; the integer is an Outcome.
         predict: Address of the same that only predicts it.
         memory: What both take.
-        x: Input, (n_x,), read by them.
-        y: Measurement, (n_y,), read by update; NaN where a channel is missing.
+        x: Input, (n_x,) [units of x], read by them.
+        y: Measurement, (n_y,) [unit of y], read by update; NaN where a channel is missing.
         stamp: Time of the sample, (1,) [s], read by update; NaN: not known.
-        mean: Predicted, (n_y,), written by both.
-        covariance: Predicted with the noise, (n_y, n_y), written by both.
+        mean: Predicted measurement, (n_y,) [unit of y], written by both.
+        covariance: Predicted covariance with the noise, (n_y, n_y) [y^2], written by both.
         alarm: Written by update: not zero when a change was detected, (1,) of int64.
-        left_out: Written by update: channels that were not learned from, (n_y,) of int64.
+        left_out: Channels that were not learned from, (n_y,) of int64 [1], written by update.
         nis: Address of the normalized innovation squared, written by update.
-        weights: W, (n,), moved by update.
+        weights: Weights W, (n,) [1], moved by update.
     """
 
     update: int
@@ -70,7 +70,7 @@ def compiled_filter(
     Args:
         calls: The kernel's functions that update and that predict.
         struct: The kernel's memory.
-        x: What its encoder reads, (n_x,).
+        x: Input of the encoder, (n_x,) [units of x].
         arrays: The filter's.
         screen: What its samples go through.
     """

@@ -42,7 +42,7 @@ def seen_directions(covariance: Array) -> tuple[Array, Array]:
     """Directions of the weights that move y: variances, (q,) [y^2], and axes, (n_y, q).
 
     Args:
-        covariance: H P H', (n_y, n_y).
+        covariance: H P H', (n_y, n_y) [y^2].
     """
     variances, axes = eigh(covariance)
     clear = variances > _UNSEEN * max(variances.max(), 0.0)
@@ -53,8 +53,8 @@ class Directions(NamedTuple):
     """Directions of the weights that y is seen along.
 
     Attributes:
-        columns: Columns of a square root of P, (n, q).
-        sensed: P^-1 times them, (n, q).
+        columns: Columns of a square root of P, (n, q) [1].
+        sensed: P^-1 times these columns, (n, q) [1].
     """
 
     columns: Array
@@ -95,7 +95,7 @@ def moments_along(look: Look, y: Array, plus: Array, minus: Array) -> Moments:
 
     Args:
         look: Sample before it is measured.
-        y: y(W), (n_y,).
+        y: y(W), (n_y,) [unit of y].
         plus: y(W + kappa s_i), (q, n_y).
         minus: y(W - kappa s_i), (q, n_y).
     """
@@ -111,9 +111,9 @@ def linear_moments_along(look: Look, y: Array, variances: Array, axes: Array) ->
 
     Args:
         look: Sample before it is measured.
-        y: y(W), (n_y,).
+        y: y(W), (n_y,) [unit of y].
         variances: Variances of y along its axes, (q,).
-        axes: (n_y, q).
+        axes: Axes of y along which it varies, (n_y, q) [1].
     """
     return Moments(y, np.sqrt(variances)[:, None] * axes.T, np.diag(look.noise))
 

@@ -44,7 +44,7 @@ class _Directions(NamedTuple):
 
     Attributes:
         columns: [F, H'] times this, over U, are the columns y sees, (r + n_y, q).
-        turn: H' times this is the inverse of P times them, (n_y, q).
+        turn: H' times this is the inverse of P times them, (n_y, q) [1/y].
         products: Of [F, H'], U^-1 between them, forgetting done, (r + n_y, r + n_y).
     """
 
@@ -154,7 +154,7 @@ class LowRankPasses:
             look: Sample before it was measured.
             along: Directions that y is seen along.
             moments: Moments of y as screened.
-            gain: P_yy^-1 (y - mean), (n_y,).
+            gain: P_yy^-1 (y - mean), (n_y,) [1/y].
 
         Raises:
             MatrixLost: If something is not finite, or the noise not positive definite.

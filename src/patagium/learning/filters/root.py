@@ -45,9 +45,9 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     S <- S - (S Z) B Z', and P = S S' is the Kalman filter's, definite whatever the rounding.
 
     Args:
-        root: S, any square root, (n, n).
-        slopes: Z, (n, n_y).
-        remainder: M, (n_y, n_y).
+        root: Any square root S of P, (n, n) [1].
+        slopes: Z, (n, n_y) [unit of y].
+        remainder: M, (n_y, n_y) [y^2].
 
     Returns:
         The new S, (n, n), not triangular; S Z, (n, n_y); G with G G' = P_yy^-1, (n_y, n_y).
@@ -72,9 +72,9 @@ def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, 
     n^3. The compiled kernel reaches the same S in order n^2 n_y, column by column.
 
     Args:
-        root: S, any square root, (n, n).
-        slopes: Z, (n, n_y).
-        remainder: M, (n_y, n_y).
+        root: Any square root S of P, (n, n) [1].
+        slopes: Z, (n, n_y) [unit of y].
+        remainder: M, (n_y, n_y) [y^2].
 
     Returns:
         The new S, (n, n), with a diagonal of at least zero; S Z; G: as `transformed_root`.
@@ -92,7 +92,7 @@ def triangular(root: Array) -> Array:
     """Lower triangular square root of the same covariance, its diagonal at least zero.
 
     Args:
-        root: S, any square root, (n, n).
+        root: Any square root S of P, (n, n) [1].
     """
     upper = np.asarray(np.linalg.qr(root.T, mode="r"))
     signs = np.where(np.diag(upper) < 0, -1.0, 1.0)
@@ -103,8 +103,8 @@ def with_noise(root: Array, noise: Array) -> Array:
     """Square root of S S' + diag(noise), (n, n): of order n^3.
 
     Args:
-        root: S, (n, n).
-        noise: Variances, (n,).
+        root: Any square root S of P, (n, n) [1].
+        noise: Variances added to the weights, (n,) [1].
 
     Raises:
         MatrixLost: If S S' is not finite or so far from definite that the sum is not.

@@ -51,7 +51,7 @@ class Screened(NamedTuple):
 
     Attributes:
         moments: Of y, without the channels left out and with the noise of those doubted.
-        innovation: (n_y,); zero where left out.
+        innovation: Innovation, (n_y,) [unit of y]; zero where a channel is left out.
     """
 
     moments: Moments
@@ -62,7 +62,7 @@ class Screen:
     """Memory of the screening between samples: arrays that the kernels share.
 
     Args:
-        noise: Variances of the measurement to start from, (n_y,).
+        noise: Variances of the measurement to start from, (n_y,) [y^2].
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances follow; None: they are known.
         change_detection: When the covariance is opened anew; None: never.
@@ -178,7 +178,7 @@ class Screen:
         """Variance of each channel at a sample, (n_y,).
 
         Args:
-            readout: Of the network there, (n_y, r).
+            readout: Readout of the network at the sample, (n_y, r) [unit of y].
         """
         parts = self.parts
         if self.share:
@@ -192,7 +192,7 @@ class Screen:
 
         Args:
             found: Moments of y before it was measured.
-            measured: y, (n_y,).
+            measured: Measurement y, (n_y,) [unit of y].
         """
         innovation = np.zeros(len(measured))
         variances = np.einsum("ij,ij->j", found.slopes, found.slopes) + np.diag(found.remainder)
@@ -213,8 +213,8 @@ class Screen:
         """Update the variances and the test for changes after a sample.
 
         Args:
-            gain: P_yy^-1 e, (n_y,).
-            inverse: Diagonal of P_yy^-1, (n_y,).
+            gain: P_yy^-1 e, (n_y,) [1/y].
+            inverse: Diagonal of P_yy^-1, (n_y,) [1/y^2].
             nis: e' P_yy^-1 e.
         """
         self.whole[_LEARNED] += 1
@@ -282,8 +282,8 @@ def usable_channels(
 
     Args:
         screen: Where events are counted.
-        x: Input, (n_x,).
-        y: Measurement, (n_y,).
+        x: Input, (n_x,) [units of x].
+        y: Measurement, (n_y,) [unit of y].
         time: Of the sample [s]; None: not known.
 
     Returns:

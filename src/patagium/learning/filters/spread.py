@@ -55,7 +55,7 @@ def spread_rule(weights: int, spread: float | None) -> SpreadRule:
 
     Args:
         weights: n.
-        spread: kappa; None is sqrt(n), the cubature rule.
+        spread: kappa [standard deviations]; None is sqrt(n), the cubature rule.
 
     Raises:
         ParameterError: If the spread is not a positive number.
@@ -94,10 +94,10 @@ def moments_of(center: Array, plus: Array, minus: Array, noise: Array, rule: Spr
     """Mean and covariance of y from its values at the points.
 
     Args:
-        center: y(W), (n_y,).
-        plus: y(W + kappa S e_i), (n, n_y).
-        minus: y(W - kappa S e_i), (n, n_y).
-        noise: Variances of the measurement, (n_y,).
+        center: y(W), (n_y,) [unit of y].
+        plus: y(W + kappa S e_i), (n, n_y) [unit of y].
+        minus: y(W - kappa S e_i), (n, n_y) [unit of y].
+        noise: Variances of the measurement, (n_y,) [y^2].
         rule: The rule that placed them.
     """
     slopes = (plus - minus) / (2 * rule.spread)

@@ -69,7 +69,7 @@ def packed(squares: Sequence[Array]) -> Array:
     """Lower triangles row by row, one matrix after the other.
 
     Args:
-        squares: Matrices, (k, k) each.
+        squares: Symmetric matrices, (k, k) each [1].
     """
     return np.concatenate([square[np.tril_indices(len(square))] for square in squares])
 

@@ -27,7 +27,7 @@ class Look(NamedTuple):
 
     Attributes:
         numbers: Numbers of the filter.
-        mean: Weights W, (n,).
+        mean: Weights W, (n,) [1].
         encoding: Features and readout of the network at the input.
         noise: Variances of the measurement, (n_y,) [y^2].
     """
@@ -43,14 +43,14 @@ class Structure(NamedTuple):
 
     Attributes:
         start: State of independent weights: (numbers, standard deviations (n,)) -> state.
-        drifted: State of growth P + diag(noise): (numbers, state, growth, noise (n,) or None)
+        drifted: State of growth P + diag(noise): (numbers, state, growth, noise (n,) [1] or None)
             -> state.
         moments: Moments of y, and directions of the weights that they are seen along: (state,
             look) -> moments, directions.
         learned: Weights and state after a sample: (state, look, directions, moments as screened,
             P_yy^-1 (y - mean) (n_y,)) -> W (n,), state.
         covariance: P: (numbers, state) -> covariance, which shares no memory with the state.
-        variances: Its diagonal, (n,): (numbers, state) -> array.
+        variances: Diagonal of P, (n,) [1]: (numbers, state) -> array.
         packed: Arrays of a file: (numbers, state) -> arrays by name.
         unpacked: Inverse of `packed`: (numbers, arrays by name) -> state.
         forgets: Whether `moments` and `learned` divide by the forgetting factor themselves.

@@ -30,8 +30,8 @@ def scattered(parts: Sequence[Array], blocks: Sequence[Indices]) -> Array:
     """Blocks in one matrix of all weights, (n, n).
 
     Args:
-        parts: Matrix of each block, (k, k).
-        blocks: Weights of each block, (k,).
+        parts: Matrix of each block, (k, k) [1].
+        blocks: Indices of the weights of each block, (k,).
     """
     if len(parts) == 1:
         return parts[0]
@@ -47,8 +47,8 @@ class BlockCovariance:
 
     Attributes:
         structure: "full", "layer" or "node".
-        blocks: Weights of each block, (k,).
-        parts: Covariance of each, (k, k).
+        blocks: Indices of the weights of each block, (k,).
+        parts: Covariance of each block, (k, k) [1].
     """
 
     structure: str
@@ -85,7 +85,7 @@ class BlockCovariance:
         """H P H', (n_y, n_y).
 
         Args:
-            slope: H, (n_y, n).
+            slope: H, (n_y, n) [unit of y].
         """
         seen = np.zeros((len(slope), len(slope)))
         for block, part in zip(self.blocks, self.parts, strict=True):
@@ -101,8 +101,8 @@ class Precision(NamedTuple):
     """Inverse of a covariance, U + F F'.
 
     Attributes:
-        diagonal: U, (n,).
-        columns: F, (n, r).
+        diagonal: U, (n,) [1].
+        columns: F, (n, r) [1].
     """
 
     diagonal: Array
@@ -144,7 +144,7 @@ class Precision(NamedTuple):
         """H P H', (n_y, n_y).
 
         Args:
-            slope: H, (n_y, n).
+            slope: H, (n_y, n) [unit of y].
         """
         seen = slope @ self.solve(slope.T)
         return np.asarray((seen + seen.T) / 2)
@@ -158,7 +158,7 @@ class Precision(NamedTuple):
 
         Args:
             growth: Factor of the covariance; where it is 0 the noise is all of it.
-            noise: Variances added, (n,).
+            noise: Variances added to the weights, (n,) [1].
         """
         if growth == 0:
             return Precision(1.0 / noise, np.zeros_like(self.columns))
@@ -195,7 +195,7 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
     Args:
         weights: Whose, a network or the part of it with weights.
         structure: "full", "layer" or "node".
-        parts: Of each block, (k, k).
+        parts: Covariance of each block, (k, k) [1].
 
     Raises:
         ShapeError: If a part is not of its block.

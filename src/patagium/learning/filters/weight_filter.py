@@ -48,8 +48,8 @@ class WeightFilter:
 
     Args:
         numbers: Numbers of the filter.
-        mean: Weights to start from, (n,).
-        std: Their standard deviations, (n,); None: those of the prior.
+        mean: Weights to start from, (n,) [1].
+        std: Standard deviations of the weights, (n,) [1]; None: those of the prior.
         compiled: Whether to compile what can be compiled.
 
     Attributes:
@@ -101,7 +101,7 @@ class WeightFilter:
         """y at x, before it is measured.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
 
         Raises:
             MatrixLost: If the covariance is no longer positive definite.
@@ -118,7 +118,7 @@ class WeightFilter:
         """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
             y: Measurement, (n_y,) [y]; NaN where a channel is missing.
 
         Raises:
@@ -138,7 +138,7 @@ class WeightFilter:
 
         Args:
             growth: Factor of the covariance.
-            noise: Variances added, (n,).
+            noise: Variances added to the weights, (n,) [1].
 
         Raises:
             MatrixLost: If the covariance is no longer positive definite.

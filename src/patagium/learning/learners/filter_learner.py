@@ -137,8 +137,9 @@ class FilterLearner(OnlineLearner):
         """Measurement at x before it is made, as `update` would see it.
 
         Args:
-            x: Input, (n_x,).
-            std: Of this measurement on top of `measurement_std`, (n_y,); see `update`.
+            x: Input, (n_x,) [units of x].
+            std: Standard deviation of this measurement on top of `measurement_std`, (n_y,) [unit
+                of y]; see `update`.
 
         Returns:
             Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
@@ -174,8 +175,8 @@ class FilterLearner(OnlineLearner):
         before, or whose input is no number changes nothing; see `events`.
 
         Args:
-            x: Input, (n_x,).
-            y: Measurement, (n_y,).
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
             time: Of the sample [s]; None: not known, and it comes after the one before.
             std: Of this measurement on top of `measurement_std` (as given or as
                 estimated), whose square it adds to, (n_y,) in the unit of y; None for none, NaN
@@ -230,8 +231,8 @@ class FilterLearner(OnlineLearner):
         C code stops where an alarm is raised, for here the covariance is opened.
 
         Args:
-            outcomes: Outcome of each, (N,).
-            nanoseconds: That it took, (N,).
+            outcomes: Outcome of each sample, (N,) [1].
+            nanoseconds: Time that each sample took, (N,) [ns].
 
         Raises:
             FilterDiverged: If the covariance cannot be opened.

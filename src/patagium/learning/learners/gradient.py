@@ -97,7 +97,7 @@ class GradientLearner(OnlineLearner):
         """Measurement at x, and the running mean square of the innovations.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
 
         Returns:
             Mean, (n_y,), and covariance, (n_y, n_y); NaN before the first update.
@@ -114,8 +114,8 @@ class GradientLearner(OnlineLearner):
         """Learn one sample: one step of Adam.
 
         Args:
-            x: Input, (n_x,).
-            y: Measurement, (n_y,); channels that are no numbers are left out.
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y]; channels that are no numbers are left out.
             time: Of the sample [s]; None: not known, and it comes after the one before.
 
         Returns:

@@ -117,7 +117,7 @@ class LinearLearner(OnlineLearner):
         """Measurement at x before it is made.
 
         Args:
-            x: Input, (n_x,).
+            x: Input, (n_x,) [units of x].
 
         Returns:
             Mean, (n_y,), and covariance with the noise of the measurement, (n_y, n_y).
@@ -135,8 +135,8 @@ class LinearLearner(OnlineLearner):
         """Learn one sample.
 
         Args:
-            x: Input, (n_x,).
-            y: Measurement, (n_y,); channels that are no numbers are left out.
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y]; channels that are no numbers are left out.
             time: Of the sample [s]; None: not known, and it comes after the one before.
 
         Returns:

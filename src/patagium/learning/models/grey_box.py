@@ -241,7 +241,7 @@ class GreyBox(GroupedNetwork):
         """The parameters, with standard deviations in their own units.
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
             variances: Of the weights, (n,); None: not known.
         """
         spread = np.full(self._count, np.nan) if variances is None else variances
@@ -267,7 +267,7 @@ class GreyBox(GroupedNetwork):
         """Model of the air and added mass with what was learned, to fly with, without the residual.
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
 
         Raises:
             ParameterError: If a parameter is no argument of the model.

@@ -114,7 +114,7 @@ class HiddenFlowNetwork(RobotNetwork, GroupedNetwork):
         """Rates b of the hidden states, (n_xi,) [1/semichord].
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
         """
         return self._lags.rates(np.asarray(weights, float))
 
@@ -208,7 +208,7 @@ class HiddenStates(NamedTuple):
         """Rates b at weights, (n_xi,) [1/semichord].
 
         Args:
-            weights: Weights, (n,), those of the rates first.
+            weights: Weights, (n,) [1], those of the rates first.
         """
         return np.asarray(self.start * np.exp(_REACH * weights[: self.states]))
 
@@ -216,7 +216,7 @@ class HiddenStates(NamedTuple):
         """Carried numbers of each sample but for the hidden states, and rates.
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
             x: [q, v], (N, n_q + n).
 
         Returns:

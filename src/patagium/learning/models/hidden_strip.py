@@ -222,7 +222,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         the square of its sine.
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
         """
         own = np.asarray(weights, float)[: self._count]
         found = learned_air((self._prior + self._reach * own).tolist(), self.lags.size)
@@ -258,7 +258,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
         Args:
             x: Inputs, (N, n_x) [units of x].
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
         """
         own = np.broadcast_to(weights[: self._count], (len(x), self._count))
         features, readout = self._seen(x, own)
@@ -398,7 +398,7 @@ def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array
     Args:
         network: The network.
         x: Inputs, (N, n_x) [units of x].
-        weights: Weights, (n,).
+        weights: Weights, (n,) [1].
     """
     floating = [body.floating_dofs for body in network.robot.bodies if body.floating_dofs]
     if len(floating) != 1:

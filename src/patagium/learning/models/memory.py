@@ -252,7 +252,7 @@ def network_inputs(
 
     Args:
         network: With memory or without.
-        weights: Weights, (n,).
+        weights: Weights, (n,) [1].
         time: Increasing, (N,) [s].
         x: Measured inputs, (N, n_measured), or all, (N, n_x) [units of x].
         gaps: First sample after each gap, where memory begins anew.
@@ -297,7 +297,7 @@ class ModelMemory:
         Sample k depends on samples up to k alone.
 
         Args:
-            weights: Weights over the block, (n,).
+            weights: Weights over the block, (n,) [1].
             time: Increasing, (N,) [s].
             x: Measured inputs, (N, n_measured) [units of x].
             gaps: First sample after each gap, where memory begins anew.
@@ -330,7 +330,7 @@ class ModelMemory:
 
         Args:
             end: One past the last sample.
-            weights: Weights over these samples, (n,).
+            weights: Weights over these samples, (n,) [1].
         """
         rows, self.states = self._span(end, weights)
         self._reached = end
@@ -341,7 +341,7 @@ class ModelMemory:
 
         Args:
             end: One past the last sample.
-            weights: Weights over these samples, (n,).
+            weights: Weights over these samples, (n,) [1].
         """
         return self._span(end, weights)[0]
 
@@ -351,7 +351,7 @@ class ModelMemory:
         Args:
             time: Of the sample [s].
             x: Measured inputs, (n_measured,) [units of x].
-            weights: Weights at that sample, (n,).
+            weights: Weights at that sample, (n,) [1].
         """
         before = self.states if self._follows(time) else None
         rows, found = self._block(weights, np.array([time]), x[None], (), before)
@@ -594,7 +594,7 @@ class CompiledLags(ctypes.Structure):
 
         Args:
             time: Of that sample [s].
-            weights: Weights W_m, (n_m,).
+            weights: Weights W_m, (n_m,) [1].
         """
         states, n_m, carried = self.all, self.parameters, self.arrays["carried"]
         end = states * (1 + n_m)

@@ -112,7 +112,7 @@ class Network(Protocol):
 
         Args:
             encoding: Of N samples.
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
         """
         ...
 
@@ -130,7 +130,7 @@ class Network(Protocol):
 
         Args:
             encoding: Of one sample.
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
         """
         ...
 
@@ -143,7 +143,7 @@ class Network(Protocol):
 
         Args:
             x: Input, (n_x,) [units of x].
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
 
         Raises:
             ShapeError: If an argument has another shape.
@@ -158,7 +158,7 @@ class Network(Protocol):
 
         Args:
             x: Inputs, (N, n_x) [units of x].
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
 
         Raises:
             ShapeError: If an argument has another shape.

@@ -129,7 +129,7 @@ class PhysicalNetwork(Network, Protocol):
         """Physical parameters among the weights, with their standard deviations.
 
         Args:
-            weights: Weights, (n,).
+            weights: Weights, (n,) [1].
             variances: Of the weights, (n,); None: not known.
         """
         ...
@@ -154,7 +154,7 @@ def physical_estimates(
 
     Args:
         network: With physical parameters or without.
-        weights: Weights, (n,).
+        weights: Weights, (n,) [1].
         variances: Of the weights, (n,); None: not known.
     """
     if not hasattr(network, "estimates"):

@@ -93,7 +93,7 @@ def moving(y: Array) -> Chosen:
     """Samples at which outputs move, (N, n_y): constant outputs never do.
 
     Args:
-        y: Measurements, (N, n_y), in their units; NaN where one is missing.
+        y: Measurements, (N, n_y) [unit of y]; NaN where one is missing.
     """
     measured = np.isfinite(y)
     truth = np.where(measured, y, 0.0)
@@ -123,9 +123,9 @@ def score_predictions(
 
     Args:
         learner: Learner, which learns the samples.
-        x: Inputs, (N, n_x), or a log of which N samples are used.
-        y: Measurements, (N, n_y), in their units.
-        scored: Measurements that count, (N, n_y); see `moving`.
+        x: Inputs, (N, n_x) [units of x], or a log of which N samples are used.
+        y: Measurements, (N, n_y) [unit of y].
+        scored: Measurements that count, (N, n_y) [unit of y]; see `moving`.
     """
     log = x if isinstance(x, LogSamples) else _one_by_one(x)
     measured = np.full((len(log.time), y.shape[1]), nan)

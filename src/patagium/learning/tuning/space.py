@@ -29,7 +29,7 @@ class SearchSpace:
         kind: Kind of the learner.
         searched: Range or alternatives by name of the setting; `HIDDEN` is the network's.
         fixed: Plain values of settings that are not searched, by name.
-        output_std: Standard deviation of each output, (n_y,), in its unit.
+        output_std: Standard deviation of each output, (n_y,) [unit of y].
     """
 
     kind: str
@@ -83,7 +83,7 @@ def search_space(
     Args:
         kind: Kind of the learner.
         hidden: Hidden layers to try.
-        output_std: Standard deviation of each output, (n_y,), in its unit.
+        output_std: Standard deviation of each output, (n_y,) [unit of y].
         settings: Settings that are not searched over the range of the record, by name: a plain
             value, or `Alternatives`.
 

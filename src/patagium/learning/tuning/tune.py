@@ -214,8 +214,8 @@ class _Problem:
         seed: Seed of the search and of the initial weights.
         every: One sample in so many is used.
         log: Samples used, and those between them where the network has a memory.
-        y: Measurements of the samples used, (N, n_y).
-        scored: Measurements that count, (N, n_y).
+        y: Measurements of the samples used, (N, n_y) [unit of y].
+        scored: Measurements that count, (N, n_y) [unit of y].
         source: Name of the flight.
     """
 

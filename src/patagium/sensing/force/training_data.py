@@ -28,9 +28,9 @@ def training_data(
     state alone can explain.
 
     Args:
-        flight: Record with v, a, u1 (time, dof) and q, which has a dimension of its own where
-            the attitude is a quaternion; `damping_force` is computed from the
-            robot, `mount_force` and `added_mass_force` are zero where the record has none.
+        flight: Record with v, a, u1 (time, dof) [SI] and q, which has a dimension of its own where
+            the attitude is a quaternion; `damping_force` is computed from the robot, `mount_force`
+            and `added_mass_force` are zero where the record has none.
         robot: The machine; None for the one the flight carries.
         with_added_mass: Whether y is all that the air does, added mass included.
 

@@ -38,7 +38,7 @@ class LogTable:
         input_range: Lowest and highest expected input, (n_x, 2) [`input_units`]; NaN if not stated.
         output_range: Lowest and highest expected output, (n_y, 2) [`output_units`]; NaN if not
             stated.
-        gaps: Index of the first sample after each gap, (n_gaps,).
+        gaps: Index of the first sample after each gap, (n_gaps,) [1].
         gap: Length from which a time step is a gap, in median steps.
         source: File from which the samples came.
     """

@@ -35,9 +35,10 @@ class CaseResult:
         source: Source of the expected values.
         abscissa: Quantity that varies, with its unit.
         ordinate: Quantity that is compared, with its unit.
-        x: Values of the abscissa, (N,).
-        expected: Expected values of the ordinate, (N,).
-        models: Values of the ordinate by each model, (N,), by the model's name.
+        x: Values of the abscissa, (N,) [unit of the abscissa].
+        expected: Expected values of the ordinate, (N,) [unit of the ordinate].
+        models: Values of the ordinate by each model, (N,) [unit of the ordinate], by the model's
+            name.
         measure: Measure of the error, with its unit.
         errors: Error of each model, by its name.
         known: Errors that others reached on the same case, by name; empty where none is known.

@@ -83,7 +83,7 @@ def step_response(model: LiftingLine, semichords: ArrayLike) -> Array:
 
     Args:
         model: Any wing; a semichord is that of a strip at mid-span.
-        semichords: Distance travelled since the step, (N,).
+        semichords: Distance travelled since the step, (N,) [semichords].
     """
     system = model.state_space(np.zeros(6), [AIRSPEED, 0, 0, 0, 0, 0])
     strips = model.robot.strips
