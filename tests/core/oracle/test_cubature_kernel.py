@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_covariance import scattered
@@ -53,7 +54,10 @@ def filter_pair(network, rng, **options):
     if compiler_name() is None:
         pytest.skip("no C compiler here")
     mean, std = start(network, rng)
-    return [WeightFilter(setting, mean, std, compiled=compiled) for compiled in (True, False)]
+    return [
+        WeightFilter(setting, structure_and_kernel(setting, compiled), mean, std)
+        for compiled in (True, False)
+    ]
 
 
 @pytest.mark.parametrize("activation", ["softplus", "tanh"])
@@ -95,7 +99,11 @@ def test_kernel_is_its_twin(activation, inputs, hidden, outputs, options, rng):
 def test_single_precision_is_its_twin_to_single_rounding(inputs, hidden, outputs, rng):
     network = pt.DenseNetwork(inputs, hidden, outputs)
     fast, _ = filter_pair(network, rng, dtype="float32", spread=3**0.5)
-    plain = WeightFilter(setting_of(network, spread=3**0.5), fast.mean, compiled=False)
+    plain = WeightFilter(
+        setting_of(network, spread=3**0.5),
+        structure_and_kernel(setting_of(network, spread=3**0.5), False),
+        fast.mean,
+    )
     plain.resume(fast.state())
     for _ in range(3):
         x, y = rng.normal(size=inputs), rng.normal(size=outputs)
@@ -184,9 +192,11 @@ def apply(library, name, z):
 def test_without_a_compiler_the_twin_takes_over(monkeypatch, rng):
     network = pt.DenseNetwork(3, (4,), 2)
     mean, std = start(network, rng)
-    compiled = WeightFilter(setting_of(network), mean, std)
+    compiled = WeightFilter(
+        setting_of(network), structure_and_kernel(setting_of(network)), mean, std
+    )
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
-    plain = WeightFilter(setting_of(network), mean, std)
+    plain = WeightFilter(setting_of(network), structure_and_kernel(setting_of(network)), mean, std)
     assert plain.compiled is None
     x, y = rng.normal(size=3), rng.normal(size=2)
     compiled.update(x, y)

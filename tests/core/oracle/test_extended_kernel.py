@@ -7,6 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.models import memory as module
@@ -74,8 +75,8 @@ def test_sample_by_sample_it_is_the_filter_in_numpy(name, how, robot, states):
     x, y = log_of(network, states)
     setting, std = setting_of(network, np.nanmedian(np.abs(y), axis=0).max(), **HOW[how])
     first = network.initial(0)
-    ours = WeightFilter(setting, first, std)
-    theirs = WeightFilter(setting, first, std, compiled=False)
+    ours = WeightFilter(setting, structure_and_kernel(setting), first, std)
+    theirs = WeightFilter(setting, structure_and_kernel(setting, False), first, std)
     assert how == "wanders" or ours.compiled is not None
     assert theirs.compiled is None
     for k in range(COUNT):
@@ -102,7 +103,9 @@ def test_a_state_of_either_goes_on_in_the_other(robot, states):
     setting, std = setting_of(network, np.nanmax(np.abs(y)))
 
     def made(compiled):
-        return WeightFilter(setting, network.initial(0), std, compiled=compiled)
+        return WeightFilter(
+            setting, structure_and_kernel(setting, compiled), network.initial(0), std
+        )
 
     ours, theirs = made(True), made(False)
     for k in range(9):
@@ -134,7 +137,7 @@ def test_an_input_that_is_no_number_changes_nothing(robot, states):
     network = NETWORKS["hidden"](robot)
     x, y = log_of(network, states)
     setting, std = setting_of(network, np.nanmax(np.abs(y)))
-    ours = WeightFilter(setting, network.initial(0), std)
+    ours = WeightFilter(setting, structure_and_kernel(setting), network.initial(0), std)
     ours.update(x[0], y[0])
     mean, covariance = ours.mean, ours.covariance().dense()
     broken = x[1].copy()

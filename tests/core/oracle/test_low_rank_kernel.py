@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.settings import FilterSettings
@@ -32,7 +33,10 @@ def filter_pair(
     numbers = filter_numbers(network, settings, "extended" if linear else "cubature")
     std = rng.uniform(4, 30, network.size) ** -0.5
     mean = network.initial(0)
-    return [WeightFilter(numbers, mean, std, compiled=compiled) for compiled in (True, False)]
+    return [
+        WeightFilter(numbers, structure_and_kernel(numbers, compiled), mean, std)
+        for compiled in (True, False)
+    ]
 
 
 def assert_close(one, other, tolerance=AGREEMENT):
@@ -136,7 +140,7 @@ def test_without_a_compiler_the_twin_takes_over(linear, monkeypatch, rng):
     network = pt.DenseNetwork(2, (3,), 1)
     fast, plain = filter_pair(network, rng, 2, linear=linear)
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
-    other = WeightFilter(plain.numbers, plain.mean)
+    other = WeightFilter(plain.numbers, structure_and_kernel(plain.numbers), plain.mean)
     other.resume(plain.state())
     for one in (fast, plain, other):
         one.update(np.ones(2), np.ones(1))

@@ -7,6 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import Outcome
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_covariance import scattered
@@ -36,7 +37,10 @@ def pair(network, structure, rng, **watchful):
     mean, std = network.initial(0), rng.uniform(0.2, 0.6, network.size)
     if compiler_name() is None:
         pytest.skip("no C compiler here")
-    return [WeightFilter(setting, mean, std, compiled=compiled) for compiled in (True, False)]
+    return [
+        WeightFilter(setting, structure_and_kernel(setting, compiled), mean, std)
+        for compiled in (True, False)
+    ]
 
 
 def faulty_samples(network, rng, count):

@@ -10,6 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import FilterDiverged, ParameterError
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_covariance import scattered
@@ -227,7 +228,10 @@ def filter_pair(network, rng, *, structure="node", spread=None, noise=0.0, forge
     if compiler_name() is None:
         pytest.skip("no C compiler here")
     std, mean = rng.uniform(0.2, 0.6, network.size), network.initial(0)
-    return [WeightFilter(setting, mean, std, compiled=compiled) for compiled in (True, False)]
+    return [
+        WeightFilter(setting, structure_and_kernel(setting, compiled), mean, std)
+        for compiled in (True, False)
+    ]
 
 
 def root_of(one):

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patagium.errors import ParameterError
-from patagium.learning.filters.spread import moments_of, spread_rule
+from patagium.learning.filters.numbers import spread_rule
+from patagium.learning.filters.spread import moments_of
 
 SIZE = 6
 

@@ -15,6 +15,7 @@ from time import process_time_ns
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.cubature import CubatureLearner
@@ -131,7 +132,7 @@ def _numpy_twin(network: DenseNetwork) -> WeightFilter:
         prior_std=PRIOR, measurement_std=NOISE, spread=3**0.5, covariance=LowRank(10)
     )
     numbers = filter_numbers(network, settings, "cubature")
-    return WeightFilter(numbers, network.initial(0), compiled=False)
+    return WeightFilter(numbers, structure_and_kernel(numbers, False), network.initial(0))
 
 
 def multiply_adds(network: DenseNetwork, shape: str) -> int:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.filters.blocks import Roots, blocks_in, lower_roots
+from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in, lower_roots
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
@@ -29,10 +29,14 @@ from patagium.learning.filters.kernel_memory import (
     rounded_up,
     screening_memory,
 )
+from patagium.learning.filters.low_rank import LOW_RANK
+from patagium.learning.filters.low_rank_kernel import compiled_low_rank
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.structure import Structure
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
+from patagium.learning.settings import LowRank
 from patagium.native import load_kernel
 from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
 
@@ -45,19 +49,34 @@ _TYPES = {
 }
 
 
-def kernel_for(numbers: FilterNumbers) -> str | None:
-    """Name of the kernel for the blocks of a filter; None where there is none.
+def structure_and_kernel(
+    numbers: FilterNumbers, compiled: bool = True
+) -> tuple[Structure, BlockKernel | None]:
+    """Covariance structure of a filter, and its kernel.
 
     Args:
         numbers: Numbers of the filter.
+        compiled: Whether to compile what can be compiled.
+
+    Returns:
+        Structure, and the kernel that learns a whole sample; None: NumPy does.
     """
+    if numbers.settings.square_root == "cholesky":
+        return WHOLE, None
+    if isinstance(numbers.structure, LowRank):
+        return (compiled_low_rank(numbers) if compiled else None) or LOW_RANK, None
+    return BLOCKS, _kernel_for(numbers) if compiled else None
+
+
+def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
+    """Kernel for the blocks of a filter; None where there is none."""
     network, node = numbers.network, numbers.structure == "node"
     name = "node" if node else "extended" if numbers.linear else "cubature"
     lags = isinstance(network, HiddenStripNetwork) and network.compiled_encoder() is not None
     known = isinstance(network, PerceptronNetwork) or (lags and name == "extended")
     if not known or (node and numbers.linear) or _library(name, numbers.dtype) is None:
         return None
-    return name
+    return BlockKernel(name, numbers)
 
 
 class BlockKernel:
@@ -68,24 +87,25 @@ class BlockKernel:
     layer follows, n n_y (k + 2 n_y) further from the outputs, and noise adds n k^2 / 3.
 
     Args:
-        name: Name of the kernel, of `kernel_for`.
+        name: Name of the kernel: cubature, extended or node.
         numbers: Numbers of the filter.
-        screen: Screening of the samples; its arrays are shared.
 
     Attributes:
         drifts: Whether the kernel adds process noise itself.
         mean: Weights W, (n,) [1], moved by the kernel.
+        screen: Screening of the samples, whose arrays are shared.
     """
 
-    def __init__(self, name: str, numbers: FilterNumbers, screen: Screen) -> None:
+    def __init__(self, name: str, numbers: FilterNumbers) -> None:
         library: Any = _library(name, numbers.dtype)
         self.drifts, self._numbers = name == "node", numbers
+        self.screen = Screen(numbers.noise, numbers.settings)
         self._blocks, self._lanes = blocks_in(numbers), int(getattr(library, f"{name}_lanes")())
         layout = _neuron_arrays if self.drifts else _panel_arrays
         self._arrays = layout(numbers, self._lanes) | _sample_arrays(numbers)
         self._whole = _TYPES[name]()
         self._struct = self._whole.filter if name == "extended" else self._whole
-        self._screening = screening_memory(screen)
+        self._screening = screening_memory(self.screen)
         self._fill(ctypes.addressof(self._screening))
         self._x, self._keep = self._installed(name)
         self._address = ctypes.addressof(self._struct)
@@ -126,16 +146,12 @@ class BlockKernel:
         mean, covariance = self._results
         return outcome, mean.copy(), covariance.copy()
 
-    def compiled(self, screen: Screen) -> Compiled | None:
-        """Filter as C code meets it; None where Python has to encode the inputs.
-
-        Args:
-            screen: Screening of the samples.
-        """
+    def compiled(self) -> Compiled | None:
+        """Filter as C code meets it; None where Python has to encode the inputs."""
         if self._x is None:
             return None
         calls = self._update, self._predict
-        return compiled_filter(calls, self._struct, self._x, self._arrays, screen)
+        return compiled_filter(calls, self._struct, self._x, self._arrays, self.screen)
 
     def place(self, mean: Array, nis: float, roots: Roots) -> None:
         """Go on from weights and square roots.

@@ -7,20 +7,56 @@ the covariance before any sample and Q = diag(process_std^2).
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.filters.screening import Screen
-from patagium.learning.filters.spread import SpreadRule, spread_rule
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.models.scaling import center_of, scale_of
 from patagium.learning.settings import FilterSettings, Numbers, Structure
 
 Array = NDArray[np.float64]
+
+
+class SpreadRule(NamedTuple):
+    """Numbers of a cubature rule.
+
+    Attributes:
+        spread: kappa, distance of the points in standard deviations.
+        curvature_gain: M = curvature_gain sum (c_i - centered D)(c_i - centered D)' ...
+        centered: 1 or 0.
+        shift_gain: ... + shift_gain D D' + R.
+    """
+
+    spread: float
+    curvature_gain: float
+    centered: float
+    shift_gain: float
+
+
+def spread_rule(weights: int, spread: float | None) -> SpreadRule:
+    """Cubature rule for a number of weights.
+
+    Args:
+        weights: n.
+        spread: kappa [standard deviations]; None is sqrt(n), the cubature rule.
+
+    Raises:
+        ParameterError: If the spread is not a positive number.
+    """
+    if spread is None or spread == sqrt(weights):
+        return SpreadRule(sqrt(weights), 1.0 / weights, 1.0, 0.0)
+    if not (isfinite(spread) and spread > 0):
+        raise ParameterError("spread", "a positive number, or None for sqrt(n)", spread)
+    square = spread * spread
+    center = 1.0 - weights / square
+    if center > -1e-12:  # sqrt(n) squared is n to rounding
+        return SpreadRule(float(spread), 1.0 / square, 1.0, max(center, 0.0))
+    return SpreadRule(float(spread), 2.0 / square**2, 0.0, 0.0)
 
 
 class FilterNumbers(NamedTuple):
@@ -60,13 +96,6 @@ class FilterNumbers(NamedTuple):
     def has_process_noise(self) -> bool:
         """Whether anything is added to the covariance before a sample."""
         return bool(self.process_noise.any())
-
-    def screen(self) -> Screen:
-        """Screening of the samples, as it is before the first one."""
-        chosen = self.settings
-        return Screen(
-            self.noise, chosen.screening, chosen.noise_estimation, chosen.change_detection
-        )
 
 
 def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> FilterNumbers:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from patagium.errors import Outcome
 from patagium.learning.filters.change import ChangeMonitor
 from patagium.learning.filters.spread import Moments
-from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
+from patagium.learning.settings import FilterSettings
 
 Array = NDArray[np.float64]
 
@@ -63,24 +63,17 @@ class Screen:
 
     Args:
         noise: Variances of the measurement to start from, (n_y,) [y^2].
-        screening: How far samples are believed; None: as they are, if they are numbers.
-        noise_estimation: How the variances follow; None: they are known.
-        change_detection: When the covariance is opened anew; None: never.
+        settings: Settings of a filter, of which its three groups are read.
     """
 
-    def __init__(
-        self,
-        noise: Array,
-        screening: Screening | None = None,
-        noise_estimation: NoiseEstimation | None = None,
-        change_detection: ChangeDetection | None = None,
-    ) -> None:
-        channels = len(noise)
+    def __init__(self, noise: Array, settings: FilterSettings | None = None) -> None:
+        chosen, channels = settings or FilterSettings(), len(noise)
+        screening, noise_estimation = chosen.screening, chosen.noise_estimation
         self.limit = inf if screening is None else screening.outlier_std
         self.stuck_samples = 0 if screening is None else screening.stuck_samples
         self.share = 0.0 if noise_estimation is None else 1.0 / noise_estimation.memory
         self.believes = screening is None
-        self.monitor = ChangeMonitor(change_detection, channels)
+        self.monitor = ChangeMonitor(chosen.change_detection, channels)
         self.numbers, self.whole = self.monitor.numbers, self.monitor.whole
         self.counts = np.zeros(len(EVENTS), np.int64)
         self.parts = {name: np.zeros(channels) for name in _PARTS}

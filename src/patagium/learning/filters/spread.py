@@ -23,52 +23,14 @@ y(W), Z = S' H' and M = R. Neglected: mixed second derivatives; linearized, all 
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError
+from patagium.learning.filters.numbers import SpreadRule
 
 Array = NDArray[np.float64]
-
-
-class SpreadRule(NamedTuple):
-    """Numbers of a cubature rule.
-
-    Attributes:
-        spread: kappa, distance of the points in standard deviations.
-        curvature_gain: M = curvature_gain sum (c_i - centered D)(c_i - centered D)' ...
-        centered: 1 or 0.
-        shift_gain: ... + shift_gain D D' + R.
-    """
-
-    spread: float
-    curvature_gain: float
-    centered: float
-    shift_gain: float
-
-
-def spread_rule(weights: int, spread: float | None) -> SpreadRule:
-    """Cubature rule for a number of weights.
-
-    Args:
-        weights: n.
-        spread: kappa [standard deviations]; None is sqrt(n), the cubature rule.
-
-    Raises:
-        ParameterError: If the spread is not a positive number.
-    """
-    if spread is None or spread == sqrt(weights):
-        return SpreadRule(sqrt(weights), 1.0 / weights, 1.0, 0.0)
-    if not (isfinite(spread) and spread > 0):
-        raise ParameterError("spread", "a positive number, or None for sqrt(n)", spread)
-    square = spread * spread
-    center = 1.0 - weights / square
-    if center > -1e-12:  # sqrt(n) squared is n to rounding
-        return SpreadRule(float(spread), 1.0 / square, 1.0, max(center, 0.0))
-    return SpreadRule(float(spread), 2.0 / square**2, 0.0, 0.0)
 
 
 class Moments(NamedTuple):

@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from patagium.errors import Outcome
-from patagium.learning.filters.block_kernel import BlockKernel
-from patagium.learning.filters.choice import structure_and_kernel
+from patagium.learning.filters.block_kernel import BlockKernel, structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, lower_factor
-from patagium.learning.filters.screening import Screened
+from patagium.learning.filters.screening import Screen, Screened
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
-from patagium.learning.filters.structure import Look
+from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import WeightCovariance
 from patagium.learning.models.network import Encoding
 
@@ -48,9 +47,9 @@ class WeightFilter:
 
     Args:
         numbers: Numbers of the filter.
+        parts: Covariance structure, and kernel that learns whole samples; None: NumPy does.
         mean: Weights to start from, (n,) [1].
         std: Standard deviations of the weights, (n,) [1]; None: those of the prior.
-        compiled: Whether to compile what can be compiled.
 
     Attributes:
         numbers: Numbers of the filter.
@@ -60,18 +59,16 @@ class WeightFilter:
     def __init__(
         self,
         numbers: FilterNumbers,
+        parts: tuple[Structure, BlockKernel | None],
         mean: Array,
         std: Array | None = None,
-        *,
-        compiled: bool = True,
     ) -> None:
-        self.numbers, self.screen = numbers, numbers.screen()
-        self._structure, kernel = structure_and_kernel(numbers, compiled)
-        self._kernel = None if kernel is None else BlockKernel(kernel, numbers, self.screen)
-        self._mean, self._nis = np.zeros(len(mean)), float("nan")
+        self.numbers, (self._structure, kernel) = numbers, parts
+        self.screen = Screen(numbers.noise, numbers.settings) if kernel is None else kernel.screen
+        self._kernel, self._mean, self._nis = kernel, np.zeros(len(mean)), float("nan")
         self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
-        drifts_itself = self._kernel is None or self._kernel.drifts
+        drifts_itself = kernel is None or kernel.drifts
         self._drifts = self._noise is not None and not drifts_itself
         start = np.sqrt(numbers.prior_variance) if std is None else std
         self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
@@ -94,7 +91,7 @@ class WeightFilter:
         """Filter as C code meets it; None where a sample takes Python as well."""
         if self._kernel is None or self._drifts:
             return None
-        return self._kernel.compiled(self.screen)
+        return self._kernel.compiled()
 
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
@@ -268,7 +265,7 @@ def _restored(
     numbers: FilterNumbers, state: Mapping[str, Array], seen: Mapping[str, Array]
 ) -> WeightFilter:
     """Weight filter of a pickle."""
-    found = WeightFilter(numbers, state["mean"])
+    found = WeightFilter(numbers, structure_and_kernel(numbers), state["mean"])
     found.resume(state)
     found.screen.restore(arrays_like(found.screen.arrays, seen))
     return found

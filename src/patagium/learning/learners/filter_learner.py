@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
@@ -83,7 +84,7 @@ class FilterLearner(OnlineLearner):
         self.settings, self.memory = compact_settings(numbers), memory_of(network)
         super().__init__(network)
         self._seed, self._numbers = seed, numbers
-        self._filter = WeightFilter(numbers, network.initial(seed))
+        self._filter = WeightFilter(numbers, structure_and_kernel(numbers), network.initial(seed))
         self._changes: list[int] = []
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
 
