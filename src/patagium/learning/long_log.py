@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import LogError, Outcome
-from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.prequential import BlockRun, Progress, Samples
@@ -42,7 +42,7 @@ _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 def identify_record(
     record: LogRecord,
-    learner: Resumable,
+    learner: OnlineLearner,
     *,
     every: int = 100,
     horizons: Mapping[str, float] | None = None,
@@ -81,7 +81,7 @@ class _LongRun:
     def __init__(
         self,
         record: LogRecord,
-        learner: Resumable,
+        learner: OnlineLearner,
         every: int,
         horizons: Mapping[str, float],
         block: int,

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from patagium.errors import positive
-from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.learner import OnlineLearner
 
 
 class AutoSave:
@@ -26,7 +26,7 @@ class AutoSave:
         ParameterError: If `seconds` is not a positive number.
     """
 
-    def __init__(self, learner: Resumable, path: str | Path, seconds: float) -> None:
+    def __init__(self, learner: OnlineLearner, path: str | Path, seconds: float) -> None:
         self.learner, self.path = learner, Path(path)
         self.seconds = positive("seconds", seconds)
         self.saves, self.failures, self.problem = 0, 0, ""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.learner import OnlineLearner
 
 NOISE = {"prior_std": 0.5, "measurement_std": [0.1, 0.3]}
 DRIFT = {"process_std": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
@@ -31,15 +31,15 @@ def base() -> pt.DenseNetwork:
     return pt.DenseNetwork(3, (), ("lift", "drag"), input_center=0.3, output_scale=[0.5, 2])
 
 
-def cubature(**options: Any) -> Callable[[], Resumable]:
+def cubature(**options: Any) -> Callable[[], OnlineLearner]:
     return lambda: pt.CubatureLearner(dense(), **NOISE, **options)
 
 
-def extended(**options: Any) -> Callable[[], Resumable]:
+def extended(**options: Any) -> Callable[[], OnlineLearner]:
     return lambda: pt.ExtendedLearner(dense(), **NOISE, **options)
 
 
-KINDS: dict[str, Callable[[], Resumable]] = {
+KINDS: dict[str, Callable[[], OnlineLearner]] = {
     "full": cubature(),
     "full, close points": cubature(spread=1.7, seed=3),
     "full, spread in words": cubature(spread=np.sqrt(dense().size)),
@@ -71,7 +71,7 @@ KINDS: dict[str, Callable[[], Resumable]] = {
 }
 
 
-def teach(learner: Resumable, begin: int, end: int, size: int = 2) -> None:
+def teach(learner: OnlineLearner, begin: int, end: int, size: int = 2) -> None:
     """Samples `begin` to `end` of one stream.
 
     Channels are missing and one is stuck while the learner is saved, a sample is late, and the

@@ -15,7 +15,7 @@ import pytest
 import patagium as pt
 from patagium.errors import LogError, ParameterError
 from patagium.learning import save_learner
-from patagium.learning.learners.learner import Resumable
+from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.state_file import FORMAT
 from patagium.live import AutoSave
 
@@ -150,7 +150,7 @@ def test_contents_that_do_not_fit_are_refused(
     ],
 )
 def test_another_learner_than_the_one_asked_for_is_refused(
-    other: Resumable, message: str, kept: Path
+    other: OnlineLearner, message: str, kept: Path
 ) -> None:
     before = other.weights
     with pytest.raises(LogError, match=message):
@@ -253,7 +253,7 @@ def test_a_full_disk_does_not_stop_a_learner(tmp_path: Path, monkeypatch: Any) -
 @pytest.mark.parametrize("kind", ["filter", "gradient", "linear"])
 def test_a_clock_goes_on_unless_it_is_restarted(kind: str, tmp_path: Path) -> None:
     base = pt.DenseNetwork(3, (), 2)
-    learner: Resumable = {
+    learner: OnlineLearner = {
         "filter": learner_of(),
         "gradient": pt.GradientLearner(base, learning_rate=0.1),
         "linear": pt.LinearLearner(base, prior_std=1.0, measurement_std=0.1),

@@ -20,17 +20,15 @@ from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS, Screen
-from patagium.learning.filters.state import arrays_like, part, vector
+from patagium.learning.filters.state import part, vector
 from patagium.learning.filters.weight_covariance import WeightCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     OnlineLearner,
-    Stopwatch,
     as_input,
     diverged,
     shaped_sample,
 )
-from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Network
 from patagium.learning.settings import (
     FilterSettings,
@@ -57,7 +55,6 @@ class FilterLearner(OnlineLearner):
     Attributes:
         kind: Kind of the learner, as `FilterSettings` names it.
         settings: Settings of this learner.
-        memory: Memory of the network between samples that come one by one; None without.
 
     Raises:
         ParameterError: If a setting is unknown or out of its range.
@@ -81,8 +78,8 @@ class FilterLearner(OnlineLearner):
     ) -> None:
         chosen = chosen_settings(self.kind, settings, given)
         numbers = filter_numbers(network, chosen, self.kind)
-        self.settings, self.memory = compact_settings(numbers), memory_of(network)
         super().__init__(network)
+        self.settings = compact_settings(numbers)
         self._seed, self._numbers = seed, numbers
         self._filter = WeightFilter(numbers, structure_and_kernel(numbers), network.initial(seed))
         self._changes: list[int] = []
@@ -293,31 +290,16 @@ class FilterLearner(OnlineLearner):
         """Covariance of the weights as kept after the last sample."""
         return self._filter.covariance()
 
-    def state(self) -> dict[str, Any]:
-        """All that the next samples depend on: arrays and JSON-able values by name."""
-        kept: dict[str, Any] = {"count": self.count, "changes": list(self._changes)}
-        kept["innovation_covariance"] = self._innovation_covariance.copy()
-        kept |= {f"filter_{name}": array for name, array in self._filter.state().items()}
-        kept |= {} if self.memory is None else self.memory.state()
-        return kept | {f"screen_{name}": a.copy() for name, a in self._screen.arrays.items()}
+    def _estimate(self) -> dict[str, Any]:
+        return {
+            "changes": list(self._changes),
+            "innovation_covariance": self._innovation_covariance.copy(),
+            **{f"filter_{name}": array for name, array in self._filter.state().items()},
+        }
 
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state; wall-clock times of updates begin anew.
-
-        Args:
-            state: Of a learner with the same description.
-
-        Raises:
-            KeyError: If something is missing.
-            ShapeError: If an array has another shape.
-        """
+    def _place(self, state: Mapping[str, Any]) -> None:
         outputs = self._network.outputs
         covariance = vector(state, "innovation_covariance", outputs, outputs)
-        seen = arrays_like(self._screen.arrays, part(state, "screen_"))
-        changes, stopwatch = list(state["changes"]), Stopwatch(int(state["count"]))
-        if self.memory is not None:
-            self.memory.resume(state)
+        changes = list(state["changes"])
         self._filter.resume(part(state, "filter_"))
-        self._screen.restore(seen)
         self._innovation_covariance, self._changes = covariance, changes
-        self._stopwatch = stopwatch

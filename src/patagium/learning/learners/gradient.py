@@ -9,23 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.filters.screening import Screen, usable_channels
-from patagium.learning.filters.state import arrays_like, part, vector
-from patagium.learning.learners.learner import (
-    OnlineLearner,
-    Stopwatch,
-    as_input,
-    diverged,
-    shaped_sample,
-)
-from patagium.learning.models.memory import memory_of
+from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.state import vector
+from patagium.learning.learners.learner import OnlineLearner, as_input, diverged
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.settings import GradientSettings, check_needed, chosen_settings
 
@@ -76,7 +68,6 @@ class GradientLearner(OnlineLearner):
         self._memory: list[tuple[Array, Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
         self._screen = Screen(np.ones(network.outputs))
-        self.memory = memory_of(network)
 
     @property
     def weights(self) -> Array:
@@ -110,30 +101,9 @@ class GradientLearner(OnlineLearner):
             return mean, np.full_like(self._scatter, np.nan)
         return mean, self._scatter / (1 - _SCATTER_DECAY**self.count)
 
-    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
-        """Learn one sample: one step of Adam.
-
-        Args:
-            x: Input, (n_x,) [units of x].
-            y: Measurement, (n_y,) [unit of y]; channels that are no numbers are left out.
-            time: Of the sample [s]; None: not known, and it comes after the one before.
-
-        Returns:
-            Innovation y - y(W), (n_y,); NaN where nothing was learned, as of samples that are
-            late, have been there before, or whose input is no number; see `events`.
-
-        Raises:
-            ShapeError: If an argument has another shape.
-            FilterDiverged: If the new weights are not finite; the learner is then as it was
-                before.
-        """
-        started = perf_counter_ns()
-        sample, measured = shaped_sample(self._network, x, y)
-        kept = usable_channels(self._screen, sample, measured, time)
-        if kept is None:
-            return np.full(len(measured), np.nan)
-        encoding = self._network.encode_one(sample)
-        measured = np.where(kept, measured, self._network(sample, self._weights))
+    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+        encoding = self._network.encode_one(x)
+        measured = np.where(kept, y, self._network(x, self._weights))
         power = _decayed(self._power, measured**2, _SQUARE_DECAY)
         scale = np.sqrt(power / (1 - _SQUARE_DECAY ** (self.count + 1)))
         scale = np.maximum(scale, 1e-6 * scale.max(initial=0.0)) + 1e-300
@@ -146,13 +116,12 @@ class GradientLearner(OnlineLearner):
         unbiased = np.sqrt(square / (1 - _SQUARE_DECAY**step)) + _SMALL
         weights = self._weights - self._rate * (mean / (1 - _MEAN_DECAY**step)) / unbiased
         if not (np.isfinite(weights).all() and np.isfinite(innovation).all()):
-            raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
+            raise diverged(Outcome.NOT_FINITE, self.count, x, measured)
         self._weights, self._mean, self._square, self._power = weights, mean, square, power
         self._scatter = _decayed(self._scatter, np.outer(innovation, innovation), _SCATTER_DECAY)
         if self._replay:
-            self._keep(sample.copy(), encoding, measured.copy())
-        self._stopwatch.add(perf_counter_ns() - started)
-        return np.where(kept, innovation, np.nan)
+            self._keep(x.copy(), encoding, measured.copy())
+        return innovation
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
@@ -163,11 +132,9 @@ class GradientLearner(OnlineLearner):
             "seed": self._seed,
         }
 
-    def state(self) -> dict[str, Any]:
-        """All that the next samples depend on: arrays and JSON-able values by name."""
+    def _estimate(self) -> dict[str, Any]:
         network, count = self._network, len(self._memory)
         return {
-            "count": self.count,
             "draw": self._draw.bit_generator.state,
             "weights": self._weights,
             "mean": self._mean,
@@ -176,36 +143,19 @@ class GradientLearner(OnlineLearner):
             "scatter": self._scatter,
             "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
             "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
-            **({} if self.memory is None else self.memory.state()),
-            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state; wall-clock times of updates begin anew.
-
-        Args:
-            state: Of a learner with the same description.
-
-        Raises:
-            KeyError: If something is missing.
-            ShapeError: If an array has another shape.
-        """
+    def _place(self, state: Mapping[str, Any]) -> None:
         network, count = self._network, len(state["replay_x"])
         n, outputs = network.size, network.outputs
         weights, mean, square = (vector(state, k, n) for k in ("weights", "mean", "square"))
         power, scatter = vector(state, "power", outputs), vector(state, "scatter", outputs, outputs)
         seen = vector(state, "replay_x", count, network.inputs)
         measured = vector(state, "replay_y", count, outputs)
-        events = arrays_like(self._screen.arrays, part(state, "screen_"))
-        stopwatch = Stopwatch(int(state["count"]))
-        if self.memory is not None:
-            self.memory.resume(state)
         self._draw.bit_generator.state = state["draw"]
-        self._screen.restore(events)
         self._weights, self._mean, self._square = weights, mean, square
         self._power, self._scatter = power, scatter
         self._memory = [(x, network.encode_one(x), y) for x, y in zip(seen, measured, strict=True)]
-        self._stopwatch = stopwatch
 
     def _slope(self, encoding: Encoding, y: Array, scale: Array) -> tuple[Array, Array]:
         """Innovation, (n_y,), and derivative of half its scaled square for W, (n,)."""

@@ -9,14 +9,17 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
+from time import perf_counter_ns
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
-from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.screening import Screen, usable_channels
+from patagium.learning.filters.state import arrays_like, part
 from patagium.learning.learners.state_file import write_state
+from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Network
 
 Array = NDArray[np.float64]
@@ -76,26 +79,6 @@ class Learner(Protocol):
         ...
 
 
-class Resumable(Learner, Protocol):
-    """Learner whose state can be kept."""
-
-    def state(self) -> dict[str, Any]:
-        """Values that the next samples depend on: arrays and JSON-able values by name."""
-        ...
-
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
-        ...
-
-    def restart_clock(self) -> None:
-        """Take the next sample whatever its time stamp."""
-        ...
-
-    def save(self, path: str | Path) -> Path:
-        """Keep the learner in a file."""
-        ...
-
-
 class Stopwatch:
     """Durations of updates, in nanoseconds; the last 2^16 are kept.
 
@@ -125,19 +108,24 @@ class Stopwatch:
         self._count += 1
 
 
-class OnlineLearner:
-    """Base of the learners: network, counts, events and file.
+class OnlineLearner(Learner):
+    """Base of the learners: network, counts, events, update, state and file.
 
-    A subclass has a `Screen` in `_screen`, and gives `describe` and `state`.
+    A subclass has a `Screen` in `_screen`, gives the rest of `Learner`, and what its estimate is
+    kept as by `_estimate` and `_place`. A subclass that is no filter gives `_learn`.
 
     Args:
         network: Network whose weights are learned.
+
+    Attributes:
+        memory: Memory of the network between samples that come one by one; None without.
     """
 
     _screen: Screen
 
     def __init__(self, network: Network) -> None:
         self._network, self._stopwatch = network, Stopwatch()
+        self.memory = memory_of(network)
 
     @property
     def network(self) -> Network:
@@ -169,13 +157,58 @@ class OnlineLearner:
         """Take the next sample whatever its time stamp: another log begins."""
         self._screen.restart_clock()
 
-    def describe(self) -> dict[str, Any]:
-        """Network and settings as JSON-able values; not what was learned."""
-        raise NotImplementedError
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample.
+
+        Args:
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y]; channels that are no numbers are left out.
+            time: Of the sample [s]; None: not known, and it comes after the one before.
+
+        Returns:
+            Innovation y - mean, (n_y,); NaN where nothing was learned, as of samples that are
+            late, have been there before, or whose input is no number; see `events`.
+
+        Raises:
+            ShapeError: If an argument has another shape.
+            FilterDiverged: If the new weights are not finite or the covariance is lost; the
+                learner is then as it was before.
+        """
+        started = perf_counter_ns()
+        sample, measured = shaped_sample(self._network, x, y)
+        kept = usable_channels(self._screen, sample, measured, time)
+        if kept is None:
+            return np.full(len(measured), np.nan)
+        innovation = self._learn(sample, measured, kept)
+        self._stopwatch.add(perf_counter_ns() - started)
+        return np.where(kept, innovation, np.nan)
 
     def state(self) -> dict[str, Any]:
-        """Values that the next samples depend on: arrays and JSON-able values by name."""
-        raise NotImplementedError
+        """All that the next samples depend on: arrays and JSON-able values by name."""
+        return {
+            "count": self.count,
+            **self._estimate(),
+            **({} if self.memory is None else self.memory.state()),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
+        }
+
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            KeyError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        seen = arrays_like(self._screen.arrays, part(state, "screen_"))
+        stopwatch = Stopwatch(int(state["count"]))
+        self._place(state)
+        if self.memory is not None:
+            self.memory.resume(state)
+        self._screen.restore(seen)
+        self._stopwatch = stopwatch
 
     def save(self, path: str | Path) -> Path:
         """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
@@ -190,6 +223,18 @@ class OnlineLearner:
             OSError: If it cannot be written; the file is then as it was.
         """
         return write_state(path, self.describe(), self.state())
+
+    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+        """Innovation of a sample, (n_y,), once its channels kept, (n_y,), are learned."""
+        raise NotImplementedError
+
+    def _estimate(self) -> dict[str, Any]:
+        """State of the estimate, without counts, memory and screening."""
+        raise NotImplementedError
+
+    def _place(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of the estimate; nothing changes where it does not fit."""
+        raise NotImplementedError
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:

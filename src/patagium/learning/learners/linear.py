@@ -9,30 +9,16 @@ channel that is left out for measured.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome
-from patagium.learning.filters.screening import Screen, usable_channels
-from patagium.learning.filters.state import (
-    arrays_like,
-    packed,
-    part,
-    symmetric,
-    unpacked,
-    vector,
-)
+from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
-from patagium.learning.learners.learner import (
-    OnlineLearner,
-    Stopwatch,
-    as_input,
-    diverged,
-    shaped_sample,
-)
+from patagium.learning.learners.learner import OnlineLearner, as_input, diverged
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.linear import LinearNetwork
 from patagium.learning.models.scaling import scale_of
@@ -131,42 +117,20 @@ class LinearLearner(OnlineLearner):
         mean = self._network.output_center + scale * (features @ self._slopes)
         return mean, np.diag(spread * scale**2 + self._std**2)
 
-    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
-        """Learn one sample.
-
-        Args:
-            x: Input, (n_x,) [units of x].
-            y: Measurement, (n_y,) [unit of y]; channels that are no numbers are left out.
-            time: Of the sample [s]; None: not known, and it comes after the one before.
-
-        Returns:
-            Innovation y - mean, (n_y,); NaN where nothing was learned, as of samples that are
-            late, have been there before, or whose input is no number; see `events`.
-
-        Raises:
-            ShapeError: If an argument has another shape.
-            FilterDiverged: If the new weights are not finite or the covariance is lost; the
-                learner is then as it was before.
-        """
-        started = perf_counter_ns()
-        sample, measured = shaped_sample(self._network, x, y)
-        kept = usable_channels(self._screen, sample, measured, time)
-        if kept is None:
-            return np.full(len(measured), np.nan)
-        features, scale = self._features(sample), self._network.output_scale
+    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+        features, scale = self._features(x), self._network.output_scale
         spread = self._spread / self._forgetting
         cross = spread @ features
         total = self._variance + float(features @ cross)
-        error = (measured - self._network.output_center) / scale - features @ self._slopes
+        error = (y - self._network.output_center) / scale - features @ self._slopes
         slopes = self._slopes + np.outer(cross / total, np.where(kept, error, 0.0))
         smaller = spread - np.outer(cross, cross / total)
         if not np.isfinite(slopes).all() or not np.isfinite(total):
-            raise diverged(Outcome.NOT_FINITE, self.count, sample, measured)
+            raise diverged(Outcome.NOT_FINITE, self.count, x, y)
         if total <= self._variance / 2 or not (np.diagonal(smaller) > 0).all():
-            raise diverged(Outcome.COVARIANCE_LOST, self.count, sample, measured)
+            raise diverged(Outcome.COVARIANCE_LOST, self.count, x, y)
         self._slopes, self._spread = slopes, (smaller + smaller.T) / 2
-        self._stopwatch.add(perf_counter_ns() - started)
-        return np.where(kept, error * scale, np.nan)
+        return np.asarray(error * scale)
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
@@ -183,31 +147,13 @@ class LinearLearner(OnlineLearner):
         parts = [self._spread] * self._network.outputs
         return block_covariance(self._network, "node", parts)
 
-    def state(self) -> dict[str, Any]:
-        """All that the next samples depend on: arrays and JSON-able values by name."""
-        return {
-            "count": self.count,
-            "slopes": self._slopes,
-            "spread": packed([self._spread]),
-            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
-        }
+    def _estimate(self) -> dict[str, Any]:
+        return {"slopes": self._slopes, "spread": packed([self._spread])}
 
-    def resume(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state; wall-clock times of updates begin anew.
-
-        Args:
-            state: Of a learner with the same description.
-
-        Raises:
-            KeyError: If something is missing.
-            ShapeError: If an array has another shape.
-        """
+    def _place(self, state: Mapping[str, Any]) -> None:
         slopes = vector(state, "slopes", *self._slopes.shape)
         (lower,) = unpacked(np.asarray(state["spread"], float), [len(slopes)])
-        events = arrays_like(self._screen.arrays, part(state, "screen_"))
-        self._stopwatch = Stopwatch(int(state["count"]))
         self._slopes, self._spread = slopes, symmetric(lower)
-        self._screen.restore(events)
 
     def _features(self, x: Array) -> Array:
         return np.append(self._network.encode_one(x).features[0], 1.0)

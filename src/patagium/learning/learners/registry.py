@@ -16,7 +16,7 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.gradient import GradientLearner
-from patagium.learning.learners.learner import Learner, Resumable
+from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
@@ -56,7 +56,7 @@ def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
     return LEARNERS[kind](network, record, seed=seed)
 
 
-def learner_from_description(description: Mapping[str, Any]) -> Resumable:
+def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
     """Learner of a description, before any sample.
 
     Args:
@@ -83,7 +83,7 @@ def learner_from_description(description: Mapping[str, Any]) -> Resumable:
     return learner(network_from_description(network), settings, seed=seed)
 
 
-def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
+def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner:
     """Learner that `save` kept: it goes on as the one that was saved would have.
 
     Args:
@@ -107,7 +107,7 @@ def load_learner(path: str | Path, like: Learner | None = None) -> Resumable:
     return learner
 
 
-def save_learner(path: str | Path, learner: Resumable) -> Path:
+def save_learner(path: str | Path, learner: OnlineLearner) -> Path:
     """Keep a learner in a file; see `Saved.save`.
 
     Args:
