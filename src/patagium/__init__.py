@@ -113,7 +113,7 @@ def __getattr__(name: str) -> Any:
     if name in _NAME_SPACES:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME_OF:
-        from patagium.deprecated import former_name
+        from patagium.deprecation import former_name
 
         return former_name(__name__, name, __all__)
     value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from patagium.deprecated import FORMER, former_name
+from patagium.deprecation import FORMER, former_name
 
 __all__ = [*sorted(FORMER[__name__])]  # noqa: PLE0604
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from patagium.learning.scores import json_ready
 from patagium.report import PageSection, Table, write_page
-from patagium.report.tables import Cell
+from patagium.report.page import Cell
 from patagium.whole_file import write_whole
 from patagium_lab.gallery import Gallery
 

@@ -4,7 +4,7 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.description import aero_from_description
-from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust, RampGust
+from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust, RampGust, TravelingGust
 from patagium.aerodynamics.indicial import (
     FOUR_STATE,
     NO_STATE,
@@ -15,7 +15,6 @@ from patagium.aerodynamics.indicial import (
 )
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import strip_flow
-from patagium.aerodynamics.measured_section import MeasuredSection, measured_section
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
@@ -26,10 +25,9 @@ from patagium.aerodynamics.polars import (
     register_polar,
 )
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import Section, StripSection
+from patagium.aerodynamics.sections import MeasuredSection, Section, StripSection, measured_section
 from patagium.aerodynamics.stall_delay import StallDelay
 from patagium.aerodynamics.strip_loads import AeroExpressions
-from patagium.aerodynamics.traveling_gust import TravelingGust
 
 __all__ = [
     "FOUR_STATE",

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.gusts import Gust
+from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description
 from patagium.aerodynamics.named_descriptions import check_keys
-from patagium.aerodynamics.traveling_gust import TravelingGust, gust_from_description
 from patagium.errors import ParameterError, ShapeError
 
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.lag_states import Relaxation
+from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
-from patagium.aerodynamics.surface_gain import aspect_ratios
+from patagium.aerodynamics.trailing_vortices import aspect_ratios
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 

@@ -9,12 +9,15 @@ from patagium.aerodynamics.air import air_from_description
 from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
 from patagium.aerodynamics.indicial import indicial_from_description
 from patagium.aerodynamics.lifting_line import LiftingLine
-from patagium.aerodynamics.measured_section import measured_section_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import StripSection, section_from_description
+from patagium.aerodynamics.sections import (
+    StripSection,
+    measured_section_from_description,
+    section_from_description,
+)
 from patagium.aerodynamics.stall_delay import stall_delay_from_description
 from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin

@@ -1,8 +1,13 @@
-"""Gusts: velocity of the air as a function of time.
+"""Gusts: velocity of the air as a function of time, everywhere or as a field that travels.
 
-Discrete gusts (one minus cosine, ramp) and continuous turbulence (Dryden). All are
-functions of time alone: the same answer whatever the time step that asks. By themselves
-they are the same everywhere; `traveling` lets them sweep over the robot.
+Discrete gusts (one minus cosine, ramp) and continuous turbulence (Dryden) are functions of time
+alone: the same answer whatever the time step that asks. A `TravelingGust` sweeps over the
+robot: each point of a wing meets it at its own time (Taylor's hypothesis), strip after strip,
+and along the chord from the edge that meets it first. A section answers to two averages over
+its chord, as thin airfoils do, whatever the direction the gust comes from; both are found here
+in closed form for a gust that is a cubic between knots. Where a chord is in the gust depends on
+the state (`strip_delays`); what is there is looked up between. Neglected: what the wing does to
+the gust, how the gust decays, the width of strips along the span.
 """
 
 from __future__ import annotations
@@ -12,11 +17,19 @@ from dataclasses import asdict, dataclass
 from math import ceil, exp, floor, isfinite, sqrt
 from typing import Any, ClassVar, Protocol
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.named_descriptions import from_named_description
+from patagium.aerodynamics.local_flow import strip_motions, velocity_at
+from patagium.aerodynamics.named_descriptions import check_keys, from_named_description
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, ShapeError, positive
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
 
 STEPS_PER_LENGTH = 50
 """Samples of Dryden turbulence in the time the shortest length scale takes to pass."""
@@ -28,7 +41,7 @@ PIECES = 32
 class Gust(Protocol):
     """Velocity of the air added to the steady wind."""
 
-    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity_at(self, time: Array) -> Array:
         """Velocity, world axes, (N, 3) [m/s], at times (N,) [s]."""
         ...
 
@@ -40,7 +53,7 @@ class Gust(Protocol):
 class Profile(Gust, Protocol):
     """A gust that can travel: between its knots a cubic in time."""
 
-    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+    def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is as good as a cubic, (K >= 2,) ascending [s].
 
         Before the first and after the last one it is constant, at least from `first` to `last`.
@@ -78,11 +91,11 @@ class DiscreteGust:
             raise ParameterError("start", "a finite time [s]", self.start)
         positive("length_time", self.length_time)
 
-    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def share(self, phase: Array) -> Array:
         """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
         raise NotImplementedError
 
-    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity_at(self, time: Array) -> Array:
         """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
         phase = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
         return np.outer(self.share(phase), self.velocity)
@@ -111,11 +124,11 @@ class OneMinusCosineGust(DiscreteGust):
 
     name = "one_minus_cosine"
 
-    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def share(self, phase: Array) -> Array:
         """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
         return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * phase)))
 
-    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+    def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is as good as a cubic, (K,) [s]."""
         return self.start + self.length_time * np.linspace(0.0, 1.0, PIECES + 1)
 
@@ -139,11 +152,11 @@ class RampGust(DiscreteGust):
 
     name = "ramp"
 
-    def share(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def share(self, phase: Array) -> Array:
         """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
         return phase
 
-    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+    def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is as good as a cubic, (K,) [s]."""
         return self.start + np.array([0.0, self.length_time])
 
@@ -194,7 +207,7 @@ class DrydenGust:
         """Time between two samples of the turbulence [s]."""
         return min(self.length_scale) / self.airspeed / STEPS_PER_LENGTH
 
-    def velocity_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity_at(self, time: Array) -> Array:
         """Velocity of the turbulence, world axes, (N, 3) [m/s], at times (N,) [s].
 
         What was before time zero is the same process run backward from there.
@@ -215,7 +228,7 @@ class DrydenGust:
         ]
         return np.stack(columns, axis=-1)
 
-    def knots(self, first: float, last: float) -> NDArray[np.float64]:
+    def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is a straight line, (K,) [s]."""
         places = np.arange(floor(first / self.step), ceil(last / self.step) + 2)
         return np.asarray(self.step * places)
@@ -224,9 +237,7 @@ class DrydenGust:
         """Description from which the object can be made again, as JSON-able values."""
         return {"name": self.name, **_listed(asdict(self))}
 
-    def _unit(
-        self, axis: int, noise: NDArray[np.float64], past: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _unit(self, axis: int, noise: Array, past: Array) -> Array:
         """Stationary turbulence of unit variance, (before + count,), from normal noise.
 
         Args:
@@ -244,9 +255,7 @@ class DrydenGust:
         return _transverse(step, decay, noise, past)
 
 
-def _transverse(
-    step: float, decay: float, noise: NDArray[np.float64], past: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _transverse(step: float, decay: float, noise: Array, past: Array) -> Array:
     """Unit turbulence across the flow: two lags in a row, stationary from the start.
 
     In time units of T: dx = -x + n, dy = -y + x, output sqrt(3) x + (1 - sqrt(3)) y,
@@ -263,14 +272,14 @@ def _transverse(
     return np.asarray(sqrt(3.0) * states[:, 0] + (1.0 - sqrt(3.0)) * states[:, 1])
 
 
-def _added_root(step: float, decay: float, stationary: NDArray[np.float64]) -> NDArray[np.float64]:
+def _added_root(step: float, decay: float, stationary: Array) -> Array:
     """Root of what noise adds in a step to two lags in a row of a stationary covariance, (2, 2)."""
     transition = decay * np.array([[1.0, 0.0], [step, 1.0]])
     added = stationary - transition @ stationary @ transition.T
     return np.asarray(np.linalg.cholesky(added))
 
 
-def _two_lags(step: float, decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+def _two_lags(step: float, decay: float, drive: Array) -> Array:
     """States of two lags in a row, (N, 2), from what drives them, (N, 2)."""
     first = _recursion(decay, drive[:, 0])
     second_drive = drive[:, 1].copy()
@@ -278,7 +287,7 @@ def _two_lags(step: float, decay: float, drive: NDArray[np.float64]) -> NDArray[
     return np.column_stack([first, _recursion(decay, second_drive)])
 
 
-def _recursion(decay: float, drive: NDArray[np.float64]) -> NDArray[np.float64]:
+def _recursion(decay: float, drive: Array) -> Array:
     """State s_k = decay s_(k-1) + drive_k, (N,)."""
     from scipy.signal import lfilter  # half of the time it takes to import patagium
 
@@ -318,3 +327,296 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
 
 def _listed(values: dict[str, Any]) -> dict[str, Any]:
     return {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
+
+
+GUST_COMPONENTS = 9
+"""Numbers of a strip in a field: mean, first moment and rate, a vector each."""
+
+
+@dataclass(frozen=True)
+class CubicPieces:
+    """A gust as cubics in time.
+
+    In piece j velocity is sum_m a_jm (t - anchor_j)^m; the first and the last one are
+    constant and reach to infinity.
+
+    Attributes:
+        knots: Where pieces meet, (K,) [s].
+        coefficients: a, (K + 1, 4, 3) [m/s, m/s^2, ...].
+    """
+
+    knots: Array
+    coefficients: Array
+
+    @property
+    def anchors(self) -> Array:
+        """Times from which each piece counts, (K + 1,) [s]."""
+        return np.append(self.knots[0], self.knots)
+
+
+@dataclass(frozen=True)
+class TravelingGust:
+    """A gust that sweeps over the robot, w(p, t) = g(t - n . (p - p0) / c).
+
+    A wing element of chord 2b whose points lie at y b ahead of mid-chord, y = cos(theta), with
+    g(y) what it meets there: the part of its lift that circulation gives follows, in place of
+    the wind, the mean of g weighted toward the trailing edge, 1/pi int g (1 - y) dtheta. With
+    `AddedMass` it is also pushed by the rate of 2/pi int g sin^2(theta) dtheta. Together they
+    are the lift of a thin airfoil in any frozen gust: Kussner's and Sears' functions where the
+    air carries it, Wagner's where it is so fast that it comes at once. Without `AddedMass`
+    the push is missing.
+
+    Args:
+        profile: The gust g as the origin meets it.
+        direction: Direction of travel, any length, world axes, (3,) [-].
+        speed: How fast, relative to the ground, c [m/s]; that of the wind if the air carries it.
+        origin: Point p0 that meets it at the profile's own time, world axes, (3,) [m].
+
+    Raises:
+        ParameterError: If a number is not finite, the direction zero, the speed not positive,
+            or the profile has no knots.
+        ShapeError: If a triple is not (3,).
+
+    References:
+        von Karman & Sears (1938), Airfoil theory for non-uniform motion, J. Aeronaut. Sci. 5.
+        Miles (1956), The aerodynamic force on an airfoil in a moving gust, J. Aeronaut. Sci. 23.
+    """
+
+    profile: Profile
+    direction: tuple[float, float, float]
+    speed: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        direction = np.array(triple("direction", self.direction))
+        length = float(np.linalg.norm(direction))
+        if length == 0:
+            raise ParameterError("direction", "a direction, not zero", self.direction)
+        positive("speed", self.speed)
+        if not callable(getattr(self.profile, "knots", None)):
+            raise ParameterError("profile", "a gust with knots, that can travel", self.profile)
+        object.__setattr__(self, "direction", tuple((direction / length).tolist()))
+        object.__setattr__(self, "origin", triple("origin", self.origin))
+
+    @property
+    def parameters(self) -> Array:
+        """Slowness n/c [s/m] and origin p0 [m], (6,)."""
+        return np.array([*(np.array(self.direction) / self.speed), *self.origin])
+
+    def velocity_at(self, time: Array) -> Array:
+        """Velocity at the origin, world axes, (N, 3) [m/s], at times (N,) [s]."""
+        return self.profile.velocity_at(time)
+
+    def velocity_at_points(self, time: ArrayLike, points: ArrayLike) -> Array:
+        """Velocity at points and times, world axes, (N, 3) [m/s].
+
+        Args:
+            time: Times, (N,) [s].
+            points: World axes, (N, 3) [m].
+
+        Raises:
+            ShapeError: If they are not (N,) and (N, 3).
+        """
+        times, places = np.asarray(time, float), np.asarray(points, float)
+        if times.ndim != 1 or places.shape != (len(times), 3):
+            raise ShapeError("points", "(N, 3) for times (N,)", places.shape)
+        delay = (places - np.array(self.origin)) @ self.parameters[:3]
+        return self.profile.velocity_at(times - delay)
+
+    def pieces(self, first: float, last: float) -> CubicPieces:
+        """The profile as cubics, through its values at four times of each.
+
+        Args:
+            first: Earliest time that will be asked for [s].
+            last: Latest time that will be asked for [s].
+        """
+        knots = np.asarray(self.profile.knots(first, last), float)
+        spans = np.diff(knots)
+        thirds = np.arange(4) / 3
+        times = knots[:-1, None] + spans[:, None] * thirds
+        times[:, 3] = knots[1:]
+        values = self.profile.velocity_at(times.ravel()).reshape(len(spans), 4, 3)
+        through = np.linalg.inv(np.vander(thirds, increasing=True))
+        inner = np.einsum("mk,jka->jma", through, values)
+        inner /= (spans[:, None] ** np.arange(4))[:, :, None]
+        ends = np.zeros((2, 4, 3))
+        ends[:, 0] = values[0, 0], values[-1, 3]
+        return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the object can be made again, as JSON-able values."""
+        return {
+            "name": "traveling",
+            "profile": self.profile.describe(),
+            "direction": list(self.direction),
+            "speed": self.speed,
+            "origin": list(self.origin),
+        }
+
+
+def gust_from_description(description: Mapping[str, Any]) -> Gust:
+    """The gust of `describe()`.
+
+    Raises:
+        ParameterError: If the name is unknown, or a key is missing or unknown.
+    """
+    if description.get("name") != "traveling":
+        return profile_from_description(description)
+    known = {"name", "profile", "direction", "speed", "origin"}
+    check_keys("gust traveling", description, known)
+    profile = profile_from_description(description["profile"])
+    direction, origin = tuple(description["direction"]), tuple(description["origin"])
+    return TravelingGust(profile, direction, description["speed"], origin)
+
+
+def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
+    """Gust at the strips, (N, 9, n): mean, first moment [m/s] and rate [m/s^2], world axes.
+
+    With g what the points of a chord meet, y = cos(theta) from -1 at the trailing to 1 at the
+    leading edge: mean 1/pi int g dtheta [m/s], first moment 1/pi int g y dtheta [m/s], and
+    rate 2/pi int dg/dt sin^2(theta) dtheta [m/s^2]. The loop of `kernels/gust.h`, for all
+    samples at once.
+
+    Args:
+        pieces: The gust.
+        time: Of the samples, (N,) [s].
+        delays: For each sample and strip how much later mid-chord meets the gust than its
+            origin, how much later than that the leading edge, and the rates of both,
+            (N, 4, n) [s, s, 1, 1].
+    """
+    delay, spread, delay_rate, spread_rate = np.moveaxis(delays, 1, 0)
+    middle = time[:, None] - delay
+    shape = middle.shape
+    middle, spread = middle.ravel(), spread.ravel()
+    rates = np.stack([1.0 - delay_rate.ravel(), -spread_rate.ravel()])
+    side = np.where(spread < 0, -1.0, 1.0)  # of the chord that meets the latest part first
+    last = _piece_of(pieces, middle + np.abs(spread))
+    piece = _piece_of(pieces, middle - np.abs(spread))
+    total, begins = np.zeros((len(middle), 3, 3)), side.copy()
+    left = np.arange(len(middle))
+    while left.size:
+        j = piece[left]
+        final = j == last[left]
+        knot = pieces.knots[np.minimum(j, len(pieces.knots) - 1)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = np.clip((middle[left] - knot) / spread[left], -1.0, 1.0)
+        ends = np.where(final, -side[left], crossing)
+        between = side[left] * (_integrals(ends) - _integrals(begins[left]))
+        offset = middle[left] - pieces.anchors[j]
+        slopes = -spread[left], rates[:, left]
+        total[left] += _moments(pieces.coefficients[j], offset, *slopes, between)
+        begins[left] = ends
+        piece[left] += 1
+        left = left[~final]
+    return np.asarray(np.moveaxis(total.reshape(*shape, GUST_COMPONENTS), 1, 2))
+
+
+def _piece_of(pieces: CubicPieces, time: Array) -> NDArray[np.int64]:
+    return np.searchsorted(pieces.knots, time, side="right").astype(np.int64)
+
+
+def _integrals(y: Array) -> Array:
+    """Integrals of cos^k over angles from zero to arccos y, k = 0..5, (6, N)."""
+    sine = np.sqrt(np.maximum(1.0 - y * y, 0.0))
+    found, power = [np.arccos(y), sine], sine
+    for k in range(2, 6):
+        power = power * y
+        found.append(power / k + (k - 1) / k * found[k - 2])
+    return np.stack(found)
+
+
+def _moments(
+    coefficients: Array, offset: Array, slope: Array, rates: Array, between: Array
+) -> Array:
+    """Contribution of a part of the chord to mean, first moment and rate, (N, 3, 3).
+
+    Args:
+        coefficients: a, (N, 4, 3) [m/s, m/s^2, ...], of g = sum_m a_m (offset + slope y)^m.
+        offset: (N,) [s].
+        slope: (N,) [s].
+        rates: Of offset and slope, (2, N).
+        between: Integrals of y^k over the part, (6, N) [-].
+    """
+    powers = np.zeros((4, 4, len(offset)))  # of y, in (offset + slope y)^m
+    powers[0, 0] = 1.0
+    for m in range(1, 4):
+        powers[m] = powers[m - 1] * offset
+        powers[m, 1:] += powers[m - 1, :-1] * slope
+    value = np.einsum("nma,mkn->kna", coefficients, powers)
+    slopes = coefficients[:, 1:] * np.arange(1, 4)[:, None]
+    change = np.einsum("nma,mkn->kna", slopes, powers[:3])
+    rate = change * rates[0][:, None]
+    rate[1:] += change[:-1] * rates[1][:, None]
+    bent = between[:4] - between[2:]  # sin^2
+    return np.stack(
+        [
+            np.einsum("kna,kn->na", value, between[:4]) / np.pi,
+            np.einsum("kna,kn->na", value, between[1:5]) / np.pi,
+            np.einsum("kna,kn->na", rate, bent) * (2 / np.pi),
+        ],
+        axis=1,
+    )
+
+
+GUST = 6
+"""Numbers of a gust that travels: slowness and origin."""
+
+
+def strip_delays(robot: Robot, q: ca.SX, v: ca.SX, gust: ca.SX) -> ca.SX:
+    """Delays of strips behind a gust's origin, and their rates, (4, n_strips) [s, s, 1, 1].
+
+    With slowness s = n/c: s . (p - p0) of mid-chord [s], how much later than that the leading
+    edge is [s], and the rates of both [1].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        gust: Slowness [s/m] and origin [m], (6,).
+    """
+    poses, twists = body_poses(robot, q), body_velocities(robot, q, v)
+    slowness, origin = gust[:3], gust[3:]
+    columns = []
+    for strip in robot.strips:
+        pose, twist = poses[strip.body], twists[strip.body]
+        ahead = vector(strip.forward) * (strip.chord / 2)
+        middle = vector(strip.quarter_chord) - ahead / 2
+        local = pose.rotation.T @ slowness
+        columns.append(
+            ca.vertcat(
+                ca.dot(slowness, pose.position - origin) + ca.dot(local, middle),
+                ca.dot(local, ahead),
+                ca.dot(local, velocity_at(twist, middle)),
+                ca.dot(local, cross(twist.angular, ahead)),
+            )
+        )
+    return ca.horzcat(*columns) if columns else ca.SX(4, 0)
+
+
+def strip_winds(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, met: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Wind that the circulation of each strip answers to, and the mean along its chord.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        wind: What of the wind is the same everywhere, world axes, (3,) [m/s].
+        met: What strips meet, (9, n_strips).
+
+    Returns:
+        World axes, (3, n_strips) each [m/s].
+    """
+    count = len(robot.strips)
+    mean = ca.repmat(wind, 1, count) + met[:3, :]
+    edges = [smooth_sign(motion.forward) for motion in strip_motions(robot, q, v, mean)]
+    weighted = [mean[:, i] - edges[i] * met[3:6, i] for i in range(count)]
+    return ca.horzcat(ca.SX(3, 0), *weighted), mean
+
+
+def gust_rates(met: ca.SX) -> ca.SX:
+    """Rate of the gust that pushes the air carried by each strip, world axes, (3, n) [m/s^2].
+
+    Args:
+        met: Gust at the strips, (9, n) [m/s, m/s^2].
+    """
+    return met[6:GUST_COMPONENTS, :]

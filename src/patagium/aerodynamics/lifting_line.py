@@ -19,14 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import TWO_STATE, Indicial
-from patagium.aerodynamics.induced_velocity import (
-    Normalwash,
-    VortexSystem,
-    attached_lift,
-    solve_normalwash,
-)
-from patagium.aerodynamics.lag_states import Lags, Relaxation, lag_relaxation
+from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
 from patagium.aerodynamics.local_flow import (
     StripMotion,
     airspeed,
@@ -39,11 +32,16 @@ from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, St
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
-from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
 from patagium.aerodynamics.trailing_vortices import (
+    SURFACE_CONSTANT,
+    Normalwash,
     StripChain,
+    VortexSystem,
+    attached_lift,
     lattice,
+    solve_normalwash,
     strip_chains,
+    surface_gains,
 )
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot

@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-from patagium.aerodynamics.lag_states import Relaxation
+from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, generalized_force

@@ -45,8 +45,7 @@ def cycles(
         load_flight(existing(flight)), period=period, skip=skip, phases=phases
     )
     if figure is not None:
-        from patagium.report.figures import save_figure
-        from patagium.report.views import wingbeat
+        from patagium.report.figures import save_figure, wingbeat
 
         save_figure(wingbeat(statistics), figure)
     if table is not None:

@@ -409,8 +409,7 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
 
     save_flight(flight, output)
     if figure is not None:
-        from patagium.report.figures import save_figure
-        from patagium.report.views import flight_overview
+        from patagium.report.figures import flight_overview, save_figure
 
         save_figure(flight_overview(flight), figure)
     facts = flight_facts(flight)

@@ -173,7 +173,7 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
     if as_json:
         say_json(facts)
         return
-    from patagium.report.tables import key_value_table
+    from patagium.report.page import key_value_table
 
     flat = {name.replace("_", " "): _plain(value) for name, value in facts.items()}
     show_table(key_value_table(flat, title))

@@ -3,9 +3,17 @@
 It knows nothing of robots, flights or learners, so that any layer above may draw.
 """
 
-from patagium.report.blocks import Block, Link, Note, PageSection, Picture, picture
-from patagium.report.page import write_page
-from patagium.report.tables import Table, cell_text
+from patagium.report.page import (
+    Block,
+    Link,
+    Note,
+    PageSection,
+    Picture,
+    Table,
+    cell_text,
+    picture,
+    write_page,
+)
 
 __all__ = [
     "Block",

@@ -1,23 +1,297 @@
 """A page of prose, tables and pictures in sections: one self-contained HTML file, or Markdown.
 
 In HTML everything is inline, so that the file opens offline and survives being mailed; it reads
-in light and dark, and prints. It has no scripts; a `Link` leads to pages that have them.
+in light and dark, and prints. It has no scripts; a `Link` leads to pages that have them. In
+Markdown HTML is not understood: prose besides `code` and **bold** is taken literally.
 """
 
 from __future__ import annotations
 
+import base64
+import io
+import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
+from numbers import Integral, Real
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from patagium.report.blocks import Link, Note, PageSection, Picture
-from patagium.report.markdown import markdown_page
-from patagium.report.tables import Table
+from patagium.errors import ShapeError
 from patagium.whole_file import write_whole
+
+Cell: TypeAlias = "str | float | bool | None"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns.
+
+    Attributes:
+        columns: Heads of the columns, with units: "time per call [ns]".
+        rows: One cell a column; numbers are printed to three digits.
+        caption: What the table shows, one sentence.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+
+    def __init__(
+        self, columns: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = ""
+    ) -> None:
+        for i, row in enumerate(rows):
+            if len(row) != len(columns):
+                raise ShapeError(f"row {i} of table {caption!r}", len(columns), len(row))
+        object.__setattr__(self, "columns", tuple(columns))
+        object.__setattr__(self, "rows", tuple(tuple(row) for row in rows))
+        object.__setattr__(self, "caption", caption)
+
+    def texts(self) -> list[list[str]]:
+        """Every cell as a reader sees it, row by row."""
+        return [[cell_text(cell) for cell in row] for row in self.rows]
+
+    def numeric(self, column: int) -> bool:
+        """Whether a column holds numbers only, to be set flush right."""
+        cells = [row[column] for row in self.rows if row[column] is not None]
+        return bool(cells) and all(_is_number(cell) for cell in cells)
+
+
+def key_value_table(facts: Mapping[str, Cell], caption: str = "") -> Table:
+    """A table of two columns from a mapping of names to values."""
+    return Table(("quantity", "value"), list(facts.items()), caption)
+
+
+def cell_text(value: Cell) -> str:
+    """A number to three significant digits, "–" for nothing, "yes"/"no" for a truth.
+
+    Integers up to a million keep all their digits; nan reads "n/a".
+    """
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return value
+    number = float(value)
+    if not _is_number(value):
+        return "yes" if number else "no"
+    if _is_whole(value) and abs(number) < 1e6:
+        return f"{number:.0f}"
+    if math.isnan(number):
+        return "n/a"
+    if math.isinf(number):
+        return "∞" if number > 0 else "−∞"
+    return _scientific(number) if _far(number) else _plain(number)
+
+
+def _is_number(value: object) -> bool:
+    # NumPy's bool is neither Real nor Integral, so it falls out by itself.
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral)
+
+
+def _far(number: float) -> bool:
+    return number != 0.0 and not 1e-3 <= abs(number) < 1e5
+
+
+def _plain(number: float) -> str:
+    if number == 0.0:
+        return "0"
+    decimals = max(0, 2 - math.floor(math.log10(abs(number))))
+    return f"{number:.{decimals}f}".replace("-", "−")
+
+
+def _scientific(number: float) -> str:
+    mantissa, exponent = f"{number:.2e}".split("e")
+    digits = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}×10{digits}".replace("-", "−")
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image that travels inside the page.
+
+    Attributes:
+        source: The image as a data address.
+        caption: What is seen, and what to look for.
+    """
+
+    source: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """A remark set apart: a limit, a warning, a definition."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Link:
+    """A way to another page that lies beside this one.
+
+    Attributes:
+        text: What is there.
+        address: Of the page, relative to this one.
+    """
+
+    text: str
+    address: str
+
+
+Block: TypeAlias = "str | Table | Picture | Note | Link"
+
+
+@dataclass(frozen=True)
+class PageSection:
+    """A titled run of blocks.
+
+    Attributes:
+        title: Title of the page.
+        blocks: Prose (`code` and **bold** are understood), tables, pictures, notes, links.
+    """
+
+    title: str
+    blocks: Sequence[Block]
+
+
+def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -> Picture:
+    """An image of a figure, to be put on a page.
+
+    Args:
+        figure: What to draw.
+        caption: What is seen, and what to look for.
+        kind: "svg" stays sharp; "png" is smaller for tens of thousands of points.
+    """
+    stream = io.BytesIO()
+    draw(figure, stream, kind)
+    kinds = {"svg": "image/svg+xml", "png": "image/png"}
+    address = base64.b64encode(stream.getvalue()).decode("ascii")
+    return Picture(f"data:{kinds[kind]};base64,{address}", caption)
+
+
+_UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
+
+
+def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", "pdf"]) -> None:
+    """Write a figure, the same bytes each time it is the same figure."""
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
+        figure.savefig(target, format=kind, dpi=160, metadata=_UNSTAMPED[kind])
+
+
+MARK = "<!-- Written by patagium; do not edit: run the command again. -->"
+"""First line of every page."""
+
+
+def markdown_page(
+    title: str,
+    sections: Sequence[PageSection],
+    summary: str,
+    facts: Mapping[str, str],
+    folder: str,
+) -> tuple[str, dict[str, bytes]]:
+    """Text of a page and its pictures.
+
+    Args:
+        title: Title of the page.
+        sections: In reading order.
+        summary: What was found, in a few sentences, under the title.
+        facts: Where it comes from, at the foot.
+        folder: Where the pictures lie, as seen from the page.
+
+    Returns:
+        The text, and the pictures by name of their files: that of the section, numbered
+        where it has several.
+    """
+    pictures: dict[str, bytes] = {}
+    parts = [MARK, f"# {markdown_prose(title)}", *([markdown_prose(summary)] if summary else [])]
+    for section in sections:
+        parts.append(f"## {markdown_prose(section.title)}")
+        for block in section.blocks:
+            if isinstance(block, Picture):
+                kind, image = _image(block)
+                name = _free(section.title, kind, pictures)
+                pictures[name] = image
+                caption = markdown_prose(block.caption)
+                parts += [f"![{markdown_prose(section.title)}]({folder}/{name})", f"*{caption}*"]
+            else:
+                parts += _block(block)
+    if facts:
+        listed = [
+            f"- **{markdown_prose(name)}**: {markdown_prose(value)}"
+            for name, value in facts.items()
+        ]
+        parts += ["## Where it comes from", "\n".join(listed)]
+    return "\n\n".join(parts) + "\n", pictures
+
+
+def markdown_prose(text: str) -> str:
+    """Text in which `code` and **bold** stay as they are and all else is literal."""
+    return "".join(map(_span, re.split(r"(`[^`]+`|\*\*[^*]+\*\*)", text)))
+
+
+def table_text(table: Table) -> str:
+    """A table without its caption; columns of numbers flush right."""
+    rules = ["---:" if table.numeric(i) else "---" for i in range(len(table.columns))]
+    rows = [[_cell(cell) for cell in row] for row in (table.columns, *table.texts())]
+    rows.insert(1, rules)
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _block(block: Block) -> list[str]:
+    if isinstance(block, Table):
+        caption = [f"*{markdown_prose(block.caption)}*"] if block.caption else []
+        return [*caption, table_text(block)]
+    if isinstance(block, Note):
+        return [f"> {markdown_prose(block.text)}"]
+    if isinstance(block, Link):
+        return [f"[{markdown_prose(block.text)}]({block.address})"]
+    return [re.sub(r"^(\d*)(?=[#+>.)-])", r"\1\\", markdown_prose(str(block)))]
+
+
+def _span(text: str) -> str:
+    if text.startswith("`"):
+        return text
+    return f"**{markdown_prose(text[2:-2])}**" if text.startswith("**") else _literal(text)
+
+
+def _literal(text: str) -> str:
+    text = re.sub(r"([\\*$]|<(?=[\w/!?])|&(?=#?\w+;)|\](?=\()|\[(?=\^))", r"\\\1", text)
+    return re.sub(r"((?<!\w)_|_(?!\w))", r"\\\1", text)
+
+
+def _cell(text: str) -> str:
+    return markdown_prose(text).replace("|", "\\|")
+
+
+def _image(picture: Picture) -> tuple[str, bytes]:
+    """Kind of a picture's file, and its bytes."""
+    head, data = picture.source.split(",", 1)
+    kind = "svg" if "svg" in head else "png"
+    return kind, base64.b64decode(data)
+
+
+def _free(title: str, kind: str, taken: Mapping[str, object]) -> str:
+    """Name of a file after a title, one that is not taken."""
+    stem = re.sub(r"\W+", "-", title.lower()).strip("-")
+    number, name = 1, f"{stem}.{kind}"
+    while name in taken:
+        number += 1
+        name = f"{stem}-{number}.{kind}"
+    return name
 
 
 def write_page(

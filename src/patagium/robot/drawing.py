@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ShapeError
-from patagium.report.views import machine
+from patagium.report.figures import machine
 from patagium.robot.attitude import rotation_from_quaternion
 from patagium.robot.model import Body, Robot, Strip
 

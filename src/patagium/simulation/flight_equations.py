@@ -14,8 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
-from patagium.aerodynamics.gust_encounter import GUST, gust_rates, strip_delays, strip_winds
-from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS
+from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, gust_rates, strip_delays, strip_winds
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
     BodyAddedMass,

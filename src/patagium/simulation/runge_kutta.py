@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.traveling_gust import GUST_COMPONENTS, CubicPieces, gusts_at_strips
+from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
 from patagium.errors import Outcome
 from patagium.native import NativeFunction, load_kernel
 

@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 from patagium.errors import FlightError
 from patagium.learning import evaluate
 from patagium.learning.parameter_paths import Trained
-from patagium.report.figures import comparison, histories
+from patagium.report.figures import comparison, flight_overview, histories, wingbeat
 from patagium.report.style import figures_for
-from patagium.report.views import flight_overview, wingbeat
 from patagium.robot.drawing import draw_robot
 from patagium.simulation import cycle_statistics, gait_period, robot_of
 

@@ -18,8 +18,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Self
 
 from patagium.errors import ParameterError
-from patagium.viewer.live_frames import COMMAND, SLOTS, Subject
-from patagium.viewer.live_mailbox import Mailbox
+from patagium.viewer.live_frames import COMMAND, SLOTS, Mailbox, Subject
 
 PERIOD = 1.0 / 30.0
 """Between two frames [s]."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import patagium
-from patagium.deprecated import FORMER
+from patagium.deprecation import FORMER
 
 ROOT = Path(__file__).parents[3]
 PUBLIC = {

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics.lag_states import Relaxation, lag_step
+from patagium.aerodynamics.indicial import Relaxation, lag_step
 
 _Z, _STEP = ca.SX.sym("z"), ca.SX.sym("h")
 _RATES, _TARGETS = ca.SX.sym("r", 2), ca.SX.sym("t", 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics.table_interpolation import table_function
+from patagium.aerodynamics.polars import table_function
 from patagium.aerodynamics.trailing_vortices import horseshoe_function
 from patagium.learning.models.memory import network_inputs
 from patagium.native import load_functions

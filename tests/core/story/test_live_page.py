@@ -24,8 +24,7 @@ from patagium.live.sender import flight_packets
 from patagium.live.sources import PacketQueue
 from patagium.viewer import live_view
 from patagium.viewer.live_flight import LiveFlight, flight_subject
-from patagium.viewer.live_frames import Subject
-from patagium.viewer.live_mailbox import Mailbox
+from patagium.viewer.live_frames import Mailbox, Subject
 
 pytest.importorskip("viser", reason="viser is not installed: pip install 'patagium[viewer]'")
 

@@ -12,11 +12,11 @@ from patagium.errors import LogError
 from patagium.viewer.live_frames import (
     TRACE,
     Feed,
+    Mailbox,
     Subject,
     message_of_frame,
     records_without_learner,
 )
-from patagium.viewer.live_mailbox import Mailbox
 
 LAYOUT = [("number", "i8"), ("values", "f8", (300,))]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patagium.report import Link, Note, PageSection, Table, figures, picture, write_page
-from patagium.report.markdown import MARK, prose, table_text
+from patagium.report.page import MARK, markdown_prose, table_text
 
 HOSTILE = (
     "a * b * c, _x_ and x_1_2, <b>no</b>, 5 < 6 & 7, &amp; $x$, [1] [2](3), back\\slash, "
@@ -25,12 +25,12 @@ def read(text: str) -> str:
 
 def test_prose_is_read_as_it_was_written() -> None:
     for text in (HOSTILE, "# no heading", "1. no list", "- no list", "> no quotation"):
-        assert read(prose(text) if text == HOSTILE else _block(text)) == text
+        assert read(markdown_prose(text) if text == HOSTILE else _block(text)) == text
 
 
 def test_code_and_bold_keep_their_meaning() -> None:
     text = "A `a*b_c` and **one `d_` of _them**."
-    assert prose(text) == "A `a*b_c` and **one `d_` of \\_them**."
+    assert markdown_prose(text) == "A `a*b_c` and **one `d_` of \\_them**."
 
 
 def test_a_table_keeps_its_cells_and_sets_numbers_right() -> None:
@@ -68,7 +68,7 @@ def test_a_page_and_its_pictures(tmp_path: Path) -> None:
 
 def _block(text: str) -> str:
     """A paragraph as it stands on a page."""
-    from patagium.report.markdown import markdown_page
+    from patagium.report.page import markdown_page
 
     page, pictures = markdown_page("t", [PageSection("s", [text])], "", {}, "f")
     assert not pictures

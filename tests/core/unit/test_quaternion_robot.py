@@ -15,7 +15,7 @@ from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeEr
 from patagium.learning.models.memory import network_inputs
 from patagium.live.record import StreamFile
 from patagium.live.sender import flight_packets
-from patagium.report.views import flight_overview
+from patagium.report.figures import flight_overview
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.attitude import (
     angles_from_quaternion,

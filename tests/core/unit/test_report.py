@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
-from patagium.report import Note, PageSection, Table, cell_text, figures, picture, views, write_page
+from patagium.report import Note, PageSection, Table, cell_text, figures, picture, write_page
 from patagium.report.style import envelope
 
 
@@ -190,7 +190,7 @@ def test_figure_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def test_machine_shows_every_strip_in_both_views() -> None:
     square = np.array([[0, 0, 0], [0, 1, 0], [-1, 1, 0], [-1, 0, 0]], float)
-    figure = views.machine(
+    figure = figures.machine(
         "wing",
         strips={"left": [square, square + [0, 1, 0]]},
         joints={"plunge": (0, 0, 0)},
@@ -199,9 +199,9 @@ def test_machine_shows_every_strip_in_both_views() -> None:
     )
     assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2]
     with pytest.raises(ShapeError, match="left"):
-        views.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})
+        figures.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})
 
 
 def test_overview_names_what_a_flight_misses() -> None:
     with pytest.raises(FlightError, match="aero_force"):
-        views.flight_overview({"q": 0})
+        figures.flight_overview({"q": 0})

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics.table_interpolation import table_function, table_values
+from patagium.aerodynamics.polars import table_function, table_values
 from patagium.native import load_functions
 
 KNOTS = np.array([-1.5, -0.4, -0.1, 0.0, 0.3, 0.35, 1.2])

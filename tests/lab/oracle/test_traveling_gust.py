@@ -16,14 +16,13 @@ from patagium.aerodynamics import (
     Section,
     TravelingGust,
 )
-from patagium.aerodynamics.gust_encounter import strip_delays
+from patagium.aerodynamics.gusts import gusts_at_strips, strip_delays
 from patagium.aerodynamics.thin_airfoil import (
     kussner_function,
     sears_function,
     theodorsen_function,
     wagner_function,
 )
-from patagium.aerodynamics.traveling_gust import gusts_at_strips
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, simulate

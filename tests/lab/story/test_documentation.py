@@ -20,7 +20,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.deprecated import FORMER
+from patagium.deprecation import FORMER
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

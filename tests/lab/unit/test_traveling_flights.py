@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics.gust_encounter import strip_winds
+from patagium.aerodynamics.gusts import strip_winds
 from patagium.dynamics.equations import fluid_energy, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium_lab.published.aerodynamics import Published

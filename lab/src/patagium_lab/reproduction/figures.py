@@ -13,9 +13,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from patagium.report.figures import comparison, innovation_and_covariance
+from patagium.report.figures import comparison, flight_overview, innovation_and_covariance
 from patagium.report.style import color, dash, legend_above, panels, styled
-from patagium.report.views import flight_overview
 from patagium_lab.comparisons import overhead_bars, score_bars
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction.cases import LEARNERS, NETWORKS, STRIPS

@@ -12,9 +12,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from patagium.report.figures import comparison
+from patagium.report.figures import comparison, flight_overview
 from patagium.report.style import TRUTH, color, dash, legend_above, panels, styled
-from patagium.report.views import flight_overview
 from patagium_lab.comparisons import score_bars
 from patagium_lab.gallery import Gallery
 from patagium_lab.rig.learning import SOURCES, LogResult

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
-from patagium.aerodynamics.lag_states import Relaxation, lag_step
+from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.deprecation import renamed_arguments
 from patagium.dynamics.equations import inverse, kirchhoff_force

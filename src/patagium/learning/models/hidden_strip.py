@@ -20,20 +20,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import Indicial, fitted_indicial, indicial_from_description
-from patagium.aerodynamics.induced_velocity import (
+from patagium.aerodynamics.indicial import (
+    Indicial,
+    Lags,
+    Relaxation,
+    fitted_indicial,
+    indicial_from_description,
+)
+from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
+from patagium.aerodynamics.polars import SectionFlow, section_flow
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.trailing_vortices import (
+    SURFACE_CONSTANT,
     Normalwash,
     VortexSystem,
     attached_lift,
     implicit_lag_step,
+    lattice,
     solve_normalwash,
+    strip_chains,
+    surface_gains,
 )
-from patagium.aerodynamics.lag_states import Lags, Relaxation
-from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
-from patagium.aerodynamics.polars import SectionFlow, section_flow
-from patagium.aerodynamics.smooth_functions import smooth_sign
-from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT, surface_gains
-from patagium.aerodynamics.trailing_vortices import lattice, strip_chains
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError, positive

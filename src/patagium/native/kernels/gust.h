@@ -1,8 +1,8 @@
-/* What the strips of wings meet of a gust that travels: traveling_gust.gusts_at_strips.
+/* What the strips of wings meet of a gust that travels: gusts.gusts_at_strips.
 
    A gust is a row of cubics in time between knots, constant before the first and after the
    last one. The points of a chord, y = cos(angle) from -1 at the trailing to 1 at the leading
-   edge, meet it at time - delay - spread y. Neglected: see traveling_gust.py.
+   edge, meet it at time - delay - spread y. Neglected: see gusts.py.
 */
 
 #ifndef PATAGIUM_GUST_H

@@ -1,6 +1,6 @@
 /* A table between its knots: straight lines, their corners rounded.
  *
- * The kernel of `aerodynamics.table_interpolation`, whose SX function is its oracle and
+ * The kernel of `aerodynamics.polars`, whose SX function is its oracle and
  * has the equation.
  * Numbers of several states stand `stride` apart.
  */

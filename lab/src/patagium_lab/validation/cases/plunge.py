@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import TWO_STATE
-from patagium.aerodynamics.surface_gain import SURFACE_CONSTANT
+from patagium.aerodynamics.trailing_vortices import SURFACE_CONSTANT
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
