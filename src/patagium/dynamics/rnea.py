@@ -50,7 +50,7 @@ def newton_euler(
     References:
         Luh, Walker and Paul (1980); Featherstone (2008), section 5.3.
     """
-    states = _accelerations(robot, q, v, a, gravity)
+    states = body_accelerations(robot, q, v, a, gravity)
     wrenches = {
         index: _inertial_wrench(body, _field(w, dw), acceleration)
         for index, (body, (w, dw, acceleration)) in enumerate(
@@ -58,7 +58,9 @@ def newton_euler(
         )
     }
     if added is not None:
-        fluid = kirchhoff_wrenches(robot, q, v, _free_of(gravity, robot, q, states), added)
+        ground = in_body_axes(robot, q, ca.vertcat(0, 0, gravity))  # its acceleration is no fluid's
+        accelerations = {k: (state[2] - ground[k], state[1]) for k, state in enumerate(states)}
+        fluid = kirchhoff_wrenches(robot, q, v, accelerations, added)
         for index, (force, moment) in fluid.items():
             wrenches[index] = (wrenches[index][0] + force, wrenches[index][1] + moment)
     return generalized_force(robot, q, wrenches)
@@ -77,23 +79,27 @@ def kirchhoff_force(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: BodyAdded
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         added: Added mass of the bodies.
     """
-    states = _accelerations(robot, q, v, a, ca.SX(0))
+    states = body_accelerations(robot, q, v, a, ca.SX(0))
     accelerations = {k: (states[k][2], states[k][1]) for k in added.matrices}
     return -generalized_force(robot, q, kirchhoff_wrenches(robot, q, v, accelerations, added))
 
 
-def _free_of(
-    gravity: ca.SX, robot: Robot, q: ca.SX, states: list[tuple[ca.SX, ca.SX, ca.SX]]
-) -> dict[int, tuple[ca.SX, ca.SX]]:
-    """Acceleration of every body's origin without the ground's, and angular acceleration."""
-    ground = in_body_axes(robot, q, ca.vertcat(0, 0, gravity))
-    return {k: (state[2] - ground[k], state[1]) for k, state in enumerate(states)}
-
-
-def _accelerations(
+def body_accelerations(
     robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Angular velocity and acceleration of every body, acceleration of its origin; body axes."""
+    """Angular velocity and acceleration of every body, and what an accelerometer feels.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n,) [m, rad].
+        v: Generalized velocities, (n,) [m/s, rad/s].
+        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        gravity: Acceleration of free fall along -z, scalar [m/s^2].
+
+    Returns:
+        For each body, in body axes: angular velocity (3, 1) [rad/s], angular acceleration
+        (3, 1) [rad/s^2], acceleration of the origin less that of free fall (3, 1) [m/s^2].
+    """
     states: list[tuple[ca.SX, ca.SX, ca.SX]] = []
     ground = (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1), ca.vertcat(0, 0, gravity))
     for body in robot.bodies:
@@ -152,22 +158,3 @@ def second_moment(body: Body) -> ca.SX:
     )
     center = vector(body.center_of_mass)
     return ca.SX(central) + (center * body.mass) @ center.T
-
-
-def body_accelerations(
-    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
-) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Angular velocity and acceleration of every body, and what an accelerometer feels.
-
-    Args:
-        robot: The machine.
-        q: Generalized coordinates, (n,) [m, rad].
-        v: Generalized velocities, (n,) [m/s, rad/s].
-        a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
-        gravity: Acceleration of free fall along -z, scalar [m/s^2].
-
-    Returns:
-        For each body, in body axes: angular velocity (3, 1) [rad/s], angular acceleration
-        (3, 1) [rad/s^2], acceleration of the origin less that of free fall (3, 1) [m/s^2].
-    """
-    return _accelerations(robot, q, v, a, gravity)

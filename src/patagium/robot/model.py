@@ -69,6 +69,8 @@ Attitude: TypeAlias = Literal["euler", "quaternion"]
 
 _XYZ = ("x", "y", "z")
 _INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
+_BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": _INERTIA}
+_STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
 _CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit")
 _NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -415,37 +417,22 @@ class Robot:
 def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
     """Copy of a robot with some parameters set to numbers or symbols; unknown names are ignored."""
 
-    def vector(prefix: str, old: tuple[Any, ...], labels: tuple[str, ...]) -> Any:
-        return tuple(values.get(f"{prefix}.{k}", x) for k, x in zip(labels, old, strict=True))
+    def changed(part: Any, labels: Mapping[str, tuple[str, ...]]) -> Any:
+        fields: dict[str, Any] = {}
+        for field_name, parts in labels.items():
+            old = getattr(part, field_name)
+            names = _leaf_names(f"{part.name}.{field_name}", parts)
+            new = tuple(map(values.get, names, old if parts else (old,)))
+            fields[field_name] = new if parts else new[0]
+        return replace(part, **fields)
 
-    bodies = tuple(
-        replace(
-            b,
-            position=vector(f"{b.name}.position", b.position, _XYZ),
-            mass=values.get(f"{b.name}.mass", b.mass),
-            center_of_mass=vector(f"{b.name}.center_of_mass", b.center_of_mass, _XYZ),
-            inertia=vector(f"{b.name}.inertia", b.inertia, _INERTIA),
-        )
-        for b in robot.bodies
-    )
-    strips = tuple(
-        replace(
-            s,
-            quarter_chord=vector(f"{s.name}.quarter_chord", s.quarter_chord, _XYZ),
-            chord=values.get(f"{s.name}.chord", s.chord),
-            width=values.get(f"{s.name}.width", s.width),
-        )
-        for s in robot.strips
-    )
-    damping = tuple(
-        values.get(f"{name}.damping", d)
-        for name, d in zip(robot.dof_names, robot.damping, strict=True)
-    )
     return replace(
         robot,
-        bodies=bodies,
-        strips=strips,
-        damping=damping,
+        bodies=tuple(changed(body, _BODY_LEAVES) for body in robot.bodies),
+        strips=tuple(changed(strip, _STRIP_LEAVES) for strip in robot.strips),
+        damping=tuple(
+            map(values.get, (f"{name}.damping" for name in robot.dof_names), robot.damping)
+        ),
         gravity=values.get("gravity", robot.gravity),
     )
 
@@ -455,41 +442,29 @@ def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
     yield "gravity", robot.gravity
     for name, value in zip(robot.dof_names, robot.damping, strict=True):
         yield f"{name}.damping", value
-    for body in robot.bodies:
-        for label, value in zip(_XYZ, body.position, strict=True):
-            yield f"{body.name}.position.{label}", value
-        yield f"{body.name}.mass", body.mass
-        for label, value in zip(_XYZ, body.center_of_mass, strict=True):
-            yield f"{body.name}.center_of_mass.{label}", value
-        for label, value in zip(_INERTIA, body.inertia, strict=True):
-            yield f"{body.name}.inertia.{label}", value
-    for strip in robot.strips:
-        for label, value in zip(_XYZ, strip.quarter_chord, strict=True):
-            yield f"{strip.name}.quarter_chord.{label}", value
-        yield f"{strip.name}.chord", strip.chord
-        yield f"{strip.name}.width", strip.width
+    described: list[tuple[Any, Mapping[str, tuple[str, ...]]]]
+    described = [(body, _BODY_LEAVES) for body in robot.bodies]
+    described += [(strip, _STRIP_LEAVES) for strip in robot.strips]
+    for part, labels in described:
+        for field_name, parts in labels.items():
+            value = getattr(part, field_name)
+            names = _leaf_names(f"{part.name}.{field_name}", parts)
+            yield from zip(names, value if parts else (value,), strict=True)
+
+
+def _leaf_names(prefix: str, parts: tuple[str, ...]) -> list[str]:
+    """Names of the parameters in a field that has these parts, or is one number."""
+    return [f"{prefix}.{part}" for part in parts] or [prefix]
 
 
 def _mounted(
     robot: Robot, arm: Robot, at: str, position: Axis, orientation: Axis, prefix: str
 ) -> Robot:
-    """A robot fixed to a body of an arm.
-
-    Args:
-        robot: What is carried.
-        arm: What carries it; its bodies and coordinates come first.
-        at: Body of the arm that holds it.
-        position: Where on that body, in its axes, (3,) [m].
-        orientation: Roll, pitch, yaw of the robot's axes in that body's, (3,) [rad].
-        prefix: Put before the arm's names.
-
-    Raises:
-        ParameterError: If the arm has no such body, the pose is no pose, or a name
-            would be there twice.
-    """
+    """A robot fixed to a body of an arm; see `Robot.mounted_on`."""
     shift, turn = _pose(position, orientation)
     carrier = arm.body_index(at)
-    kept = tuple(i for i in range(robot.dof) if not _floats(robot, i))
+    floating = {i for body in robot.bodies for i in body.floating_dofs or ()}
+    kept = tuple(i for i in range(robot.dof) if i not in floating)
     dof = {old: arm.dof + new for new, old in enumerate(kept)}
     first = len(arm.bodies)
     bodies = (
@@ -528,10 +503,6 @@ def _pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[Any,
         if np.shape(values) != (3,) or not np.isfinite(np.asarray(values, float)).all():
             raise ParameterError(name, "three finite numbers", tuple(np.ravel(values)))
     return np.asarray(position, float), rotation_from_angles(orientation)
-
-
-def _floats(robot: Robot, dof: int) -> bool:
-    return any(dof in (body.floating_dofs or ()) for body in robot.bodies)
 
 
 def _renamed(body: Body, prefix: str) -> Body:

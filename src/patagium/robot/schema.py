@@ -2,7 +2,8 @@
 
 Mirrors the file, not the machine: `patagium.robot.assembly` turns it into a
 `Robot`. All numbers are SI here already. Neglected: springs, flexible bodies,
-contact and actuator dynamics.
+contact and actuator dynamics; uneven density of a shape: describe such a body by its
+measured moments.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -20,7 +22,6 @@ from pydantic import (
     model_validator,
 )
 
-from patagium.robot import inertia as shapes
 from patagium.robot.units import (
     Acceleration,
     Angle,
@@ -73,7 +74,27 @@ Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Point: TypeAlias = tuple[Length, Length, Length]
 Direction: TypeAlias = Annotated[tuple[float, float, float], BeforeValidator(_unit_vector)]
 PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
+Tensor: TypeAlias = NDArray[np.float64]
 _ORIGIN = (0.0, 0.0, 0.0)
+
+
+def is_physical(tensor: Tensor) -> bool:
+    """Whether some distribution of mass has this inertia.
+
+    The principal moments satisfy I1, I2, I3 >= 0 and I1 + I2 >= I3 (triangle inequality).
+
+    Args:
+        tensor: Inertia about the centre of mass, (3, 3) [kg m^2].
+    """
+    if not np.isfinite(tensor).all():
+        return False
+    moments = np.linalg.eigvalsh(tensor)
+    rounding = 1e-6 * abs(moments).max()  # files carry six or seven digits
+    return bool(moments[0] >= -rounding and moments[0] + moments[1] >= moments[2] - rounding)
+
+
+def _from_second_moments(second: NDArray[np.float64]) -> Tensor:
+    return np.asarray(np.diag(second.sum() - second))
 
 
 class Cylinder(_Part):
@@ -84,9 +105,17 @@ class Cylinder(_Part):
     radius: PositiveLength
     length: PositiveLength
 
-    def tensor(self, mass: float) -> shapes.Tensor:
-        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return shapes.cylinder(mass, np.array(self.axis), self.radius, self.length)
+    def tensor(self, mass: float) -> Tensor:
+        """Inertia about the centre of mass, (3, 3) [kg m^2].
+
+        I = I_t (1 - u u^T) + I_a u u^T, I_a = m r^2 / 2, I_t = m (3 r^2 + l^2) / 12.
+
+        Args:
+            mass: Mass m [kg].
+        """
+        along = np.outer(self.axis, self.axis)
+        across = mass * (3 * self.radius**2 + self.length**2) / 12
+        return np.asarray(across * (np.eye(3) - along) + mass * self.radius**2 / 2 * along)
 
 
 class Box(_Part):
@@ -95,9 +124,9 @@ class Box(_Part):
     type: Literal["box"]
     size: tuple[PositiveLength, PositiveLength, PositiveLength]
 
-    def tensor(self, mass: float) -> shapes.Tensor:
-        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return shapes.box(mass, self.size)
+    def tensor(self, mass: float) -> Tensor:
+        """Inertia about the centre of mass, I_xx = m (y^2 + z^2) / 12, (3, 3) [kg m^2]."""
+        return _from_second_moments(mass / 12 * np.square(self.size))
 
 
 class Plate(_Part):
@@ -109,9 +138,11 @@ class Plate(_Part):
     span: PositiveLength
     thickness: PositiveLength
 
-    def tensor(self, mass: float) -> shapes.Tensor:
+    def tensor(self, mass: float) -> Tensor:
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return shapes.plate(mass, self.axis, self.chord, self.span, self.thickness)
+        across = (self.span, self.thickness)
+        size = (self.chord, *(across if self.axis == "y" else across[::-1]))
+        return _from_second_moments(mass / 12 * np.square(size))
 
 
 class Ellipsoid(_Part):
@@ -120,9 +151,9 @@ class Ellipsoid(_Part):
     type: Literal["ellipsoid"]
     semi_axes: tuple[PositiveLength, PositiveLength, PositiveLength]
 
-    def tensor(self, mass: float) -> shapes.Tensor:
-        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return shapes.ellipsoid(mass, self.semi_axes)
+    def tensor(self, mass: float) -> Tensor:
+        """Inertia about the centre of mass, I_xx = m (b^2 + c^2) / 5, (3, 3) [kg m^2]."""
+        return _from_second_moments(mass / 5 * np.square(self.semi_axes))
 
 
 class PointMass(_Part):
@@ -130,9 +161,9 @@ class PointMass(_Part):
 
     type: Literal["point"]
 
-    def tensor(self, mass: float) -> shapes.Tensor:  # noqa: ARG002 - one signature for all shapes
-        """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return shapes.point()
+    def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
+        """Inertia of a point mass about itself: zero, (3, 3) [kg m^2]."""
+        return np.zeros((3, 3))
 
 
 Shape: TypeAlias = Annotated[
@@ -152,14 +183,14 @@ class Moments(_Part):
 
     @model_validator(mode="after")
     def _physical(self) -> Moments:
-        if not shapes.is_physical(self.tensor(0.0)):
+        if not is_physical(self.tensor(0.0)):
             raise mismatch(
                 "principal moments of a real body (none below 0 or above the sum of the others)",
                 f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}",
             )
         return self
 
-    def tensor(self, mass: float) -> shapes.Tensor:  # noqa: ARG002 - one signature for all shapes
+    def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
         return np.array(
             [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]]
@@ -303,7 +334,7 @@ class BodyPart(_Part):
                 raise mismatch(expected, "a body that is not floating")
         return self
 
-    def tensor(self) -> shapes.Tensor:
+    def tensor(self) -> Tensor:
         """Inertia about the centre of mass, (3, 3) [kg m^2], body axes."""
         form = self.inertia if self.inertia is not None else self.shape
         return form.tensor(self.mass)  # type: ignore[union-attr]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
 from operator import add
@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.robot.units import UnitMismatch, in_si
@@ -68,6 +68,21 @@ class Gait(Protocol):
         """Description, as JSON-able values; it travels with every flight."""
 
 
+def described(kind: str, motion: Any, leave: Sequence[str] = ()) -> dict[str, Any]:
+    """Description of a gait or path from its fields, as JSON-able values.
+
+    Args:
+        kind: Kind of motion, its first entry.
+        motion: A dataclass of numbers, text, arrays and other dataclasses.
+        leave: Fields to leave out.
+    """
+    values = {name: value for name, value in asdict(motion).items() if name not in leave}
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            values[name] = value.tolist()
+    return {"kind": kind, **values, "joints": list(motion.joints)}
+
+
 @dataclass(frozen=True)
 class FourierGait:
     """Fourier series of every joint, exact derivatives.
@@ -104,14 +119,7 @@ class FourierGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return {
-            "kind": "fourier",
-            "joints": list(self.joints),
-            "frequency": self.frequency,
-            "mean": self.mean.tolist(),
-            "cosine": self.cosine.tolist(),
-            "sine": self.sine.tolist(),
-        }
+        return described("fourier", self)
 
 
 @dataclass(frozen=True)
@@ -151,13 +159,7 @@ class LinkageGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return {
-            "kind": "linkage",
-            "joints": list(self.joints),
-            "frequency": self.frequency,
-            "linkage": asdict(self.linkage),
-            "offset": self.offset.tolist(),
-        }
+        return described("linkage", self, leave=("plunge", "elbow"))
 
     def _spread(self, humerus: Array, radius: Array) -> Array:
         """Humerus to the plunge joints, radius relative to it to the elbows, (N, n_a)."""
@@ -196,13 +198,7 @@ class TableGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return {
-            "kind": "table",
-            "joints": list(self.joints),
-            "source": self.source,
-            "time": self.time.tolist(),
-            "position": self.position.tolist(),
-        }
+        return described("table", self)
 
 
 @dataclass(frozen=True)
@@ -232,6 +228,23 @@ class SuperposedGait:
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
         return {"kind": "superposed", "parts": [part.describe() for part in self.parts]}
+
+
+WHOLE = 1e-9
+"""How far from a whole number a ratio of periods may be."""
+
+
+def check_period(whole: Gait, part: Gait) -> None:
+    """Refuse a part whose period does not divide that of the sum.
+
+    Raises:
+        ParameterError: If the sum would not repeat.
+    """
+    if part.period and whole.period:
+        ratio = whole.period / part.period
+        if abs(ratio - round(ratio)) > WHOLE:
+            expected = f"a period that {whole.period:g} s is a multiple of"
+            raise ParameterError("parts", expected, part.period)
 
 
 FEWEST_ROWS = 4

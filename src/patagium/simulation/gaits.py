@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError, positive
+from patagium.errors import ParameterError, finite, positive
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
@@ -27,6 +27,7 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     TableGait,
+    check_period,
     read_gait_table,
 )
 
@@ -58,9 +59,6 @@ LIMIT_SAMPLES = 2001
 
 MARGIN = 1e-9
 """Rounding allowed beyond a joint limit [rad, m]."""
-
-WHOLE = 1e-9
-"""How far from a whole number a ratio of periods may be."""
 
 
 def sinusoidal(
@@ -238,9 +236,7 @@ def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
         check_gait(robot, part)
     gait = SuperposedGait(tuple(parts))
     for part in parts:
-        if part.period and gait.period and _remainder(gait.period / part.period) > WHOLE:
-            expected = f"a period {gait.period:g} s is a multiple of"
-            raise ParameterError("parts", expected, part.period)
+        check_period(gait, part)
     return _within_limits(robot, gait)
 
 
@@ -272,7 +268,7 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
             if joint in named:
                 raise ParameterError(name, f"{joint} named once", f"also as {named[joint]!r}")
             named[joint] = name
-            out[joints.index(joint)] = _finite(name, value)
+            out[joints.index(joint)] = finite(name, value)
     return out
 
 
@@ -287,13 +283,3 @@ def _within_limits(robot: Robot, gait: AnyGait) -> AnyGait:
             expected = f"a gait within its limits {lower:.4g} to {upper:.4g} {unit}"
             raise ParameterError(joint, expected, f"{least:.4g} to {most:.4g} {unit}")
     return gait
-
-
-def _remainder(ratio: float) -> float:
-    return abs(ratio - round(ratio))
-
-
-def _finite(name: str, value: float) -> float:
-    if not np.isfinite(value):
-        raise ParameterError(name, "a finite number", value)
-    return float(value)

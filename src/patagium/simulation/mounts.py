@@ -29,11 +29,6 @@ from patagium.simulation.paths import Path, check_path
 
 __all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
 
-MOUNT_COORDINATES = 6
-"""Coordinates a massless mount adds before those of the robot."""
-
-_UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 
 @dataclass(frozen=True)
 class Mount:
@@ -138,7 +133,7 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
         return free() if robot.floating else fixed()
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
-    if mount.path is not None and len(floating_dofs(robot)) != MOUNT_COORDINATES:
+    if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:
         raise ParameterError("mount", f"a robot of one floating body, for {mount.kind}", robot.name)
     return mount
 
@@ -163,17 +158,14 @@ def on_massless_mount(robot: Robot) -> Robot:
         A robot of n + 6 coordinates. With the first six held at zero it moves as the
         original; the force that holds them is the reaction of the ground.
     """
-    zero = (0.0, 0.0, 0.0)
     mount = Body(
         name="mount",
         parent=-1,
-        position=zero,
-        orientation=_UPRIGHT,
+        position=_ZERO,
+        orientation=_UNIT,
         joints=(),
-        floating_dofs=tuple(range(MOUNT_COORDINATES)),
-        mass=0.0,
-        center_of_mass=zero,
-        inertia=(0.0,) * 6,
+        floating_dofs=tuple(range(CELL_COORDINATES)),
+        **_MASSLESS,
     )
     machine = with_leading_coordinates(robot, [f"mount_{name}" for name in FLOATING_COORDINATES])
     bodies = (replace(body, parent=body.parent + 1) for body in machine.bodies)
@@ -182,7 +174,7 @@ def on_massless_mount(robot: Robot) -> Robot:
 
 
 CELL_COORDINATES = 6
-"""Coordinates a cell adds before those of the robot: force x, y, z, moment x, y, z."""
+"""Coordinates a cell or a massless mount adds before those of the robot: lengths, then angles."""
 
 _ZERO = (0.0, 0.0, 0.0)
 _UNIT: tuple[Axis, Axis, Axis] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import LogError, ParameterError, ShapeError, positive
+from patagium.errors import LogError, ParameterError, ShapeError, finite, positive
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation.gait_models import (
     Array,
@@ -25,6 +25,8 @@ from patagium.simulation.gait_models import (
     Gait,
     PrescribedMotion,
     SuperposedGait,
+    check_period,
+    described,
     read_columns,
     unit_factor,
 )
@@ -81,13 +83,7 @@ class SplinePath:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return {
-            "kind": "spline",
-            "joints": list(self.joints),
-            "time": self.time.tolist(),
-            "position": self.position.tolist(),
-            "closed": self.closed,
-        }
+        return described("spline", self)
 
 
 def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVEL) -> SplinePath:
@@ -287,10 +283,7 @@ def superposed(*parts: Path) -> SuperposedGait:
         raise ParameterError("parts", "paths that all repeat or all end", "both kinds")
     for part in parts:
         check_path(part)
-        ratio = (path.period or 0.0) / (part.period or 1.0)
-        if part.period and abs(ratio - round(ratio)) > 1e-9:
-            expected = f"a period that {path.period:g} s is a multiple of"
-            raise ParameterError("parts", expected, part.period)
+        check_period(path, part)
     return _checked(path)
 
 
@@ -374,7 +367,5 @@ def _by_name(values: Mapping[str, float]) -> Array:
         if name not in FLOATING_COORDINATES:
             known = ", ".join(FLOATING_COORDINATES)
             raise ParameterError(name, f"a coordinate of a path: {known}", name)
-        if not np.isfinite(value):
-            raise ParameterError(name, "a finite number", value)
-        vector[FLOATING_COORDINATES.index(name)] = value
+        vector[FLOATING_COORDINATES.index(name)] = finite(name, value)
     return vector

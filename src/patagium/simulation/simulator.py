@@ -8,9 +8,10 @@ sensors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypedDict, Unpack
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -207,7 +208,7 @@ class Simulator:
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
 
         def rows(time: Array) -> Array:
-            joints, body = self._gait.motion(time), base.motion(time)
+            joints, body = self._gait.motion(time), base(time)
             parts = [
                 *(joints.position, body.position),
                 *(joints.velocity, body.velocity),
@@ -373,60 +374,40 @@ def check_keywords(given: Mapping[str, Any], known: type) -> None:
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}, expected one of {expected}")
 
 
-class _BaseMotion(Protocol):
-    """Protocol of the motion that a mount prescribes for the floating body."""
-
-    def motion(self, time: Array) -> PrescribedMotion: ...
-
-
-@dataclass(frozen=True)
-class _Held:
-    """Coordinates that stay where they are, (n_q,), as many velocities as `count`."""
-
-    position: Array
-    count: int
-
-    def motion(self, time: Array) -> PrescribedMotion:
-        still = np.zeros((len(time), self.count))
-        return PrescribedMotion(np.tile(self.position, (len(time), 1)), still, still)
-
-
-@dataclass(frozen=True)
-class _InQuaternion:
-    """A path of positions and angles as the coordinates of a body with a quaternion."""
-
-    path: Path
-
-    def motion(self, time: Array) -> PrescribedMotion:
-        given = self.path.motion(time)
-        parts = [np.split(part, [3], axis=1) for part in (given.position, given.velocity)]
-        (position, angles), (velocity, rates) = parts
-        acceleration, faster = np.split(given.acceleration, [3], axis=1)
-        return PrescribedMotion(
-            np.hstack([position, quaternion_from_angles(angles)]),
-            np.hstack([velocity, body_rates(angles, rates)]),
-            np.hstack([acceleration, body_accelerations(angles, rates, faster)]),
-        )
-
-
 def _base_motion(
     robot: Robot, layout: StateLayout, mount: Mount, q: Array, v: Array
-) -> _BaseMotion:
-    """Motion of what is prescribed beside the joints."""
-    if mount.path is not None:
-        return _InQuaternion(mount.path) if robot.attitude == "quaternion" else mount.path
-    count = len(layout.prescribed) - len(layout.machine.actuated)
-    return _Held(_held_positions(robot, layout, q, v), count)
-
-
-def _held_positions(robot: Robot, layout: StateLayout, q: Array, v: Array) -> Array:
-    """Coordinates of what a fixed mount holds, in the row's order."""
+) -> Callable[[Array], PrescribedMotion]:
+    """Motion of what is prescribed beside the joints, as a function of the times, (N,) [s]."""
+    path = mount.path
+    if path is not None:
+        return partial(_in_quaternion, path) if robot.attitude == "quaternion" else path.motion
     count = len(layout.machine.actuated)
-    for i in (k - layout.hidden for k in layout.prescribed[count:]):
+    dofs = [i - layout.hidden for i in layout.prescribed[count:]]
+    for i in dofs:
         if v[i] != 0:
             name = f"initial velocity of {robot.dof_names[i]}"
             raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
-    return q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]
+    position = q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]
+
+    def held(time: Array) -> PrescribedMotion:
+        still = np.zeros((len(time), len(dofs)))
+        return PrescribedMotion(np.tile(position, (len(time), 1)), still, still)
+
+    return held
+
+
+def _in_quaternion(path: Path, time: Array) -> PrescribedMotion:
+    """A path of positions and angles as the coordinates of a body with a quaternion."""
+    given = path.motion(time)
+    parts = (given.position, given.velocity, given.acceleration)
+    (position, angles), (velocity, rates), (acceleration, faster) = (
+        np.split(part, [3], axis=1) for part in parts
+    )
+    return PrescribedMotion(
+        np.hstack([position, quaternion_from_angles(angles)]),
+        np.hstack([velocity, body_rates(angles, rates)]),
+        np.hstack([acceleration, body_accelerations(angles, rates, faster)]),
+    )
 
 
 class SimulationOptions(FlightOptions, total=False):
