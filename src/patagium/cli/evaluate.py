@@ -31,8 +31,8 @@ def evaluate(
     from patagium.cli.logs import flight_or_table
     from patagium.cli.words import existing
     from patagium.learning import evaluate as evaluate_flight
+    from patagium.learning.identify import evaluate_table
     from patagium.learning.model_file import load_model
-    from patagium.learning.tables import evaluate_table
 
     learned = load_model(existing(model))
     flight, table = flight_or_table(file, mapping)

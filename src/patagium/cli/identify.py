@@ -127,8 +127,8 @@ def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | N
     from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state
     from patagium.cli.words import progress_bar
     from patagium.learning import identify as identify_flight
+    from patagium.learning.identify import identify_table
     from patagium.learning.long_log import identify_record
-    from patagium.learning.tables import identify_table
     from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
 
@@ -222,7 +222,7 @@ def table_network(
         ParameterError: If the kind needs a robot.
     """
     from patagium.errors import ParameterError
-    from patagium.learning.tables import network_for
+    from patagium.learning.identify import network_for
 
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)

@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from patagium.learning.identify import evaluate as evaluate
+    from patagium.learning.identify import evaluate_table as evaluate_table
     from patagium.learning.identify import identify as identify
+    from patagium.learning.identify import identify_table as identify_table
+    from patagium.learning.identify import network_for as network_for
     from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
     from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
     from patagium.learning.learners.gradient import GradientLearner as GradientLearner
@@ -49,9 +52,6 @@ if TYPE_CHECKING:
     from patagium.learning.settings import NoiseEstimation as NoiseEstimation
     from patagium.learning.settings import Screening as Screening
     from patagium.learning.stream import stream as stream
-    from patagium.learning.tables import evaluate_table as evaluate_table
-    from patagium.learning.tables import identify_table as identify_table
-    from patagium.learning.tables import network_for as network_for
     from patagium.learning.tuning.settings_file import Settings as Settings
     from patagium.learning.tuning.settings_file import load_settings as load_settings
     from patagium.learning.tuning.tune import Tuned as Tuned
@@ -80,16 +80,16 @@ _HOMES = {
     "StripNetwork": "models.strip",
     "Tuned": "tuning.tune",
     "evaluate": "identify",
-    "evaluate_table": "tables",
+    "evaluate_table": "identify",
     "identify": "identify",
-    "identify_table": "tables",
+    "identify_table": "identify",
     "learner_from_description": "learners.registry",
     "load_identification": "result",
     "load_learner": "learners.registry",
     "load_model": "model_file",
     "load_settings": "tuning.settings_file",
     "model_of": "model_file",
-    "network_for": "tables",
+    "network_for": "identify",
     "network_from_description": "models.registry",
     "refine": "refinement",
     "register_blocks": "models.structure",

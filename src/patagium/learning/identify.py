@@ -1,7 +1,7 @@
-"""Identification from a flight, and scores of a learned model on a flight it never saw.
+"""Identification from a flight or a table, and scores of a learned model on one it never saw.
 
-Names of inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`. Neglected: errors of
-the states; a flight's accelerations, too, are taken as they stand.
+Names of a flight's inputs are those of the state: `q.<coordinate>` and `v.<coordinate>`.
+Neglected: errors of the states; a flight's accelerations, too, are taken as they stand.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import Outcome, ParameterError, ShapeError
+from patagium.errors import LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
+from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
-from patagium.learning.prequential import Progress
-from patagium.learning.record import Arrays, check, no_updates, record_of
-from patagium.learning.result import Identification
-from patagium.learning.schedule import MOST_CHECKS, thin, used_samples
-from patagium.learning.scorer import Scorer
-from patagium.learning.scores import persistence
-from patagium.learning.stream import stream
+from patagium.learning.result import Identification, check, record_of
+from patagium.learning.scores import Scorer, persistence
+from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import state_columns
 from patagium.sensing.force.samples import ForceSamples
 from patagium.sensing.force.training_data import training_data
+from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
 
 Array = NDArray[np.float64]
 
 SHORT_HORIZON = 0.01
 """Horizon always scored beside one wingbeat [s]."""
+HORIZONS = {"10ms": SHORT_HORIZON, "1s": 1.0}
+"""Spans predicted with frozen weights in a table unless others are asked for [s]."""
 
 
 @runtime_checkable
@@ -79,17 +79,13 @@ def identify(
         ParameterError: If an input has no such name.
     """
     time, x, y, units = samples(flight, learner.network, inputs, robot)
-    if horizons is not None:
-        spans = dict(horizons)
-    else:
-        spans = flight_horizons(flight)
     return stream(
         learner,
         time,
         x,
         y,
         every=every,
-        horizons=spans,
+        horizons=flight_horizons(flight) if horizons is None else horizons,
         units=units,
         std=stds(flight, learner.network),
         progress=progress,
@@ -172,8 +168,8 @@ def compare(
         **scorer.interval_scores(),
         **parameter_scores(estimates_of(model)),
     }
-    arrays = Arrays(time, y, guess, held, checks, no_updates(len(names)))
-    record = record_of(arrays, names, units or ["1"] * len(names))
+    arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}
+    record = record_of(names, units or ["1"] * len(names), arrays, checks)
     return Identification(scores, record, model, Outcome.COMPLETED, "")
 
 
@@ -254,3 +250,104 @@ def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:
         return {"10ms": SHORT_HORIZON}
     period = gait_period(flight)
     return {"10ms": SHORT_HORIZON} | ({} if period is None else {"beat": period})
+
+
+def network_for(
+    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
+) -> DenseNetwork:
+    """Dense network for the columns of a table, scaled by their stated ranges.
+
+    Center and half width of each range; nothing is taken from the samples, so that a
+    stream through it does not look ahead.
+
+    Args:
+        table: The log.
+        hidden: Neurons of each hidden layer.
+        activation: "softplus" or "tanh".
+
+    Raises:
+        LogError: If the mapping states no range for a column.
+    """
+    names = (*table.input_names, *table.output_names)
+    bounds = np.vstack([table.input_range, table.output_range])
+    silent = [name for name, row in zip(names, bounds, strict=True) if np.isnan(row).any()]
+    if silent:
+        raise LogError(
+            f"{table.source}: expected a range for {', '.join(silent)} in the mapping, such as "
+            "`range: [-1, 1]`: the network is scaled by it without looking ahead"
+        )
+    center, scale = bounds.mean(axis=1), np.diff(bounds, axis=1)[:, 0] / 2
+    n = len(table.input_names)
+    return DenseNetwork(
+        n,
+        hidden,
+        table.output_names,
+        activation,
+        input_center=center[:n],
+        input_scale=scale[:n],
+        output_center=center[n:],
+        output_scale=scale[n:],
+    )
+
+
+def identify_table(
+    table: LogTable,
+    learner: Learner,
+    *,
+    every: int = 100,
+    horizons: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identification from a table, sample by sample; see `stream`.
+
+    Args:
+        table: The log.
+        learner: What learns; it is changed.
+        every: 100 to use one sample in 100.
+        horizons: Label and length [s] of the spans to predict with frozen weights; None:
+            10 ms and 1 s.
+        progress: Called now and then with samples done and samples in all.
+    """
+    result = stream(
+        learner,
+        table.time,
+        table.x,
+        table.y,
+        every=every,
+        horizons=HORIZONS if horizons is None else horizons,
+        names=table.output_names,
+        units=table.output_units,
+        gaps=table.gaps,
+        progress=progress,
+    )
+    result.scores["gaps_found"] = table.describe_gaps()
+    return result
+
+
+def evaluate_table(table: LogTable, model: Trained, *, every: int = 100) -> Identification:
+    """Scores of a model with frozen weights on a table it never saw; see `evaluate`.
+
+    Args:
+        table: The log.
+        model: A learner (it is not taught), or a model from a file.
+        every: The rival holds one measured sample in so many.
+
+    Raises:
+        LogError: If the table has other inputs or outputs than the model.
+    """
+    expected = tuple(model.network.output_names)
+    if expected != table.output_names:
+        raise LogError(
+            f"{table.source}: expected the outputs {', '.join(expected)}, "
+            f"found {', '.join(table.output_names)}"
+        )
+    if isinstance(model, Model) and model.inputs not in (None, table.input_names):
+        raise LogError(
+            f"{table.source}: expected the inputs {', '.join(model.inputs or ())}, "
+            f"found {', '.join(table.input_names)}"
+        )
+    result = compare(
+        model, table.time, table.x, table.y, every=every, units=table.output_units, gaps=table.gaps
+    )
+    result.scores["gaps_found"] = table.describe_gaps()
+    return result

@@ -19,15 +19,13 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import LogError, Outcome
+from patagium.learning.identify import HORIZONS
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
-from patagium.learning.prequential import BlockRun, Progress, Samples
 from patagium.learning.result import Identification
-from patagium.learning.schedule import used_samples
-from patagium.learning.scorer import Scorer
-from patagium.learning.scores import persistence
-from patagium.learning.tables import HORIZONS
+from patagium.learning.scores import Scorer, persistence
+from patagium.learning.stream import BlockRun, Progress, Samples, used_samples
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole

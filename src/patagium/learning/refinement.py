@@ -22,7 +22,7 @@ from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.structure import Indices
-from patagium.learning.schedule import used_samples
+from patagium.learning.stream import used_samples
 
 Array = NDArray[np.float64]
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last

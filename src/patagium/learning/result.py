@@ -1,20 +1,31 @@
 """Result of an identification: scores, predictions and the learner.
 
-An `Identification` saves itself as one netCDF file and draws itself as one page.
+An `Identification` saves itself as one netCDF file and draws itself as one page; `record_of`
+puts its arrays into one Dataset.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
 from patagium.whole_file import whole_file
+
+Array = NDArray[np.float64]
+
+UPDATED = {"innovation": 2, "innovation_std": 2, "nis": 1, "weights_norm": 1, "largest_variance": 1}
+"""Arrays that a record keeps over the updates, with their number of dimensions."""
 
 
 @dataclass(frozen=True)
@@ -81,3 +92,76 @@ def load_identification(path: str | Path) -> Identification:
     scores = json.loads(record.attrs.pop("scores"))
     outcome = Outcome[scores.get("outcome", "COMPLETED")]
     return Identification(scores, record, None, outcome, scores.get("message", ""))
+
+
+class Check(NamedTuple):
+    """Error of a prediction at one sample, and its predicted standard deviation.
+
+    Attributes:
+        sample: Number of the sample.
+        error: y - yhat, (n_y,) [unit of y].
+        std: Predicted standard deviation of it, (n_y,) [unit of y].
+    """
+
+    sample: int
+    error: Array
+    std: Array
+
+
+def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None = None) -> Check:
+    """Check of the predicted mean and standard deviation at one sample.
+
+    Args:
+        learner: What predicts.
+        sample: Its number.
+        x: Its input, (n_x,) [units of x].
+        y: What was measured, (n_y,) [unit of y].
+        std: Of its noise on top of the learner's, (n_y,) [unit of y]; None for none.
+    """
+    if std is not None and isinstance(learner, FilterLearner):
+        mean, covariance = learner.predict(x, std)
+    else:
+        mean, covariance = learner.predict(x)
+    return Check(sample, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
+
+
+def record_of(
+    names: Sequence[str],
+    units: Sequence[str],
+    samples: Mapping[str, Array],
+    checks: Sequence[Check],
+    used: ArrayLike = (),
+    updates: Mapping[str, Array] | None = None,
+) -> xr.Dataset:
+    """Measured, predicted and held samples, updates and checks as one Dataset.
+
+    Args:
+        names: Names of the outputs, n_y.
+        units: Units of the outputs, n_y.
+        samples: `time`, (N,) [s], and `measurement`, `prediction` and `persistence`, (N, n_y)
+            [unit of y]; NaN where there is none.
+        checks: Predictions with their standard deviations.
+        used: Samples used for an update, (U,).
+        updates: Names of `UPDATED`: arrays over the updates, (U, n_y) or (U,); None for a
+            learner that was not taught.
+    """
+    none = np.empty((0, len(names)))
+    over = {name: ("update_time", "output")[:n] for name, n in UPDATED.items()}
+    given = updates or {name: none if len(dims) == 2 else none[:, 0] for name, dims in over.items()}
+    time, seconds = samples["time"], {"units": "s"}
+    std = np.array([one.std for one in checks]).reshape(-1, len(names))
+    sampled = ("measurement", "prediction", "persistence")
+    return xr.Dataset(
+        {
+            **{name: (("time", "output"), samples[name]) for name in sampled},
+            **{name: (dims, given[name]) for name, dims in over.items()},
+            "predicted_std": (("check_time", "output"), std),
+        },
+        coords={
+            "time": ("time", time, seconds),
+            "output": list(names),
+            "unit": ("output", list(units)),
+            "update_time": ("update_time", time[np.asarray(used, int)], seconds),
+            "check_time": ("check_time", time[[one.sample for one in checks]], seconds),
+        },
+    )

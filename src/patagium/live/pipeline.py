@@ -31,7 +31,7 @@ from patagium.learning.models.memory import (
     memory_of,
 )
 from patagium.learning.models.network import Network, flight_terms
-from patagium.learning.prequential import learn
+from patagium.learning.stream import learn
 from patagium.native import load_kernel
 from patagium.native.structs import PIPELINE
 from patagium.robot import Robot

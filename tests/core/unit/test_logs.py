@@ -6,8 +6,8 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
+from patagium.learning.identify import evaluate_table, identify_table, network_for
 from patagium.learning.model_file import model_of
-from patagium.learning.tables import evaluate_table, identify_table, network_for
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.table import LogTable, table_from_frame
 

@@ -10,8 +10,8 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
+from patagium.learning.identify import identify_table, network_for
 from patagium.learning.long_log import identify_record
-from patagium.learning.tables import identify_table, network_for
 from patagium.sensing.logs.files import csv_file
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping

@@ -12,8 +12,8 @@ from patagium.learning.models.memory import memory_of, network_inputs, replay
 from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.structure import blocks_of
-from patagium.learning.schedule import LogSamples
 from patagium.learning.stream import stream
+from patagium.learning.tuning.likelihood import LogSamples
 from patagium.learning.tuning.likelihood import score_predictions as predict
 
 
@@ -152,9 +152,6 @@ def test_what_lies_between_used_samples_is_foreseen_with():
     y = np.arange(1.0, 5.0)[:, None]
     predict(Clerk(), log, y, y > 0)
     assert np.array_equal(seen, network_inputs(LAG, WEIGHTS, TIME, SIGNAL)[::5])
-    part = log.part(1, 3)
-    assert part.used.tolist() == [0, 5] and np.array_equal(part.time, TIME[5:11])
-    assert LogSamples(TIME, SIGNAL, np.array([5, 8]), log.used).part(1, 3).gaps.tolist() == [3]
 
 
 def test_neurons_and_values_are_those_of_the_perceptron():

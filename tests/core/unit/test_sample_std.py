@@ -8,7 +8,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning import stream
-from patagium.learning.schedule import used_samples
+from patagium.learning.stream import used_samples
 
 OUTPUTS = ("lift", "drag")
 KINDS = {

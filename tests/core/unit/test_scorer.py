@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from patagium.learning.scorer import Scorer
-from patagium.learning.scores import ErrorSums, coverage, normalized_error
+from patagium.learning.scores import ErrorSums, Scorer, coverage, normalized_error
 
 NAMES = ("lift", "far", "still")
 COUNT = 900

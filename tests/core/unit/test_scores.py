@@ -6,7 +6,7 @@ import pytest
 
 from patagium.errors import ShapeError
 from patagium.learning import scores
-from patagium.learning.scorer import Scorer
+from patagium.learning.scores import Scorer
 
 
 def scored(truth: np.ndarray, guess: np.ndarray, names: tuple[str, ...]) -> dict[str, Any]:

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.result import load_identification
-from patagium.learning.schedule import Hold, check_samples, holds, plan_horizons, used_samples
-from patagium.learning.stream import stream
+from patagium.learning.stream import Hold, check_samples, holds, plan_horizons, stream, used_samples
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from patagium.errors import PatagiumError
-from patagium.learning.schedule import Indices, thin, used_samples
 from patagium.learning.scores import INTERVAL, normalized_error
+from patagium.learning.stream import Indices, thin, used_samples
 from patagium_lab.learners.data_sets import DataSet
 from patagium_lab.learners.entries import SPANS, AnyLearner, Entry
 from patagium_lab.learners.plan import LearnersPlan

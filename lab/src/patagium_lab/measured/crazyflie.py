@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from patagium.learning.identify import evaluate_table, identify_table, network_for
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
-from patagium.learning.tables import evaluate_table, identify_table, network_for
 from patagium.report import PageSection
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.mapping import TableMapping, load_mapping

@@ -22,7 +22,7 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
-from patagium.learning.record import check
+from patagium.learning.result import check
 from patagium.learning.scores import coverage, normalized_error
 from patagium.report import PageSection, Table, picture
 from patagium.report.figures import comparison

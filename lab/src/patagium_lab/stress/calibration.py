@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from patagium.learning.identify import identify_table, network_for
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
-from patagium.learning.tables import identify_table, network_for
 from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
 from patagium.sensing.logs.read_table import read_table

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import inf, log, nan, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,8 @@ from scipy.ndimage import uniform_filter1d
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
-from patagium.learning.prequential import Samples, prequential
-from patagium.learning.schedule import LogSamples
 from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
+from patagium.learning.stream import Indices, Samples, prequential
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
@@ -40,6 +39,22 @@ SPANS = 50
 STILL = 0.02
 """An output stands still where its standard deviation over a span is at most this share of that
 over all samples."""
+
+
+class LogSamples(NamedTuple):
+    """Measured inputs of a log, and which of its samples are used.
+
+    Attributes:
+        time: Increasing, (N,) [s].
+        x: Measured inputs of the network, (N, n_measured) [units of x].
+        gaps: First sample after each gap.
+        used: Samples used, increasing, (U,).
+    """
+
+    time: Array
+    x: Array
+    gaps: Indices
+    used: Indices
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,14 @@ from patagium.learning.identify import samples
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.schedule import LogSamples, used_samples
 from patagium.learning.settings import Alternatives
-from patagium.learning.tuning.likelihood import PredictionScore, moving, score_predictions
+from patagium.learning.stream import used_samples
+from patagium.learning.tuning.likelihood import (
+    LogSamples,
+    PredictionScore,
+    moving,
+    score_predictions,
+)
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.tuning.space import SearchSpace, search_space
 from patagium.learning.tuning.trials import DrawnTrial, TrialJournal, search
