@@ -134,12 +134,7 @@ def test_questions_without_an_answer_are_refused() -> None:
 
 
 def test_a_cluster_without_its_extra_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    from patagium.learning.tuning import workers
-
-    def absent(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(workers, "import_module", absent)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ParameterError, match=r"pip install 'patagium\[cluster\]'"):
         tuned(cluster="tcp://127.0.0.1:8786")
 

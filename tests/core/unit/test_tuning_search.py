@@ -18,10 +18,21 @@ from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError
 from patagium.learning import CubatureLearner, DenseNetwork, load_settings
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
-from patagium.learning.tuning.likelihood import PredictionScore, moving, score_predictions
+from patagium.learning.tuning.likelihood import (
+    LogSamples,
+    PredictionScore,
+    moving,
+    score_predictions,
+)
+from patagium.learning.tuning.search import (
+    LEAST_TRIALS,
+    DrawnTrial,
+    SearchSpace,
+    TrialJournal,
+    search,
+    search_space,
+)
 from patagium.learning.tuning.settings_file import Settings
-from patagium.learning.tuning.space import SearchSpace, search_space
-from patagium.learning.tuning.trials import LEAST_TRIALS, DrawnTrial, TrialJournal, search
 
 GOOD = PredictionScore(1.5, 1.0, 10, 0.1, 0.95)
 LOST = PredictionScore(-inf, -inf, 3, outcome=Outcome.NOT_FINITE, reason="too far")
@@ -112,6 +123,12 @@ def test_search_is_fixed_by_its_seed_and_refuses_too_few_trials() -> None:
         search(LINE, LEAST_TRIALS - 1, 0, hill)
 
 
+def used(x: np.ndarray) -> LogSamples:
+    """Log of inputs that are all used, (N, n_x)."""
+    numbers = np.arange(len(x))
+    return LogSamples(numbers.astype(float), x, numbers[:0], numbers)
+
+
 def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Generator) -> None:
     network = DenseNetwork(2, (3,), 2)
     x, y = rng.standard_normal((20, 2)), rng.standard_normal((20, 2))
@@ -125,12 +142,12 @@ def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Genera
         inside[k] = np.abs(y[k] - mean) <= norm.ppf(0.975) * std
         learner.update(x[k], y[k])
     both = np.ones((20, 2), bool)
-    gave = score_predictions(CubatureLearner(network, **settings), x, y, both)  # type: ignore[arg-type]
+    gave = score_predictions(CubatureLearner(network, **settings), used(x), y, both)  # type: ignore[arg-type]
     assert gave.log_likelihood == pytest.approx(density.sum(), rel=1e-9)  # rounding
     assert gave.log_likelihood_second_half == pytest.approx(density[10:].sum(), rel=1e-9)
     assert gave.coverage_second_half == pytest.approx(inside[10:].mean())
     first = both & [True, False]
-    one = score_predictions(CubatureLearner(network, **settings), x, y, first)  # type: ignore[arg-type]
+    one = score_predictions(CubatureLearner(network, **settings), used(x), y, first)  # type: ignore[arg-type]
     assert one.log_likelihood == pytest.approx(density[:, 0].sum(), rel=1e-9)
 
 
@@ -154,7 +171,7 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
         network=SimpleNamespace(inputs=1, measured_inputs=1),
         weights=np.zeros(1),
     )
-    gave = score_predictions(learner, np.zeros((4, 1)), y, np.isfinite(y))  # type: ignore[arg-type]
+    gave = score_predictions(learner, used(np.zeros((4, 1))), y, np.isfinite(y))  # type: ignore[arg-type]
     mean, std = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
     left_out = norm.logpdf(3.0, mean, std)
     expected = norm.logpdf(0.5) + left_out + norm.logpdf(0.1)
@@ -168,7 +185,7 @@ def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:
     network = SimpleNamespace(inputs=1, measured_inputs=1)
     learner = SimpleNamespace(update=update, count=0, network=network, weights=np.zeros(1))
     y = np.ones((4, 1))
-    gave = score_predictions(learner, np.zeros((4, 1)), y, y > 0)  # type: ignore[arg-type]
+    gave = score_predictions(learner, used(np.zeros((4, 1))), y, y > 0)  # type: ignore[arg-type]
     assert (gave.score, gave.outcome) == (-inf, Outcome.COVARIANCE_LOST)
     assert "the covariance is lost" in gave.reason
 

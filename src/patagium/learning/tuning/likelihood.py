@@ -129,7 +129,7 @@ def moving(y: Array) -> Chosen:
 
 
 def score_predictions(
-    learner: FilterLearner, x: Array | LogSamples, y: Array, scored: Chosen
+    learner: FilterLearner, log: LogSamples, y: Array, scored: Chosen
 ) -> PredictionScore:
     """Score of the predictions of a learner that learns samples one by one.
 
@@ -138,11 +138,10 @@ def score_predictions(
 
     Args:
         learner: Learner, which learns the samples.
-        x: Inputs, (N, n_x) [units of x], or a log of which N samples are used.
+        log: Log of which N samples are used.
         y: Measurements, (N, n_y) [unit of y].
         scored: Measurements that count, (N, n_y) [unit of y]; see `moving`.
     """
-    log = x if isinstance(x, LogSamples) else _one_by_one(x)
     measured = np.full((len(log.time), y.shape[1]), nan)
     measured[log.used] = y
     samples = Samples(log.time, log.x, measured, log.gaps)
@@ -156,12 +155,6 @@ def score_predictions(
     variance = np.array([update.std for update in updates]) ** 2
     heard = scored.any(axis=0)
     return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
-
-
-def _one_by_one(x: Array) -> LogSamples:
-    """Log of inputs that are all used, (N, n_x)."""
-    numbers = np.arange(len(x))
-    return LogSamples(numbers.astype(float), x, numbers[:0], numbers)
 
 
 def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:

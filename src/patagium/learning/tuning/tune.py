@@ -1,8 +1,8 @@
 """Settings of a learner chosen by the likelihood of its predictions.
 
 Each trial teaches a new learner the used samples of a flight; its score is the likelihood of the
-innovations over the second half, when the learner has settled. Optuna draws the trials (`trials`)
-over the ranges of the settings' record (`space`). Neglected: the luck of the initial weights,
+innovations over the second half, when the learner has settled. Optuna draws the trials over
+the ranges of the settings' record (`search`). Neglected: the luck of the initial weights,
 which are those of one seed; flights other than the one given.
 """
 
@@ -33,10 +33,15 @@ from patagium.learning.tuning.likelihood import (
     moving,
     score_predictions,
 )
+from patagium.learning.tuning.search import (
+    DrawnTrial,
+    SearchSpace,
+    TrialJournal,
+    pool,
+    search,
+    search_space,
+)
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
-from patagium.learning.tuning.space import SearchSpace, search_space
-from patagium.learning.tuning.trials import DrawnTrial, TrialJournal, search
-from patagium.learning.tuning.workers import pool
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 

@@ -1,4 +1,4 @@
-"""Table of the settings of all learners for the documentation, made from their records."""
+"""Table of the settings of all learners, for settings.md: `python docs/settings_table.py`."""
 
 from __future__ import annotations
 
@@ -67,3 +67,7 @@ def _alternative(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(str(one) for one in value.values())
     return str(value)
+
+
+if __name__ == "__main__":
+    print(settings_table(), end="")
