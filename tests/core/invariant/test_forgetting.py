@@ -7,7 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.learning.filters.change import ChangeMonitor
+from patagium.learning.filters.screening import ChangeMonitor
 
 TOLD = {"prior_std": 0.5, "measurement_std": 0.05, "spread": 3**0.5}
 STRUCTURES = ["full", "layer", "node", pt.learning.LowRank(6)]

@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import ParameterError
-from patagium.learning.filters.change import ChangeMonitor
+from patagium.learning.filters.screening import ChangeMonitor
 from patagium.learning.settings import ChangeDetection
 from patagium_lab.stress import run as study
 from patagium_lab.stress.calibration import flight_calibration

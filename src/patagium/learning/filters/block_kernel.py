@@ -22,10 +22,8 @@ from patagium.learning.filters.kernel_memory import (
     Compiled,
     addresses,
     aligned,
-    compiled_filter,
     install_encoder,
     install_lags,
-    kernel_function,
     rounded_up,
     screening_memory,
 )
@@ -110,7 +108,7 @@ class BlockKernel:
         self._x, self._keep = self._installed(name)
         self._address = ctypes.addressof(self._struct)
         self._predict, self._update = (
-            kernel_function(library, f"{name}_{verb}") for verb in ("predict", "update")
+            _function(library, f"{name}_{verb}") for verb in ("predict", "update")
         )
         self._library = library
         self.mean = self._arrays["mean"]
@@ -146,12 +144,27 @@ class BlockKernel:
         mean, covariance = self._results
         return outcome, mean.copy(), covariance.copy()
 
+    @property
     def compiled(self) -> Compiled | None:
         """Filter as C code meets it; None where Python has to encode the inputs."""
         if self._x is None:
             return None
-        calls = self._update, self._predict
-        return compiled_filter(calls, self._struct, self._x, self._arrays, self.screen)
+        calls = (self._update, self._predict)
+        update, predict = (ctypes.cast(call, ctypes.c_void_p).value or 0 for call in calls)
+        return Compiled(
+            update=update,
+            predict=predict,
+            memory=self._address,
+            x=self._x,
+            y=self._measured,
+            stamp=self.screen.numbers[:1],
+            mean=self._arrays["predicted"],
+            covariance=self._arrays["covariance"],
+            alarm=self.screen.whole[3:4],
+            left_out=self.screen.marks["left_out"],
+            nis=self._address + type(self._struct).nis.offset,
+            weights=self.mean,
+        )
 
     def place(self, mean: Array, nis: float, roots: Roots) -> None:
         """Go on from weights and square roots.
@@ -255,6 +268,13 @@ class BlockKernel:
 
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+def _function(library: ctypes.CDLL, name: str) -> Any:
+    """Function of a kernel that takes the address of its memory and gives an outcome."""
+    function = getattr(library, name)
+    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
+    return function
 
 
 def _library(name: str, dtype: str) -> ctypes.CDLL | None:

@@ -23,13 +23,6 @@ ACTIVATION_CODES = {"softplus": 0, "tanh": 1}
 """Names of activations to the integers of the kernels."""
 
 
-def kernel_function(library: ctypes.CDLL, name: str) -> Any:
-    """Function of a kernel that takes the address of its memory and gives an outcome."""
-    function = getattr(library, name)
-    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
-    return function
-
-
 class Compiled(NamedTuple):
     """Filter as C code meets it: one sample is x, y and a stamp in, one call, moments out.
 
@@ -60,36 +53,6 @@ class Compiled(NamedTuple):
     left_out: NDArray[np.int64]
     nis: int
     weights: Array
-
-
-def compiled_filter(
-    calls: tuple[Any, Any], struct: Any, x: Array, arrays: Mapping[str, Array], screen: Screen
-) -> Compiled:
-    """Filter as C code meets it.
-
-    Args:
-        calls: The kernel's functions that update and that predict.
-        struct: The kernel's memory.
-        x: Input of the encoder, (n_x,) [units of x].
-        arrays: The filter's.
-        screen: What its samples go through.
-    """
-    update, predict = (int(ctypes.cast(call, ctypes.c_void_p).value or 0) for call in calls)
-    address = ctypes.addressof(struct)
-    return Compiled(
-        update,
-        predict,
-        address,
-        x,
-        arrays["measured"],
-        screen.numbers[:1],
-        arrays["predicted"],
-        arrays["covariance"],
-        screen.whole[3:4],
-        screen.marks["left_out"],
-        address + type(struct).nis.offset,
-        arrays["mean"],
-    )
 
 
 def addresses(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:

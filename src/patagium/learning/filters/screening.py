@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv
 
 from patagium.errors import Outcome
-from patagium.learning.filters.change import ChangeMonitor
 from patagium.learning.filters.spread import Moments
-from patagium.learning.settings import FilterSettings
+from patagium.learning.settings import ChangeDetection, FilterSettings
 
 Array = NDArray[np.float64]
 
@@ -40,8 +40,9 @@ REFUSALS = {
 """Outcomes of samples that are not learned from, and no failure of the filter."""
 
 _CLOCK_RUN, _FAR, _FIRST_MEMORY = 10, 1e6, 9  # as in screening.h
-_STAMP, _LAST_STAMP, _LATE_STAMP = 0, 1, 2  # of `numbers`
-_LATE_RUN, _LEARNED = 0, 4  # of `whole`
+_LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
+_STAMP, _LAST_STAMP, _LATE_STAMP, _RECENT, _BEFORE = range(5)  # of `numbers`
+_LATE_RUN, _FILLED, _PLACE, _ALARM, _LEARNED = range(5)  # of `whole`
 _PARTS = ("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last")
 _MARKS = ("still", "moved", "left_out")
 
@@ -56,6 +57,66 @@ class Screened(NamedTuple):
 
     moments: Moments
     innovation: Array
+
+
+class ChangeMonitor:
+    """Test for changes of the air or the wing: recent innovations against those before them.
+
+    The normalized innovation squared e' P_yy^-1 e of a sample with m channels is chi-square with
+    m degrees of freedom where the filter is right. Its mean over a window, over its mean over a
+    longer span before, is then F distributed, and stays so when P_yy is wrong by one factor all
+    along: a filter that is too sure, or not sure enough, raises no alarm by that alone.
+    Neglected: correlation of innovations in time, which raises more alarms than it should.
+
+    Args:
+        detection: What it tests for; None: nothing.
+        channels: Number of channels m when none is missing: the limit is that of all of them.
+    """
+
+    def __init__(self, detection: ChangeDetection | None, channels: int) -> None:
+        self.detection = detection
+        self.window = 0 if detection is None else detection.window
+        self.reference = 0 if detection is None else detection.reference
+        self.ratio = inf if detection is None else _limit(detection, channels)
+        self.numbers = np.zeros(5)
+        self.whole = np.zeros(5, np.int64)
+        self.past = np.zeros(self.window + self.reference)
+
+    def settle(self) -> bool:
+        """Whether a change was found since this was last asked: the alarm is taken back."""
+        alarm, self.whole[_ALARM] = bool(self.whole[_ALARM]), 0
+        return alarm
+
+    def alarmed_by(self, nis: float, channels: int) -> bool:
+        """Whether the innovations up to this one are too large; the test then starts anew.
+
+        Args:
+            nis: Normalized innovation squared e' P_yy^-1 e.
+            channels: How many channels it is of.
+        """
+        if not self.window:
+            return False
+        size, place = len(self.past), int(self.whole[_PLACE])
+        value, oldest = min(nis / channels, _LARGEST_NIS), self.past[place]
+        self.past[place] = value
+        self.numbers[_RECENT] += value
+        if self.whole[_FILLED] >= self.window:
+            moved = self.past[(place - self.window) % size]
+            self.numbers[_RECENT] -= moved
+            self.numbers[_BEFORE] += moved
+        self.whole[_PLACE] = (place + 1) % size
+        if self.whole[_FILLED] >= size:
+            self.numbers[_BEFORE] -= oldest
+        else:
+            self.whole[_FILLED] += 1
+            if self.whole[_FILLED] < size:
+                return False
+        recent, before = self.numbers[_RECENT] / self.window, self.numbers[_BEFORE] / self.reference
+        if recent <= self.ratio * max(before, 1.0):
+            return False
+        self.numbers[[_RECENT, _BEFORE]], self.whole[[_FILLED, _PLACE]] = 0.0, 0
+        self.whole[_ALARM] = 1
+        return True
 
 
 class Screen:
@@ -167,6 +228,30 @@ class Screen:
         self.note("late")
         return Outcome.LATE
 
+    def usable_channels(self, x: Array, y: Array, time: float | None) -> NDArray[np.bool_] | None:
+        """Channels of a sample that are numbers, for learners that are no filters, (n_y,).
+
+        None where the sample is not to be learned from.
+
+        Args:
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
+            time: Of the sample [s]; None: not known.
+        """
+        self.numbers[_STAMP] = np.nan if time is None else time
+        if self.admit():
+            return None
+        if not np.isfinite(x).all():
+            self.note("bad_inputs")
+            return None
+        kept = np.isfinite(y)
+        for _ in range(int((~kept).sum())):
+            self.note("missing")
+        if not kept.any():
+            self.note("blind")
+            return None
+        return kept
+
     def noise(self, readout: Array) -> Array:
         """Variance of each channel at a sample, (n_y,).
 
@@ -268,30 +353,11 @@ class Screen:
             part[:] = np.maximum(part + part**2 * factor, parts["smallest"])
 
 
-def usable_channels(
-    screen: Screen, x: Array, y: Array, time: float | None
-) -> NDArray[np.bool_] | None:
-    """Channels of a sample that are numbers, for learners that are no filters.
+def _limit(detection: ChangeDetection, channels: int) -> float:
+    """Quantile of F at the false alarm rate.
 
-    Args:
-        screen: Where events are counted.
-        x: Input, (n_x,) [units of x].
-        y: Measurement, (n_y,) [unit of y].
-        time: Of the sample [s]; None: not known.
-
-    Returns:
-        (n_y,); None where the sample is not to be learned from.
+    P(F > x) = I_u(d2 / 2, d1 / 2) with u = d2 / (d2 + d1 x).
     """
-    screen.numbers[_STAMP] = np.nan if time is None else time
-    if screen.admit():
-        return None
-    if not np.isfinite(x).all():
-        screen.note("bad_inputs")
-        return None
-    kept = np.isfinite(y)
-    for _ in range(int((~kept).sum())):
-        screen.note("missing")
-    if not kept.any():
-        screen.note("blind")
-        return None
-    return kept
+    window, reference = detection.window * channels, detection.reference * channels
+    share = float(betaincinv(reference / 2, window / 2, detection.false_alarm_rate))
+    return reference * (1 - share) / (window * share)

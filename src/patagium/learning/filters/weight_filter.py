@@ -91,7 +91,7 @@ class WeightFilter:
         """Filter as C code meets it; None where a sample takes Python as well."""
         if self._kernel is None or self._drifts:
             return None
-        return self._kernel.compiled()
+        return self._kernel.compiled
 
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:

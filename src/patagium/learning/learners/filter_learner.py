@@ -248,8 +248,7 @@ class FilterLearner(OnlineLearner):
 
     def _act_on_alarm(self, sample: int) -> None:
         monitor = self._screen.monitor
-        if monitor.detection is not None and monitor.alarm:
-            monitor.settle()
+        if monitor.detection is not None and monitor.settle():
             self._changes.append(sample)
             self.reopen(monitor.detection.reopening)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
-from patagium.learning.filters.screening import Screen, usable_channels
+from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import arrays_like, part
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of
@@ -176,7 +176,7 @@ class OnlineLearner(Learner):
         """
         started = perf_counter_ns()
         sample, measured = shaped_sample(self._network, x, y)
-        kept = usable_channels(self._screen, sample, measured, time)
+        kept = self._screen.usable_channels(sample, measured, time)
         if kept is None:
             return np.full(len(measured), np.nan)
         innovation = self._learn(sample, measured, kept)

@@ -86,18 +86,12 @@ class LinearLearner(OnlineLearner):
     @property
     def covariance(self) -> Array:
         """Covariance of the weights, (n, n): that of the features' for every output."""
-        count, outputs = self._slopes.shape
-        order = np.array(
-            [o * count + k for o in range(outputs) for k in range(count - 1)]
-            + [o * count + count - 1 for o in range(outputs)]
-        )
-        return np.asarray(np.kron(np.eye(outputs), self._spread)[np.ix_(order, order)])
+        return self.kept_covariance().dense(most=self._network.size)
 
     @property
     def variances(self) -> Array:
         """Diagonal of that covariance, (n,)."""
-        each, outputs = np.diagonal(self._spread), self._slopes.shape[1]
-        return np.concatenate([np.tile(each[:-1], outputs), np.full(outputs, each[-1])])
+        return self.kept_covariance().variances()
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made.

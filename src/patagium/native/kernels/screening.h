@@ -138,7 +138,7 @@ static void learn_noise(screening *s, const double *gain, int stride, const doub
   }
 }
 
-/* Whether innovations grew, see change.py; the test then starts anew. */
+/* Whether innovations grew, see `ChangeMonitor`; the test then starts anew. */
 static void watch(screening *s, double nis, int kept) {
   if (!s->window) return;
   const int64_t size = s->window + s->reference, place = s->whole[PLACE];
