@@ -23,7 +23,7 @@ def send(
 ) -> None:
     """Send the packets of a recorded flight, as its sensors would have, to `patagium stream`."""
     from patagium.cli.words import existing, progress_bar
-    from patagium.live.sender import send_packets
+    from patagium.live.packets import send_packets
     from patagium.live.sources import address_of
     from patagium.simulation import load_flight
 

@@ -94,8 +94,7 @@ def stream(
     """
     from patagium.cli.state import keep_state, resumed
     from patagium.cli.words import answer
-    from patagium.live.counters import Counters
-    from patagium.live.loop import Status
+    from patagium.live.loop import Counters, Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
     from patagium.live.sources import PacketQueue, source_of

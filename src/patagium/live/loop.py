@@ -2,7 +2,8 @@
 
 The loop takes whatever waits, sends it through the pipeline in one call, and now and then reports
 progress and keeps the state. It ends when the source ends or somebody stops it. What could not be
-taken in time is counted by the queue.
+taken in time is counted by the queue. Means of running scores are exponential, with a memory
+counted in samples, so that what is shown is the present.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.live.counters import Counters
+from patagium.errors import Outcome
+from patagium.learning.scores import ErrorSums, IntervalSums
 from patagium.live.pipeline import Pipeline, Records
 from patagium.live.sources import PacketQueue
 
@@ -28,6 +30,7 @@ PATIENCE = 0.1
 """Longest wait for a packet before the loop looks at what else is due [s]."""
 _SPAN = 0.1  # s: shortest time over which a rate is counted
 _USUAL = 5  # fewest steps of a call whose median is the usual step
+_BINS = np.concatenate([[0.0], np.geomspace(1e-7, 10.0, 1600)])  # s: steps of 1.2 %
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}
 
 
@@ -37,6 +40,80 @@ class Sink(Protocol):
     def append(self, packets: Array, records: Records) -> None:
         """Keep more packets and their records."""
         ...
+
+
+class Counters:
+    """Running scores and counts of a stream.
+
+    Args:
+        outputs: Number of channels n_y.
+        memory: Samples that running means reach back.
+
+    Attributes:
+        samples: Number of packets so far.
+        learned: Number of those that were learned.
+        failed: Number of those at which the learner failed.
+    """
+
+    def __init__(self, outputs: int, memory: float) -> None:
+        self._keep = 1.0 - 1.0 / memory
+        self._errors, self._lately = ErrorSums(outputs), IntervalSums(outputs)
+        self._all = IntervalSums(outputs)
+        self._bins = np.zeros(len(_BINS), np.int64)
+        self._slowest = 0.0
+        self.samples, self.learned, self.failed = 0, 0, 0
+
+    def add(self, records: Records) -> None:
+        """Count more samples, in order.
+
+        Args:
+            records: What became of them.
+        """
+        guess = records.prediction
+        counted = np.isfinite(guess) & ~records.left_out
+        y = np.where(counted, records.measurement, np.nan)
+        self._errors.add(y, guess, keep=self._keep)
+        self._lately.add(y - guess, records.std, self._keep)
+        self._all.add(y - guess, records.std)
+        outcome, duration = records.outcome, records.duration
+        self.samples += len(records)
+        self.learned += int((outcome == Outcome.COMPLETED).sum())
+        lost = (outcome == Outcome.NOT_FINITE) | (outcome == Outcome.COVARIANCE_LOST)
+        self.failed += int(lost.sum())
+        self._bins += np.bincount(np.searchsorted(_BINS[:-1], duration), minlength=len(_BINS))
+        self._slowest = max(self._slowest, float(duration.max(initial=0.0)))
+
+    @property
+    def nmse(self) -> Array:
+        """Running mean square error over the running variance, (n_y,) [-]; NaN where silent."""
+        return self._errors.nmse
+
+    @property
+    def nmse_mean(self) -> float:
+        """Mean of `nmse` over the channels that are not silent; NaN before there is one."""
+        values = self.nmse
+        return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+
+    @property
+    def coverage(self) -> float:
+        """Running share of measurements in their predicted 95 % interval; NaN before any."""
+        return self._lately.coverage_in_all
+
+    @property
+    def coverage_in_all(self) -> float:
+        """Share of all measurements in their predicted 95 % interval; NaN before any."""
+        return self._all.coverage_in_all
+
+    def duration(self, share: float) -> float:
+        """Quantile of the times of the calls [s], to 1.2 %.
+
+        Args:
+            share: Of the calls that took no longer, 0 to 1; 1 gives the slowest.
+        """
+        if share >= 1.0 or not self.samples:
+            return self._slowest if self.samples else float("nan")
+        place = int(np.searchsorted(np.cumsum(self._bins), share * self.samples))
+        return float(min(_BINS[place], self._slowest))
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Readers of packets: lines of a CSV text, rows of binary datagrams, and counts of bad ones.
+"""Packets as lines of a CSV text or rows of datagrams: readers, a sender, counts of bad ones.
 
 A text has a header that names the columns of `packet_columns`, in any order; other columns are
 passed over, an empty field is a missing number. A datagram is little-endian float64:
@@ -7,19 +7,24 @@ passed over, an empty field is a missing number. A datagram is little-endian flo
 
 The session is any number that the sender chose when it began, the sequence how many rows it sent
 before this datagram; so what is lost, doubled or overtaken can be told. UDP has
-checksums of its own; clocks of sender and receiver are not compared.
+checksums of its own; clocks of sender and receiver are not compared. Neglected by the sender of a
+flight, which holds true values: noise, delays and clocks of sensors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
+from patagium.sensing.force.air_force import PARTS
 
 Array = NDArray[np.float64]
 
@@ -204,3 +209,54 @@ def _number(field: bytes) -> float:
         return float(text)
     except ValueError:
         raise ValueError(f"expected a number, found {text.decode('utf-8', 'replace')!r}") from None
+
+
+def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
+    """Packets of a flight, (N, 1 + n_q + (3 + k) n): time, q, v, a, u1, and k forces.
+
+    Args:
+        flight: Record with q, v, a, u1.
+        carried: Known forces that packets carry after u1, among `OPTIONAL_PARTS`.
+    """
+    parts = [flight[part].transpose("time", ...).to_numpy() for part in (*PARTS, *carried)]
+    return np.column_stack([flight["time"].to_numpy(), *parts])
+
+
+def send_packets(
+    flight: xr.Dataset,
+    target: tuple[str, int],
+    *,
+    rate: float | None = None,
+    rows: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Send a flight as datagrams.
+
+    Args:
+        flight: Record with q, v, a, u1.
+        target: Address and port.
+        rate: Packets a second; None: as fast as the flight's time goes.
+        rows: Packets a datagram.
+        progress: Called now and then with packets sent and packets in all.
+
+    Returns:
+        How many packets were sent.
+
+    Raises:
+        ParameterError: If a datagram cannot hold so many packets.
+    """
+    packets = flight_packets(flight)
+    if rows > most_rows(packets.shape[1]):
+        raise ParameterError("rows", f"at most {most_rows(packets.shape[1])}", rows)
+    due = packets[:, 0] - packets[0, 0] if rate is None else np.arange(len(packets)) / rate
+    family = socket.AF_INET6 if ":" in target[0] else socket.AF_INET
+    began, told = time.monotonic(), max(1, len(packets) // (200 * rows))
+    with socket.socket(family, socket.SOCK_DGRAM) as port:
+        for number, datagram in enumerate(datagrams(packets, time.time(), rows)):
+            ahead = due[number * rows] - (time.monotonic() - began)
+            if ahead > 0:
+                time.sleep(ahead)
+            port.sendto(datagram, target)
+            if progress is not None and number % told == 0:
+                progress(number * rows, len(packets))
+    return len(packets)

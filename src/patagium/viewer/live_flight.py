@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome
 from patagium.learning.models.network import flight_terms
-from patagium.live.counters import Counters
+from patagium.live.loop import Counters
 from patagium.live.pipeline import Pipeline, Records
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait

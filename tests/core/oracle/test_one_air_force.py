@@ -11,9 +11,9 @@ import xarray as xr
 import patagium as pt
 from patagium.aerodynamics.gusts import OneMinusCosineGust
 from patagium.errors import ParameterError
+from patagium.live.packets import flight_packets
 from patagium.live.pipeline import Pipeline
 from patagium.live.record import StreamFile
-from patagium.live.sender import flight_packets
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, packet_columns
 from patagium.sensing.force.sources import Measured, Wrench, inverse_dynamics_force
 

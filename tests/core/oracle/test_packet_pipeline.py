@@ -8,8 +8,8 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.live import pipeline as module
+from patagium.live.packets import flight_packets
 from patagium.live.pipeline import Pipeline
-from patagium.live.sender import flight_packets
 from patagium.native import compiler_name
 
 COUNT = 200

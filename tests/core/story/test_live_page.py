@@ -16,11 +16,9 @@ import patagium as pt
 from patagium.cli import live as live_words
 from patagium.cli.main import run
 from patagium.errors import ParameterError
-from patagium.live.counters import Counters
-from patagium.live.loop import Rhythm, Status, follow, summary
-from patagium.live.packets import Intake
+from patagium.live.loop import Counters, Rhythm, Status, follow, summary
+from patagium.live.packets import Intake, flight_packets
 from patagium.live.pipeline import Pipeline
-from patagium.live.sender import flight_packets
 from patagium.live.sources import PacketQueue
 from patagium.viewer import live_view
 from patagium.viewer.live_flight import LiveFlight, flight_subject

@@ -20,12 +20,10 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.learning import load_learner
 from patagium.live import sources
-from patagium.live.counters import Counters
-from patagium.live.loop import Rhythm, Status, follow, summary
-from patagium.live.packets import Intake, datagrams
+from patagium.live.loop import Counters, Rhythm, Status, follow, summary
+from patagium.live.packets import Intake, datagrams, flight_packets, send_packets
 from patagium.live.pipeline import Pipeline
 from patagium.live.record import StreamFile
-from patagium.live.sender import flight_packets, send_packets
 from patagium.live.sources import (
     DatagramSource,
     PacketQueue,

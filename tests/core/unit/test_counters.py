@@ -7,7 +7,7 @@ import pytest
 
 from patagium.errors import Outcome
 from patagium.learning.scores import normalized_error
-from patagium.live.counters import Counters
+from patagium.live.loop import Counters
 from patagium.live.pipeline import Records
 
 

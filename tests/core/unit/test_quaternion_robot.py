@@ -13,8 +13,8 @@ from patagium.cli.main import run
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
 from patagium.learning.models.memory import network_inputs
+from patagium.live.packets import flight_packets
 from patagium.live.record import StreamFile
-from patagium.live.sender import flight_packets
 from patagium.report.figures import flight_overview
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.attitude import (

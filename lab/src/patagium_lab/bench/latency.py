@@ -25,8 +25,8 @@ from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.strip import StripNetwork
+from patagium.live.packets import flight_packets
 from patagium.live.pipeline import Pipeline
-from patagium.live.sender import flight_packets
 from patagium.native import load_kernel
 from patagium.robot import load_robot
 from patagium.sensing.force.training_data import training_data
