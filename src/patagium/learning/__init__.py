@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from patagium.learning.model_file import save_model as save_model
     from patagium.learning.models.dense import DenseNetwork as DenseNetwork
     from patagium.learning.models.flow import FlowNetwork as FlowNetwork
+    from patagium.learning.models.flow import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.learning.models.grey_box import GreyBox as GreyBox
-    from patagium.learning.models.hidden_flow import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
     from patagium.learning.models.network import Encoding as Encoding
     from patagium.learning.models.network import Network as Network
@@ -67,7 +67,7 @@ _HOMES = {
     "FlowNetwork": "models.flow",
     "GradientLearner": "learners.gradient",
     "GreyBox": "models.grey_box",
-    "HiddenFlowNetwork": "models.hidden_flow",
+    "HiddenFlowNetwork": "models.flow",
     "HiddenStripNetwork": "models.hidden_strip",
     "Identification": "result",
     "LinearLearner": "learners.linear",

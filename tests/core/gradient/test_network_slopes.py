@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning.models.linear import LinearNetwork
+from patagium.learning.models.dense import LinearNetwork
 
 
 def made(kind):

@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.learning import network_from_description
-from patagium.learning.models.mlp import Perceptron
+from patagium.learning.models.perceptron import Perceptron
 
 ROUNDING = 1e-9  # fifty updates, each some n^2 roundings
 

@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning import network_from_description
-from patagium.learning.models.linear import LinearNetwork
+from patagium.learning.models.dense import LinearNetwork
 
 
 @pytest.fixture(scope="module")

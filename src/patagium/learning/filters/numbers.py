@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.models.network import Network
+from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
-from patagium.learning.models.scaling import center_of, scale_of
 from patagium.learning.settings import FilterSettings, Numbers, Structure
 
 Array = NDArray[np.float64]

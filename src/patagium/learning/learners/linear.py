@@ -19,9 +19,8 @@ from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
 from patagium.learning.learners.learner import OnlineLearner, as_input, diverged
-from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.linear import LinearNetwork
-from patagium.learning.models.scaling import scale_of
+from patagium.learning.models.dense import DenseNetwork, LinearNetwork
+from patagium.learning.models.network import scale_of
 from patagium.learning.settings import LinearSettings, check_needed, chosen_settings
 
 Array = NDArray[np.float64]

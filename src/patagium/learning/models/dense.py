@@ -1,6 +1,8 @@
-"""A network that knows no physics: any vector in, any vector out.
+"""Networks that know no physics: any vector in, any vector out.
 
-The paper's network is one of these, with two softplus layers and a linear one.
+The paper's network is a dense one, with two softplus layers and a linear one. A linear network
+reads out the scaled inputs, or fixed random features of them, f(x), and 1: it is linear in its
+weights, y = offset + scale B f(x).
 """
 
 from __future__ import annotations
@@ -13,10 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.models.mlp import Perceptron
-from patagium.learning.models.network import Encoding
-from patagium.learning.models.perceptron import PerceptronNetwork
-from patagium.learning.models.scaling import center_of, scale_of
+from patagium.learning.models.network import Encoding, center_of, scale_of
+from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
@@ -57,49 +57,33 @@ class DenseNetwork(PerceptronNetwork):
         output_scale: ArrayLike = 1.0,
     ) -> None:
         names = named_outputs(outputs)
-        self._perceptron = Perceptron((inputs, *hidden, len(names)), activation)
+        self.perceptron = Perceptron((inputs, *hidden, len(names)), activation)
         self._names = names
         self.input_center = center_of("input_center", input_center, inputs)
         self.input_scale = scale_of("input_scale", input_scale, inputs)
         self.output_center = center_of("output_center", output_center, len(names))
         self.output_scale = scale_of("output_scale", output_scale, len(names))
+        self.offset = self.output_center
         self._readout = np.diag(self.output_scale)
 
     @property
     def inputs(self) -> int:
         """Length of x, n_x."""
-        return self._perceptron.widths[0]
-
-    @property
-    def items(self) -> int:
-        """The perceptron is evaluated once."""
-        return 1
+        return self.perceptron.widths[0]
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the components of y."""
         return self._names
 
-    @property
-    def offset(self) -> Array:
-        """Centers of the outputs, (n_y,)."""
-        return self.output_center
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """The part with weights."""
-        return self._perceptron
-
     def encode(self, x: Array) -> Encoding:
-        """Scaled inputs, (N, 1, n_x), and the output scales as a readout."""
-        features = (x - self.input_center) / self.input_scale
+        """Features, (N, 1, n_f), and the output scales as a readout."""
         readout = np.broadcast_to(self._readout, (len(x), *self._readout.shape))
-        return Encoding(features[:, None, :], readout, self.output_center)
+        return Encoding(self._seen(x)[:, None, :], readout, self.offset)
 
     def encode_one(self, x: Array) -> Encoding:
-        """Scaled input of one sample, (1, n_x)."""
-        features = ((x - self.input_center) / self.input_scale)[None]
-        return Encoding(features, self._readout, self.output_center)
+        """Features of one sample, (1, n_f), and the output scales as a readout."""
+        return Encoding(self._seen(x[None]), self._readout, self.offset)
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""
@@ -117,9 +101,9 @@ class DenseNetwork(PerceptronNetwork):
         return {
             "kind": self.kind,
             "inputs": self.inputs,
-            "hidden": list(self._perceptron.widths[1:-1]),
+            "hidden": list(self.perceptron.widths[1:-1]),
             "outputs": list(self._names),
-            "activation": self._perceptron.activation,
+            "activation": self.perceptron.activation,
             "input_center": self.input_center.tolist(),
             "input_scale": self.input_scale.tolist(),
             "output_center": self.output_center.tolist(),
@@ -135,6 +119,82 @@ class DenseNetwork(PerceptronNetwork):
         """
         values = described(cls.kind, description, DESCRIBED)
         return cls(**values)
+
+    def _seen(self, x: Array) -> Array:
+        """Scaled inputs, (N, n_x)."""
+        return np.asarray((x - self.input_center) / self.input_scale)
+
+
+class LinearNetwork(DenseNetwork):
+    """A linear readout of fixed random softplus features of the scaled inputs.
+
+    Args:
+        base: Gives inputs, outputs and their scales; must have no hidden layer.
+        features: Number of random features; 0: the scaled inputs themselves.
+        seed: Seed of the features.
+
+    Raises:
+        ParameterError: If `base` has hidden layers, or `features` is negative.
+    """
+
+    kind = "linear"
+
+    def __init__(self, base: DenseNetwork, features: int = 0, seed: int = 0) -> None:
+        if not isinstance(base, DenseNetwork) or len(base.perceptron.widths) != 2:
+            raise ParameterError("network", "a DenseNetwork without hidden layers", base)
+        if not (isinstance(features, int) and features >= 0):
+            raise ParameterError("features", "a whole number of at least 0", features)
+        super().__init__(
+            features or base.inputs,
+            (),
+            base.output_names,
+            output_center=base.output_center,
+            output_scale=base.output_scale,
+        )
+        self._base = base
+        self._features = features
+        self._seed = seed
+        draw = np.random.default_rng(seed)
+        self._mixing = draw.standard_normal((base.inputs, features)) * np.sqrt(2 / base.inputs)
+        self._bias = draw.standard_normal(features)
+
+    @property
+    def inputs(self) -> int:
+        """Length of x, n_x."""
+        return self._base.inputs
+
+    def compiled_encoder(self) -> None:
+        """None: random features are made in NumPy."""
+
+    def initial(self, seed: int) -> Array:
+        """Zero weights: least squares needs no start, (n,).
+
+        Args:
+            seed: Not used.
+        """
+        return np.zeros(self.size)
+
+    def describe(self) -> dict[str, Any]:
+        """Description of the network that rebuilds it, as JSON-able values."""
+        base = self._base.describe()
+        return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> LinearNetwork:
+        """Inverse of `describe`.
+
+        Raises:
+            ParameterError: If a key is missing or unknown.
+        """
+        values = described(cls.kind, description, (*DESCRIBED, "features", "seed"))
+        features = values.pop("features")
+        seed = values.pop("seed")
+        return cls(DenseNetwork(**values), features, seed)
+
+    def _seen(self, x: Array) -> Array:
+        """Random features of the scaled inputs, or these themselves, (N, n_f)."""
+        scaled = (x - self._base.input_center) / self._base.input_scale
+        return softplus(scaled @ self._mixing + self._bias) if self._features else scaled
 
 
 DESCRIBED = (

@@ -112,8 +112,11 @@ class GreyBox(GroupedNetwork):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
-        robot, numbers = model.robot, numbers_of(model, added_mass)
-        self.model, self.added_mass, self._start = model, added_mass, start
+        robot = model.robot
+        numbers = numbers_of(model, added_mass)
+        self.model = model
+        self.added_mass = added_mass
+        self._start = start
         self.residual = residual
         self.parameters = physical_parameters(estimate, numbers, robot)
         self._names = robot.dof_names if measured is None else tuple(measured)
@@ -221,10 +224,13 @@ class GreyBox(GroupedNetwork):
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
-        x, own = encoding.features[0], weights[: self._count]
+        x = encoding.features[0]
+        own = weights[: self._count]
         memory = self._memory_in(x[None])
-        state, slopes = memory.at(own[None]), memory.sensitivity
-        function, measured = self._functions["force_forward"], x[: self.measured_inputs]
+        state = memory.at(own[None])
+        slopes = memory.sensitivity
+        function = self._functions["force_forward"]
+        measured = x[: self.measured_inputs]
         y, columns = np.zeros(0), []
         for k, along in enumerate(np.eye(self._count)):
             found = function(measured, state[0], own, slopes[0][:, k], along, self._numbers)
@@ -304,7 +310,8 @@ class GreyBox(GroupedNetwork):
         keys = ("robot", "model", "estimate", "added_mass", "beside", "measured", "start")
         values = described(cls.kind, description, keys)
         robot = load_robot_text(values.pop("robot"))
-        added, beside = values.pop("added_mass"), values.pop("beside")
+        added = values.pop("added_mass")
+        beside = values.pop("beside")
         return cls(
             aero_from_description(robot, values.pop("model")),
             values.pop("estimate"),
@@ -385,7 +392,8 @@ class GreyLags(NamedTuple):
 
     def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Lags where a memory begins."""
-        state, own = np.zeros(self.states), weights[: self.parameters]
+        state = np.zeros(self.states)
+        own = weights[: self.parameters]
         if not self.steady:
             return state, np.zeros((self.states, self.parameters)), driver
         eye = np.eye(self.states)
@@ -402,7 +410,8 @@ class GreyLags(NamedTuple):
         self, driver: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """Lags a step later."""
-        function, state = self.functions["step_forward"], before.state
+        function = self.functions["step_forward"]
+        state = before.state
         known = before.driver, driver, before.state, weights[: self.parameters]
         slopes = np.empty((self.states, self.parameters))
         for k, along in enumerate(np.eye(self.parameters)):
@@ -419,7 +428,9 @@ class GreyLags(NamedTuple):
         self, sample: Array, state: Array, weights: Array, of_state: bool
     ) -> tuple[Array, Array]:
         """Lags that the state follows, and their slopes for the state, or for the weights."""
-        function, columns, target = self.functions["follow_forward"], [], state
+        function = self.functions["follow_forward"]
+        columns = []
+        target = state
         size = self.states + self.parameters
         chosen = slice(0, self.states) if of_state else slice(self.states, size)
         for along in np.eye(size)[chosen]:
@@ -479,9 +490,12 @@ class GreyEquations:
 
     def functions(self) -> list[ca.Function]:
         """CasADi functions that `compiled` compiles."""
-        n_z, count = self.model.state_size, len(self.parameters)
-        x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", n_z)
-        theta, numbers = ca.SX.sym("theta", count), ca.SX.sym("numbers", self._count + count)
+        n_z = self.model.state_size
+        count = len(self.parameters)
+        x = ca.SX.sym("x", self.measured_inputs)
+        z = ca.SX.sym("z", n_z)
+        theta = ca.SX.sym("theta", count)
+        numbers = ca.SX.sym("numbers", self._count + count)
         physics = self._physics()
         actual = self._actual(theta, numbers)
 
@@ -489,14 +503,16 @@ class GreyEquations:
             y, rate, target = physics.call([x, z, actual, numbers[: self._count]], True, False)
             return y, Relaxation(rate, target)
 
-        dz, dtheta = ca.SX.sym("dz", n_z), ca.SX.sym("dtheta", count)
+        dz = ca.SX.sym("dz", n_z)
+        dtheta = ca.SX.sym("dtheta", count)
 
         def along(value: ca.SX) -> ca.SX:
             slope = ca.jtimes(value, ca.vertcat(z, theta), ca.vertcat(dz, dtheta))
             return ca.densify(slope)
 
         y, memory = air(x, z)
-        known, moved = {"x": x, "z": z, "theta": theta}, {"dz": dz, "dtheta": dtheta}
+        known = {"x": x, "z": z, "theta": theta}
+        moved = {"dz": dz, "dtheta": dtheta}
         found = [
             _function("force", known, numbers, {"y": y}),
             _function("force_forward", known | moved, numbers, {"y": y, "dy": along(y)}),
@@ -505,7 +521,8 @@ class GreyEquations:
             return found
         target = memory.target
         follow = {"target": target, "dtarget": along(target)}
-        after, step = ca.SX.sym("after", self.measured_inputs), ca.SX.sym("step")
+        after = ca.SX.sym("after", self.measured_inputs)
+        step = ca.SX.sym("step")
         _, later = air(after, lag_step(z, step, memory, memory))
         reached = lag_step(z, step, memory, later)
         inputs = {"before": x, "after": after, **known, **moved, "step": step}
@@ -526,7 +543,8 @@ class GreyEquations:
         places = list(numbers_of(self.model, self.added_mass))
         actual = ca.SX(numbers[: self._count])
         for k, parameter in enumerate(self.parameters):
-            place, moved = places.index(parameter.name), theta[k] * numbers[self._count + k]
+            place = places.index(parameter.name)
+            moved = theta[k] * numbers[self._count + k]
             value = actual[place] * ca.exp(moved) if parameter.positive else actual[place] + moved
             actual[place] = value
         return actual
@@ -534,12 +552,16 @@ class GreyEquations:
     def _physics(self) -> ca.Function:
         """(x, z, numbers, numbers as they were before) -> y, rate and target of the memory."""
         model, robot = self.model, self.model.robot
-        n, n_q, first = robot.dof, robot.coordinate_count, len(robot.parameter_names)
+        n = robot.dof
+        n_q = robot.coordinate_count
+        first = len(robot.parameter_names)
         machine, symbols = robot.symbolic()
         before, symbols_before = robot.symbolic()
         of_air = ca.SX.sym("c", len(model.parameter_names))
-        wind, factor = ca.SX.sym("wind", 3), ca.SX.sym("factor")
-        x, z = ca.SX.sym("x", self.measured_inputs), ca.SX.sym("z", model.state_size)
+        wind = ca.SX.sym("wind", 3)
+        factor = ca.SX.sym("factor")
+        x = ca.SX.sym("x", self.measured_inputs)
+        z = ca.SX.sym("z", model.state_size)
         q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
         air = model.expressions(machine, q, v, z, wind, of_air)
         y = air.generalized_force
@@ -567,5 +589,6 @@ def _function(
     name: str, inputs: dict[str, ca.SX], numbers: ca.SX, outputs: dict[str, ca.SX]
 ) -> ca.Function:
     names: Sequence[str] = [*inputs, "grey_parameters"]
-    given, found = [*inputs.values(), numbers], [*outputs.values()]
+    given = [*inputs.values(), numbers]
+    found = [*outputs.values()]
     return ca.Function(name, given, found, names, [*outputs])

@@ -52,8 +52,8 @@ from patagium.learning.models.memory import (
     memory_in,
     row_size,
 )
-from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import Encoding, GroupedNetwork
+from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.strip import direction_inputs
 from patagium.learning.models.structure import stacked
 from patagium.learning.models.wing import RobotNetwork
@@ -154,7 +154,8 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             word = sorted(unknown)[0]
             raise TypeError(f"HiddenStripNetwork() got an unexpected keyword argument {word!r}")
         start: dict[str, Any] = {**_NUMBERS, **numbers}
-        stall_begins, stall_complete = start["stall_begins"], start["stall_complete"]
+        stall_begins = start["stall_begins"]
+        stall_complete = start["stall_complete"]
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         if not 0 < stall_begins < stall_complete <= pi / 2:
@@ -162,12 +163,15 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
         self.lags = starting_lags(lags)
         self.lift_slope = positive("lift_slope", start["lift_slope"])
-        self.stall_begins, self.stall_complete = float(stall_begins), float(stall_complete)
+        self.stall_begins = float(stall_begins)
+        self.stall_complete = float(stall_complete)
         self.coefficient_scale = positive("coefficient_scale", start["coefficient_scale"])
-        self.robot, self.air = robot, Air() if air is None else air
-        self._perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)
+        self.robot = robot
+        self.air = Air() if air is None else air
+        self.items = len(robot.strips)
+        self.perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)
         self._count, parameters = coded_size(self.lags.size)
-        self._groups = stacked(self._count, self._perceptron)
+        self._groups = stacked(self._count, self.perceptron)
         stall = (self.stall_begins, self.stall_complete)
         self._prior = coded_start(self.lags, self.lift_slope, stall)
         self._reach = coded_reach(self.lags.size)
@@ -201,11 +205,6 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         """Equations of the strips' lags, whose weights are the first."""
         return ((0, self._lags),)
 
-    @property
-    def items(self) -> int:
-        """Number of strips, at each of which the perceptron is evaluated."""
-        return len(self.robot.strips)
-
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): the air's numbers and the section as given.
 
@@ -214,7 +213,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         Args:
             seed: Seed of the draw.
         """
-        fan_in, (below, above) = self._perceptron.fan_in, self._perceptron.widths[-2:]
+        fan_in, (below, above) = self.perceptron.fan_in, self.perceptron.widths[-2:]
         normal = np.random.default_rng(seed).standard_normal(len(fan_in)) / np.sqrt(fan_in)
         weights = np.where(fan_in > 1, normal, 0.0)
         weights[-(below + 1) * above :] *= _LAST
@@ -250,7 +249,8 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     def encode_one(self, x: Array) -> Encoding:
         """One sample, (1, n_x), with the readout at W_m, which scales estimated noise."""
-        own, n_m = np.zeros(self._count), self._lags.parameters
+        own = np.zeros(self._count)
+        n_m = self._lags.parameters
         own[:n_m] = x[-n_m:]
         _, readout = self._seen(x[None], own[None])
         return Encoding(x[None], readout[0], np.zeros(self.outputs))
@@ -269,7 +269,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         """
         own = np.broadcast_to(weights[: self._count], (len(x), self._count))
         features, readout = self._seen(x, own)
-        out = self._perceptron.forward(features, weights[self._count :])
+        out = self.perceptron.forward(features, weights[self._count :])
         return readout, out.reshape(len(x), -1)
 
     def values(self, encoding: Encoding, points: Array) -> Array:
@@ -279,19 +279,22 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         x = np.broadcast_to(encoding.features[0], (len(different), self.inputs))
         features, readout = (part[place.ravel()] for part in self._seen(x, different))
         weights = np.ascontiguousarray(points[:, self._count :])
-        out = self._perceptron.forward(features.astype(points.dtype), weights).astype(float)
+        out = self.perceptron.forward(features.astype(points.dtype), weights).astype(float)
         return np.asarray((readout @ out.reshape(len(points), -1, 1))[:, :, 0])
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
-        x, own, rest = encoding.features[0], weights[: self._count], weights[self._count :]
+        x = encoding.features[0]
+        own = weights[: self._count]
+        rest = weights[self._count :]
         features, readout = (part[0] for part in self._seen(x[None], own[None]))
-        out, inner = self._perceptron.linearized(features, rest)
-        memory, n_m = self._memory_in(x[None]), self._lags.parameters
+        out, inner = self.perceptron.linearized(features, rest)
+        memory = self._memory_in(x[None])
+        n_m = self._lags.parameters
         moved = np.zeros((self._lags.states, self._count))
         moved[:, :n_m] = memory.sensitivity[0] / self._reach[:n_m]
         state = memory.at(own[None, :n_m])
-        through = self._perceptron.input_slopes(features, rest, readout).reshape(len(readout), -1)
+        through = self.perceptron.input_slopes(features, rest, readout).reshape(len(readout), -1)
         coded = self._prior + self._reach * own
         known = x[: self.measured_inputs], state[0], coded, out.ravel(), self._constants
         along = moved.T, np.eye(len(own)), np.concatenate(known)
@@ -302,7 +305,9 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     def encoding(self, x: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Features, (n_in, m), and readout, (n_y, m n_out), as expressions of x and weights."""
-        n, n_z, n_m = self.measured_inputs, self._lags.states, self._lags.parameters
+        n = self.measured_inputs
+        n_z = self._lags.states
+        n_m = self._lags.parameters
         slopes = ca.reshape(x[n + n_z : -n_m], n_m, n_z).T
         state = x[n : n + n_z] + slopes @ (weights[:n_m] - x[-n_m:])
         coded = self._prior + self._reach * weights[: self._count]
@@ -479,7 +484,8 @@ def coded_reach(lags: int) -> Array:
     Args:
         lags: How many a strip.
     """
-    of_lags, others = [_REACH["lags"]], [_REACH["stall"], _REACH["stall_width"]]
+    of_lags = [_REACH["lags"]]
+    others = [_REACH["stall"], _REACH["stall_width"]]
     return np.array([*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *others])
 
 
@@ -541,7 +547,9 @@ class _Air:
         self.coded = ca.vertcat(self.lag_numbers, ca.SX.sym("others", size - parameters))
         self.lag_reach = ca.diag(ca.SX(coded_reach(lags)[:parameters]))
         self.x = ca.SX.sym("x", machine.state_size)
-        wind, self.density, self.scale = ca.SX.sym("wind", 3), ca.SX.sym("rho"), ca.SX.sym("scale")
+        wind = ca.SX.sym("wind", 3)
+        self.density = ca.SX.sym("rho")
+        self.scale = ca.SX.sym("scale")
         self.constants = ca.vertcat(wind, self.density, self.scale, robot_parameters)
         n_q = machine.coordinate_count
         self.q, v = self.x[:n_q], self.x[n_q:]
@@ -589,8 +597,10 @@ def _begin(air: _Air) -> ca.Function:
 def _step(air: _Air) -> ca.Function:
     """One step of the exponential trapezoid, with its derivative for weights and where it began."""
     parameters, count = air.lag_numbers.numel(), air.count
-    step, effective = ca.SX.sym("step"), ca.SX.sym("effective", count)
-    semichords, before = ca.SX.sym("semichords", count), ca.vertcat(air.state, effective)
+    step = ca.SX.sym("step")
+    effective = ca.SX.sym("effective", count)
+    semichords = ca.SX.sym("semichords", count)
+    before = ca.vertcat(air.state, effective)
     sensitivity = ca.SX.sym("sensitivity", before.numel(), parameters)
     rates = ca.repmat(ca.vertcat(*air.numbers.lags.rate), count, 1)
     relaxation = Relaxation(rates * air.repeated(semichords), air.repeated(effective))
@@ -638,7 +648,8 @@ def _slopes(air: _Air) -> ca.Function:
     outputs = ca.SX.sym("m", _COEFFICIENTS, air.count)
     moved = ca.SX.sym("dz", air.state.numel()), ca.SX.sym("dcoded", air.coded.numel())
     features, y = _seen(air, outputs)
-    seen, variables = ca.vertcat(ca.vec(features), y), ca.vertcat(air.state, air.coded)
+    seen = ca.vertcat(ca.vec(features), y)
+    variables = ca.vertcat(air.state, air.coded)
     slope = _forward(seen, variables, ca.vertcat(*moved))
     sample = ca.vertcat(air.x, air.state, air.coded, ca.vec(outputs), air.constants)
     common = ca.SX.sym("sample", sample.numel())
@@ -683,8 +694,10 @@ def _wrench(
     that raises the tail, m_7 along the span.
     """
     motion, strip = air.motions[i], air.motions[i].strip
-    forward, normal = vector(strip.forward), vector(strip.normal)
-    span, area = cross(normal, forward), strip.chord * strip.width
+    forward = vector(strip.forward)
+    normal = vector(strip.normal)
+    span = cross(normal, forward)
+    area = strip.chord * strip.width
     sine_square = (effective.normal / effective.speed) ** 2
     separated = 1 / (1 + ca.exp((air.numbers.stall - sine_square) / air.numbers.stall_width))
     attached = 1 - separated
@@ -692,7 +705,8 @@ def _wrench(
     ahead_normal = motion.normal_ahead(ahead)
     lift = attached_lift(air.vortices, wash, i, air.gains[i], pressure, ahead_normal)
     unit = air.scale * air.density * area * flow.speed / 2
-    sine, along = -flow.normal / flow.speed, motion.spanwise_ahead(ahead)
+    sine = -flow.normal / flow.speed
+    along = motion.spanwise_ahead(ahead)
     push = unit * flow.speed
     force = forward * (attached * (m[0] * lift[0] + push * m[1]) + separated * push * m[4])
     force += normal * (attached * (m[0] * lift[1] + push * m[2]) + separated * push * sine * m[5])

@@ -171,20 +171,6 @@ class LagEquations(Protocol):
         ...
 
 
-class RecurrentNetwork(Network, Protocol):
-    """A network whose output depends on lag states, which follow its measured inputs."""
-
-    @property
-    def measured_inputs(self) -> int:
-        """Number of measured inputs, the first of x; lag states follow."""
-        ...
-
-    @property
-    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
-        """Equations of lag states with the place of their first weight, in the order of x."""
-        ...
-
-
 def measured_inputs(network: Network) -> int:
     """Number of inputs of a network that are measured, the first of x.
 
@@ -497,7 +483,9 @@ def _advanced(
 ) -> tuple[Array, MemoryState]:
     """[z, vec S, W_m] of a block, (N, row size), and the memory at its end."""
     n_z, n_m = lags.states, lags.parameters
-    own, rows, begins = weights[:n_m].copy(), np.empty((len(x), row_size(lags))), anew.tolist()
+    own = weights[:n_m].copy()
+    rows = np.empty((len(x), row_size(lags)))
+    begins = anew.tolist()
     for k, stamp in enumerate(time.tolist()):
         if k % _BLOCK == 0:
             drivers = lags.drivers(weights, x[k : k + _BLOCK, : lags.measured])
@@ -530,7 +518,8 @@ def _advanced_in_c(
     last = -inf if before is None else before.time
     if before is not None:
         block.put(before)
-    steps, rows = np.diff(time, prepend=last), np.empty((len(x), row_size(lags)))
+    steps = np.diff(time, prepend=last)
+    rows = np.empty((len(x), row_size(lags)))
     arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
     lags.compiled.kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
@@ -596,10 +585,13 @@ class CompiledLags(ctypes.Structure):
             time: Of that sample [s].
             weights: Weights W_m, (n_m,) [1].
         """
-        states, n_m, carried = self.all, self.parameters, self.arrays["carried"]
+        states = self.all
+        n_m = self.parameters
+        carried = self.arrays["carried"]
         end = states * (1 + n_m)
         slopes = carried[states:end].reshape((states, n_m), order="F").copy()
-        state, driver = carried[:states].copy(), carried[end : len(carried) // 2].copy()
+        state = carried[:states].copy()
+        driver = carried[end : len(carried) // 2].copy()
         return MemoryState(state, slopes, weights.copy(), driver, time)
 
     def load(self, memory: ModelMemory) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.structure import Indices, WeightGroups
 
 Array = NDArray[np.float64]
@@ -163,7 +163,8 @@ class Network(Protocol):
         Raises:
             ShapeError: If an argument has another shape.
         """
-        samples, w = np.asarray(x, float), np.asarray(weights, float)
+        samples = np.asarray(x, float)
+        w = np.asarray(weights, float)
         if samples.ndim != 2 or samples.shape[1] != self.inputs:
             raise ShapeError("x", ("N", self.inputs), samples.shape)
         if w.shape != (self.size,):
@@ -213,3 +214,33 @@ def flight_terms(network: Network) -> FlightTerms:
     """
     found: FlightTerms = getattr(network, "flight_terms", FlightTerms())
     return found
+
+
+def center_of(name: str, value: ArrayLike, size: int) -> Array:
+    """A scalar or vector as a read-only vector of finite numbers, (size,).
+
+    Raises:
+        ShapeError: If it is neither scalar nor (size,).
+        ParameterError: If a number is not finite.
+    """
+    array = np.asarray(value, float)
+    if array.shape not in ((), (size,)):
+        raise ShapeError(name, f"() or ({size},)", array.shape)
+    if not np.isfinite(array).all():
+        raise ParameterError(name, "finite numbers", value)
+    whole = np.broadcast_to(array, (size,)).copy()
+    whole.setflags(write=False)
+    return whole
+
+
+def scale_of(name: str, value: ArrayLike, size: int) -> Array:
+    """A scalar or vector as a read-only vector of positive numbers, (size,).
+
+    Raises:
+        ShapeError: If it is neither scalar nor (size,).
+        ParameterError: If a number is not positive.
+    """
+    whole = center_of(name, value, size)
+    if not (whole > 0).all():
+        raise ParameterError(name, "positive numbers", value)
+    return whole

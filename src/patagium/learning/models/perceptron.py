@@ -1,50 +1,223 @@
-"""Networks that are one shared perceptron between an encoder and a linear readout.
+"""A multilayer perceptron as arithmetic, and networks that are one between encoder and readout.
 
     y = offset + readout(x) . vec(mlp(features(x); W))
 
 The physics is in the encoder and in the readout, which depend on x alone; only the perceptron
 has weights. It is evaluated for m items (the strips of a wing, or one), all with the same
-weights.
+weights. All hidden layers share one activation, the last layer is linear. Weights are one
+vector: for every layer W (out, in) row by row, then b (out). The readable twin of the compiled
+kernel `cubature.c`.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.models.mlp import Perceptron
+from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.models.structure import Indices
 
 Array = NDArray[np.float64]
 
 
+def softplus(z: Array) -> Array:
+    """Smooth ramp ln(1 + e^z), without overflow."""
+    return np.asarray(np.maximum(z, 0) + np.log1p(np.exp(-np.abs(z))))
+
+
+def softplus_slope(z: Array) -> Array:
+    """Derivative of `softplus`, the logistic function."""
+    decay = np.exp(-np.abs(z))
+    return np.asarray(np.where(z >= 0, 1.0, decay) / (1.0 + decay))
+
+
+def tanh_slope(z: Array) -> Array:
+    """Derivative of tanh, 1 - tanh^2."""
+    return np.asarray(1.0 - np.tanh(z) ** 2)
+
+
+ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
+    "softplus": (softplus, softplus_slope),
+    "tanh": (np.tanh, tanh_slope),
+}
+"""Name of an activation to the function and its derivative."""
+
+
+@dataclass(frozen=True)
+class Perceptron:
+    """Dense layers with one activation, the last one linear.
+
+    Args:
+        widths: Number of inputs, of neurons of each hidden layer, of outputs.
+        activation: "softplus" or "tanh".
+
+    Raises:
+        ParameterError: If a width is not a positive integer or the activation unknown.
+    """
+
+    widths: tuple[int, ...]
+    activation: str = "softplus"
+
+    def __post_init__(self) -> None:
+        widths = tuple(self.widths)
+        if len(widths) < 2 or any(not isinstance(w, int) or w < 1 for w in widths):
+            raise ParameterError("widths", "two or more positive integers", self.widths)
+        if self.activation not in ACTIVATIONS:
+            raise ParameterError("activation", f"one of {', '.join(ACTIVATIONS)}", self.activation)
+        object.__setattr__(self, "widths", widths)
+
+    @property
+    def size(self) -> int:
+        """Number of weights."""
+        return sum((below + 1) * above for below, above in pairwise(self.widths))
+
+    @property
+    def fan_in(self) -> Array:
+        """Fan-in of the neuron of each weight, 1 for a bias, (size,)."""
+        parts = []
+        for below, above in pairwise(self.widths):
+            parts += [np.full(below * above, float(below)), np.ones(above)]
+        return np.concatenate(parts)
+
+    @property
+    def neurons(self) -> tuple[tuple[NDArray[np.int64], ...], ...]:
+        """Weights of each neuron, its bias last, layer by layer, (below + 1,) each."""
+        layers, start = [], 0
+        for below, above in pairwise(self.widths):
+            rows = start + np.arange(below * above).reshape(above, below)
+            start += (below + 1) * above
+            biases = start - above + np.arange(above)
+            layers.append(tuple(np.append(*pair) for pair in zip(rows, biases, strict=True)))
+        return tuple(layers)
+
+    def forward(self, features: Array, weights: Array) -> Array:
+        """Outputs for many inputs.
+
+        Args:
+            features: Inputs, (..., n_in).
+            weights: (size,), or (p, size) beside features (p or 1, m, n_in): each row of
+                weights evaluates its own or the common m inputs.
+
+        Returns:
+            (..., n_out), or (p, m, n_out).
+        """
+        function = ACTIVATIONS[self.activation][0]
+        z = features
+        for number, (matrix, bias) in enumerate(self._layers(weights)):
+            z = function(z) if number else z
+            z = z @ np.swapaxes(matrix, -1, -2) + (bias if weights.ndim == 1 else bias[:, None])
+        return z
+
+    def linearized(self, features: Array, weights: Array) -> tuple[Array, Array]:
+        """Outputs and their derivative for the weights, by reverse accumulation.
+
+        For every input and every output at once the seed d out / d z goes back through
+        the layers; dz_l/dW_l is the outer product of the seed with the layer's input.
+
+        Args:
+            features: Inputs, (m, n_in) [1].
+            weights: (size,).
+
+        Returns:
+            (m, n_out), and (m, n_out, size).
+        """
+        slope, (layers, inputs, sums) = (
+            ACTIVATIONS[self.activation][1],
+            self._pass(features, weights),
+        )
+        items, outputs = len(features), self.widths[-1]
+        seed = np.broadcast_to(np.eye(outputs), (items, outputs, outputs))
+        parts: list[Array] = []
+        for number in reversed(range(len(layers))):
+            outer = seed[..., :, None] * inputs[number][:, None, None, :]
+            parts[:0] = [outer.reshape(items, outputs, -1), seed]
+            if number:
+                seed = (seed @ layers[number][0]) * slope(sums[number - 1])[:, None, :]
+        return sums[-1], np.concatenate(parts, axis=-1)
+
+    def sensitivities(
+        self, features: Array, weights: Array, readout: Array
+    ) -> tuple[Array, list[Array], list[Array]]:
+        """Outputs, and by layers what makes up the derivative of y = readout . outputs.
+
+        The derivative of y for the weight from input j to neuron o of a layer is the sum over
+        the m inputs of (dy / dz_o) x_j: see `linearized`, where it is multiplied out.
+
+        Args:
+            features: Inputs, (m, n_in) [1].
+            weights: (size,).
+            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
+
+        Returns:
+            (m, n_out); x of each layer, (m, in); dy / dz of each layer, (m, out, n_y).
+        """
+        slope, (layers, inputs, sums) = (
+            ACTIVATIONS[self.activation][1],
+            self._pass(features, weights),
+        )
+        shape = (len(readout), len(features), self.widths[-1])
+        seeds = [np.ascontiguousarray(np.moveaxis(readout.reshape(shape), 0, -1))]
+        for number in reversed(range(1, len(layers))):
+            steps = slope(sums[number - 1])[:, :, None]
+            seeds.insert(0, steps * (layers[number][0].T @ seeds[0]))
+        return sums[-1], inputs, seeds
+
+    def input_slopes(self, features: Array, weights: Array, readout: Array) -> Array:
+        """Derivative of y = readout . outputs for the inputs, (n_y, m, n_in).
+
+        Args:
+            features: Inputs, (m, n_in) [1].
+            weights: (size,).
+            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
+        """
+        _, _, seeds = self.sensitivities(features, weights, readout)
+        matrix, _ = next(self._layers(weights))
+        return np.asarray(np.einsum("oj,moy->ymj", matrix, seeds[0]))
+
+    def _pass(
+        self, features: Array, weights: Array
+    ) -> tuple[list[tuple[Array, Array]], list[Array], list[Array]]:
+        """Weights, inputs (m, in) and sums (m, out) of each layer."""
+        function = ACTIVATIONS[self.activation][0]
+        layers = list(self._layers(weights))
+        inputs, sums = [features], []
+        for matrix, bias in layers:
+            sums.append(inputs[-1] @ matrix.T + bias)
+            inputs.append(function(sums[-1]))
+        return layers, inputs[:-1], sums
+
+    def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
+        start, leading = 0, weights.shape[:-1]
+        for below, above in pairwise(self.widths):
+            middle = start + below * above
+            end = start + (below + 1) * above
+            yield (
+                weights[..., start:middle].reshape(*leading, above, below),
+                weights[..., middle:end],
+            )
+            start = end
+
+
 class PerceptronNetwork(Network):
     """A network that gives its perceptron, encoder and description; the rest follows.
 
     Compiled filters evaluate the perceptron themselves: values and slopes are as they are here.
+
+    Attributes:
+        perceptron: The part with weights.
+        items: Number of evaluations of the perceptron for one x, m.
+        offset: Added to y, (n_y,) [unit of y].
     """
 
-    @property
-    @abstractmethod
-    def items(self) -> int:
-        """Number of evaluations of the perceptron for one x, m."""
-        ...
-
-    @property
-    @abstractmethod
-    def offset(self) -> Array:
-        """Added to y, (n_y,)."""
-        ...
-
-    @property
-    @abstractmethod
-    def perceptron(self) -> Perceptron:
-        """The part with weights."""
-        ...
+    perceptron: Perceptron
+    items: int = 1
+    offset: Array
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of a C function that encodes one sample, and its constants; None without.

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from math import isfinite
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,24 +117,6 @@ class PhysicalParameter(NamedTuple):
         return Estimate(self.name, self.unit, value, spread, self.prior, self.std)
 
 
-class PhysicalNetwork(Network, Protocol):
-    """A network some of whose weights are physical parameters."""
-
-    @property
-    def own_prior(self) -> Array:
-        """Standard deviations of weights before any sample, (n,); nan: left to the learner."""
-        ...
-
-    def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
-        """Physical parameters among the weights, with their standard deviations.
-
-        Args:
-            weights: Weights, (n,) [1].
-            variances: Of the weights, (n,); None: not known.
-        """
-        ...
-
-
 def own_prior(network: Network) -> Array:
     """Standard deviations of weights before any sample that the network knows itself, (n,).
 
@@ -157,9 +139,10 @@ def physical_estimates(
         weights: Weights, (n,) [1].
         variances: Of the weights, (n,); None: not known.
     """
-    if not hasattr(network, "estimates"):
-        return ()
-    return cast(PhysicalNetwork, network).estimates(weights, variances)
+    found: tuple[Estimate, ...] = ()
+    if hasattr(network, "estimates"):
+        found = network.estimates(weights, variances)
+    return found
 
 
 def unit_of(name: str) -> str:

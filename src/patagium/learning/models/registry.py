@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from patagium.errors import ParameterError
-from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.flow import FlowNetwork
+from patagium.learning.models.dense import DenseNetwork, LinearNetwork
+from patagium.learning.models.flow import FlowNetwork, HiddenFlowNetwork
 from patagium.learning.models.grey_box import GreyBox
-from patagium.learning.models.hidden_flow import HiddenFlowNetwork
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
-from patagium.learning.models.linear import LinearNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 

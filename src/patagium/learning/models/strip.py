@@ -19,8 +19,8 @@ from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import FlightTerms
+from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.wing import WingNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
@@ -94,9 +94,10 @@ class StripNetwork(WingNetwork):
         self.chord_fraction, self.rotation = chord_fraction, rotation
         self.coefficient_scale = float(coefficient_scale)
         self.robot, self.air = robot, Air() if air is None else air
-        self._perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
+        self.items = len(robot.strips)
+        self.perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
         self._names, self._matrix = _measurement(robot, measured)
-        self._offset = np.zeros(len(self._names))
+        self.offset = np.zeros(len(self._names))
         pressure = self.air.density * self.coefficient_scale
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
         symbolic, _ = robot.symbolic()
@@ -120,11 +121,6 @@ class StripNetwork(WingNetwork):
         """Matrix from strip forces to y, where y is not the generalized force."""
         return FlightTerms(strip_forces=self._matrix)
 
-    @property
-    def items(self) -> int:
-        """Number of strips."""
-        return len(self.robot.strips)
-
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): small coefficients, and neurons that look all around.
 
@@ -138,12 +134,12 @@ class StripNetwork(WingNetwork):
         draw = np.random.default_rng(seed)
         normal = draw.standard_normal(self.size) / np.sqrt(self.fan_in)
         weights = np.where(self.fan_in > 1, normal, 0.0)
-        inputs, neurons = self._perceptron.widths[:2]
+        inputs, neurons = self.perceptron.widths[:2]
         if inputs == 2:
             angles = 2 * np.pi * (draw.random() + np.arange(neurons) / neurons)
             directions = np.column_stack([np.cos(angles), np.sin(angles)])
             weights[: inputs * neurons] = directions.ravel()
-        below, above = self._perceptron.widths[-2:]
+        below, above = self.perceptron.widths[-2:]
         weights[-(below + 1) * above :] *= 0.25
         return weights
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.learning.models.dense import described
-from patagium.learning.models.mlp import Perceptron
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.models.perceptron import PerceptronNetwork
+from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork
 from patagium.native import NativeFunction
 from patagium.robot.files import load_robot_text
 from patagium.robot.model import Robot
@@ -37,6 +36,7 @@ class RobotNetwork(Network):
         readers: Inverse of `describe` of those arguments that are not JSON themselves.
         robot: The machine.
         air: Density and steady wind.
+        perceptron: The part at the end of the weights.
     """
 
     kind: ClassVar[str]
@@ -44,7 +44,7 @@ class RobotNetwork(Network):
     readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"air": air_from_description}
     robot: Robot
     air: Air
-    _perceptron: Perceptron
+    perceptron: Perceptron
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
@@ -58,14 +58,9 @@ class RobotNetwork(Network):
         return self.robot.dof_names
 
     @property
-    def perceptron(self) -> Perceptron:
-        """The part at the end of the weights."""
-        return self._perceptron
-
-    @property
     def hidden(self) -> tuple[int, ...]:
         """Neurons of each hidden layer of the perceptron."""
-        return self._perceptron.widths[1:-1]
+        return self.perceptron.widths[1:-1]
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
@@ -91,7 +86,7 @@ class RobotNetwork(Network):
 
     def _arguments(self) -> dict[str, Any]:
         """Arguments that make the network again."""
-        activation = self._perceptron.activation
+        activation = self.perceptron.activation
         common = {"robot": self.robot, "hidden": self.hidden, "air": self.air}
         own = {name: getattr(self, name) for name in self.options}
         return {**common, "activation": activation, **own}
@@ -100,7 +95,6 @@ class RobotNetwork(Network):
 class WingNetwork(RobotNetwork, PerceptronNetwork):
     """A network of one perceptron between a compiled encoder of the state and a readout."""
 
-    _offset: Array
     _parameters: Array
     _encode: NativeFunction
 
@@ -109,27 +103,22 @@ class WingNetwork(RobotNetwork, PerceptronNetwork):
         """Length of the state [q, v]."""
         return self.robot.state_size
 
-    @property
-    def offset(self) -> Array:
-        """No air, no force: zero, (n_y,)."""
-        return self._offset
-
     def encode(self, x: Array) -> Encoding:
         """Inputs of the perceptron, (N, m, n_in), and force of unit coefficients, (N, n_y, r)."""
         features, readout = self._encode.batch(x, self._parameters)
         return Encoding(
-            features.reshape(len(x), self._perceptron.widths[0], -1).transpose(0, 2, 1),
+            features.reshape(len(x), self.perceptron.widths[0], -1).transpose(0, 2, 1),
             readout.reshape(len(x), self.outputs, -1),
-            self._offset,
+            self.offset,
         )
 
     def encode_one(self, x: Array) -> Encoding:
         """Inputs of the perceptron, (m, n_in), and force of unit coefficients, (n_y, r)."""
         features, readout = self._encode(x, self._parameters)
         return Encoding(
-            features.reshape(self._perceptron.widths[0], -1).T,
+            features.reshape(self.perceptron.widths[0], -1).T,
             readout.reshape(self.outputs, -1),
-            self._offset,
+            self.offset,
         )
 
     def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
