@@ -25,7 +25,7 @@ from patagium.learning.parameter_paths import estimates_of
 from patagium.learning.refinement import refine
 from patagium.learning.stream import stream
 from patagium.robot import Robot, load_robot, load_robot_text
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium.simulation import gaits, mounts, simulate
 
 Array = NDArray[np.float64]

@@ -24,9 +24,8 @@ from patagium.learning.result import Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import state_columns
-from patagium.sensing.force.samples import ForceSamples
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import state_columns, training_data
+from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
 

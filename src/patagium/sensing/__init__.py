@@ -1,19 +1,19 @@
 """Sensors, logs, clocks, motion, and the aerodynamic force from measurements."""
 
 from patagium.sensing import sensors
-from patagium.sensing.force.momentum_observer import MomentumObserver, momentum_force
-from patagium.sensing.force.samples import ForceSamples
-from patagium.sensing.force.sources import (
+from patagium.sensing.force.air_force import training_data
+from patagium.sensing.force.measured_force import (
+    ForceSamples,
+    MomentumObserver,
     cell_wrench,
     inverse_dynamics_force,
     load_cell_force,
+    momentum_force,
     motor_forces,
 )
-from patagium.sensing.force.training_data import training_data
-from patagium.sensing.logs.importing.import_log import import_log
+from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.record import load_log
 from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts

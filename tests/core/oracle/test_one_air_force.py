@@ -15,7 +15,7 @@ from patagium.live.packets import flight_packets
 from patagium.live.pipeline import Pipeline
 from patagium.live.record import StreamFile
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, packet_columns
-from patagium.sensing.force.sources import Measured, Wrench, inverse_dynamics_force
+from patagium.sensing.force.measured_force import Measured, Wrench, inverse_dynamics_force
 
 SAME = 1e-9  # N, N m: rounding of forces of the size of the joints'
 WIND = (-3.0, 0.2, 0.1)

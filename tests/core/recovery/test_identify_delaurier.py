@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import patagium as pt
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 
 
 def test_strips_learn_a_flight_flown_with_delaurier_and_added_mass() -> None:

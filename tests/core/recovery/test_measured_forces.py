@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError
 from patagium.learning import identify, stream
 from patagium.robot import load_robot_text
-from patagium.sensing.force.sources import Measured
+from patagium.sensing.force.measured_force import Measured
 
 S, P = pt.sensors, pt.sensors.presets
 AMPLIFIER = P.ina226(torque_constant=1.5e-3, gear_ratio=50.0, rate=500.0)

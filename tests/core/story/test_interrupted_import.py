@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from patagium.cli.main import run
-from patagium.sensing.logs.importing.spool import Spool
+from patagium.sensing.logs.importing.resample import Spool
 from patagium.sensing.logs.record import LogRecord
 
 
@@ -65,7 +65,7 @@ def test_a_kill_while_rows_are_read_leaves_no_file(
     program = """
 import sys, time
 from patagium.cli.main import run
-from patagium.sensing.logs.importing.spool import Spool
+from patagium.sensing.logs.importing.resample import Spool
 def read(self, stream, stamps, values):
     print("reading", flush=True)
     time.sleep(60)

@@ -10,7 +10,7 @@ import pytest
 from patagium.errors import LogError
 from patagium.sensing import read_table
 from patagium.sensing.logs.files import opening
-from patagium.sensing.logs.files.csv_file import CsvFile
+from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import parse_mapping

@@ -8,9 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.sensing.logs.importing.findings import Sizes, stamp_findings, unit_findings
+from patagium.sensing.logs.importing.findings import (
+    NO_STAMP,
+    Sizes,
+    StampSurvey,
+    ValueSurvey,
+    stamp_findings,
+    unit_findings,
+)
 from patagium.sensing.logs.importing.import_log import import_log
-from patagium.sensing.logs.importing.survey import NO_STAMP, StampSurvey, ValueSurvey
 from patagium.sensing.logs.mapping import conversion, parse_mapping
 
 GRAVITY = 9.80665

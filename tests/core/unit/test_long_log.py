@@ -12,7 +12,7 @@ import patagium as pt
 from patagium.errors import LogError
 from patagium.learning.identify import identify_table, network_for
 from patagium.learning.long_log import identify_record
-from patagium.sensing.logs.files import csv_file
+from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord
@@ -139,7 +139,7 @@ def test_a_course_of_another_log_is_refused(record: LogRecord, tmp_path: Path) -
 def test_an_interrupted_import_leaves_what_was_there(
     calls: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(csv_file, "BLOCK", 150)
+    monkeypatch.setattr(table_files, "BLOCK", 150)
     path, words, out = written(tmp_path), parse_mapping(WORDS), tmp_path / f"out.{kind}"
     for before in (None, b"of another day"):
         if before is not None:
@@ -156,7 +156,7 @@ def test_an_interrupted_import_leaves_what_was_there(
 def test_blocks_do_not_change_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, words = written(tmp_path), parse_mapping(WORDS)
     whole = import_log(path, words, tmp_path / "whole.nc")
-    monkeypatch.setattr(csv_file, "BLOCK", 150)
+    monkeypatch.setattr(table_files, "BLOCK", 150)
     parts = import_log(path, words, tmp_path / "parts.nc")
     assert parts.findings == whole.findings and parts.samples == whole.samples
     with LogRecord(whole.path) as one, LogRecord(parts.path) as other:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from patagium.sensing.motion.rotation_vectors import rotation_matrix, rotation_vector
+from patagium.sensing.motion.frame_model import rotation_matrix, rotation_vector
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1e-3, 0.1, 2.0, 3.1, np.pi - 1e-8])

@@ -7,13 +7,13 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.sensing.motion.kalman_smoother import (
+from patagium.sensing.motion.smoothers import (
     added_covariance,
     likely_density,
+    merged_times,
     smooth_chain,
     transition,
 )
-from patagium.sensing.motion.smoothers import merged_times
 
 METHODS = [
     pt.sensing.Kalman(),

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from patagium.errors import LogError
+from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping, parse_mapping
-from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.table import table_from_frame
 
 WORDS: dict[str, Any] = {

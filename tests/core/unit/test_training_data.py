@@ -15,8 +15,7 @@ from patagium.learning.identify import (
     samples,
 )
 from patagium.learning.model_file import load_model, model_of, save_model
-from patagium.sensing.force.air_force import state_columns
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import state_columns, training_data
 
 
 @pytest.fixture(scope="module")

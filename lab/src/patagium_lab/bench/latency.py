@@ -29,7 +29,7 @@ from patagium.live.packets import flight_packets
 from patagium.live.pipeline import Pipeline
 from patagium.native import load_kernel
 from patagium.robot import load_robot
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium.simulation import gaits, simulate
 from patagium_lab.kernels import KERNELS
 from patagium_lab.study import Progress

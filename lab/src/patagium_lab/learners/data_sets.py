@@ -21,8 +21,8 @@ from patagium.learning.identify import network_for
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_from_description
 from patagium.robot import load_robot
-from patagium.sensing.force.training_data import training_data
-from patagium.sensing.logs.read_table import read_table
+from patagium.sensing.force.air_force import training_data
+from patagium.sensing.logs.importing.import_log import read_table
 from patagium_lab.measured.crazyflie import HIDDEN, crazyflie_mapping, in_flight
 from patagium_lab.reproduction.cases import FLIGHT_CASES, Span, lever_arms, make_network
 from patagium_lab.reproduction.flights import (

@@ -25,8 +25,8 @@ from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.report import PageSection
 from patagium.report import Table as ReportTable
+from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.read_table import read_table
 from patagium.sensing.logs.table import LogTable
 from patagium_lab.measured.thrust import thrust_network_for
 

@@ -20,7 +20,7 @@ from patagium.learning.identify import compare
 from patagium.learning.model_file import Model
 from patagium.learning.result import Identification
 from patagium.learning.stream import stream
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium_lab.reproduction import flights
 from patagium_lab.reproduction.cases import (
     AS_RUN,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Air, LiftingLine, OneMinusCosineGust
 from patagium.robot import load_robot
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium.simulation import mounts, simulate
 from patagium_lab.reproduction.flights import TIME_STEP, Wingbeat
 

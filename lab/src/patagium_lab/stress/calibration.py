@@ -16,8 +16,8 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.robot import load_robot
-from patagium.sensing.force.training_data import training_data
-from patagium.sensing.logs.read_table import read_table
+from patagium.sensing.force.air_force import training_data
+from patagium.sensing.logs.importing.import_log import read_table
 from patagium_lab.measured.crazyflie import (
     HIDDEN,
     MEASUREMENT_STD,

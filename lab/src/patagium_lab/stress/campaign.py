@@ -31,7 +31,7 @@ from patagium.learning.settings import (
     Structure,
 )
 from patagium.robot import load_robot
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import corrected_flight
 from patagium_lab.stress.faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Feed

@@ -23,7 +23,7 @@ from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
 from patagium.robot import Robot, load_robot
-from patagium.sensing.force.training_data import training_data
+from patagium.sensing.force.air_force import training_data
 from patagium.simulation import mounts, simulate
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import LEARNED

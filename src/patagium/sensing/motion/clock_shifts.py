@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
+from patagium.sensing.motion.estimate_motion import SensorMotion, smoothed_stream
 from patagium.sensing.motion.frame_model import Motion, with_euler_angles
-from patagium.sensing.motion.measurement_models import ImuModel
-from patagium.sensing.motion.motion_smoother import SensorMotion, smoothed_stream
-from patagium.sensing.motion.sensor_streams import Stream, streams_of
+from patagium.sensing.motion.sensor_streams import ImuModel, Stream, streams_of
 from patagium.sensing.motion.smoothers import Kalman, Smoother
 from patagium.sensing.sensors import SensorLog
 

@@ -24,10 +24,15 @@ from scipy.linalg import solve_triangular
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.robot import Robot
-from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base
-from patagium.sensing.motion.kalman_smoother import added_covariance, transition
-from patagium.sensing.motion.measurement_models import MeasurementModel, Observation
-from patagium.sensing.motion.rotation_vectors import rotation_matrix, rotation_vector
+from patagium.sensing.motion.frame_model import (
+    FloatingBase,
+    Motion,
+    floating_base,
+    rotation_matrix,
+    rotation_vector,
+)
+from patagium.sensing.motion.sensor_streams import MeasurementModel, Observation
+from patagium.sensing.motion.smoothers import added_covariance, transition
 
 Array = NDArray[np.float64]
 

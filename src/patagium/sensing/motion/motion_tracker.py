@@ -17,13 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
-from patagium.sensing.motion.estimate_motion import in_coordinates
+from patagium.sensing.motion.estimate_motion import SmoothedMotion, in_coordinates, initial_estimate
 from patagium.sensing.motion.frame_model import with_euler_angles
-from patagium.sensing.motion.kalman_smoother import MOTION_ORDERS
-from patagium.sensing.motion.measurement_models import Observation, measurement_models
 from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
-from patagium.sensing.motion.motion_smoother import SmoothedMotion, initial_estimate
-from patagium.sensing.motion.sensor_streams import Stream
+from patagium.sensing.motion.sensor_streams import Observation, Stream, measurement_models
+from patagium.sensing.motion.smoothers import MOTION_ORDERS
 from patagium.sensing.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]

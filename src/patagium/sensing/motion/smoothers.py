@@ -1,13 +1,16 @@
 """Smoothers of a measured coordinate, its rate and acceleration: Kalman, spline, Savitzky-Golay.
 
-All three are linear in the measurements, so that their covariance is exact for white noise.
-Neglected: motion that a spline or polynomial cannot follow; only the covariance of the Kalman
-smoother allows for it.
+All three are linear in the measurements, so that their covariance is exact for white noise. The
+Kalman smoother takes a coordinate as a chain of integrators driven by white noise: order 3 is a
+Wiener process of the acceleration (white jerk), order 4 one of the jerk (white snap). Many
+coordinates measured at the same times go through one pass. Neglected: motion that a spline or
+polynomial cannot follow; only the covariance of the Kalman smoother allows for it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -15,10 +18,257 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from patagium.errors import LogError, ParameterError
-from patagium.sensing.motion.kalman_smoother import MOTION_ORDERS, likely_density, smooth_chain
+from patagium.errors import LogError, ParameterError, ShapeError
 
 Array = NDArray[np.float64]
+
+ORDERS = (1, 2, 3, 4, 5)
+MOTION_ORDERS = (3, 4, 5)
+"""Orders of a chain that has an acceleration."""
+_DIFFUSE = 3.0
+"""Initial standard deviation, in largest changes between measurements."""
+_REACHES = ((-14.0, 8.0, 45), (-0.5, 0.5, 21))
+"""Grids of the search for a density, in powers of ten: from, to, number of points."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Smoothed coordinates with their derivatives.
+
+    Attributes:
+        state: Coordinate, rate, acceleration (, jerk), (N, B, m) [unit, unit/s, ...].
+        covariance: Covariance of the state, (N, B, m, m) [unit^2, unit^2/s, ...].
+        log_likelihood: Log-likelihood of the measurements of each coordinate, (B,) [-].
+        normalized: Innovations over their predicted standard deviation, (N, B) [-]; NaN where
+            there is no measurement.
+    """
+
+    state: Array
+    covariance: Array
+    log_likelihood: Array
+    normalized: Array
+
+
+def transition(order: int, step: float) -> Array:
+    """Transition matrix of a chain over a step, (m, m), in powers of [s].
+
+    Args:
+        order: Number m of levels.
+        step: Length of the step [s].
+    """
+    return np.array(
+        [
+            [step ** (j - i) / factorial(j - i) if j >= i else 0.0 for j in range(order)]
+            for i in range(order)
+        ]
+    )
+
+
+def added_covariance(order: int, step: float) -> Array:
+    """Covariance that white noise of density one adds to a chain over a step, (m, m).
+
+    Args:
+        order: Number m of levels.
+        step: Length of the step [s].
+    """
+    m = order
+    return np.array(
+        [
+            [
+                step ** (2 * m - 1 - i - j)
+                / ((2 * m - 1 - i - j) * factorial(m - 1 - i) * factorial(m - 1 - j))
+                for j in range(m)
+            ]
+            for i in range(m)
+        ]
+    )
+
+
+def smooth_chain(
+    time: ArrayLike,
+    values: ArrayLike,
+    std: ArrayLike,
+    density: ArrayLike,
+    *,
+    order: int = 4,
+    filtered: bool = False,
+) -> Chain:
+    """Coordinates and their derivatives given all measurements.
+
+    A Kalman filter runs forwards and a Rauch-Tung-Striebel smoother backwards.
+
+    Args:
+        time: Increasing times, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
+        std: Standard deviation of the measurements, (B,), (N, B) or one for all [unit].
+        density: Density of the driving noise, (B,) or one for all [unit^2/s^(2m-1)].
+        order: Number m of levels.
+        filtered: Whether to leave out the smoother.
+
+    Raises:
+        ShapeError: If arrays do not fit each other.
+        ParameterError: If order, standard deviation or density is out of its range.
+        LogError: If time does not advance, or a coordinate was never measured.
+    """
+    stamps, y, noise, drive = _checked(time, values, std, density, order)
+    unit = float(np.median(np.diff(stamps)))  # time in steps: entries of like size
+    run = _Pass(stamps / unit, y, noise, drive * unit ** (2 * order - 1), order)
+    run.forwards()
+    state, covariance = (run.state, run.covariance) if filtered else run.backwards()
+    scale = unit ** -np.arange(order, dtype=float)
+    likelihood = run.log_likelihood
+    return Chain(state * scale, covariance * np.outer(scale, scale), likelihood, run.normalized)
+
+
+def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order: int = 4) -> Array:
+    """Density of the driving noise for which the measurements are most likely, (B,).
+
+    The search is a grid over 22 powers of ten, refined about its best point.
+
+    Args:
+        time: Increasing times, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
+        std: Standard deviation of the measurements, (B,) or one for all, positive [unit].
+        order: Number m of levels.
+
+    Returns:
+        Density of each coordinate, (B,) [unit^2/s^(2m-1)].
+
+    Raises:
+        ShapeError: If arrays do not fit each other.
+        ParameterError: If order or standard deviation is out of its range.
+        LogError: If time does not advance, or a coordinate was never measured.
+    """
+    stamps, y, noise, _ = _checked(time, values, std, 1.0, order)
+    count = y.shape[1]
+    unit = float(np.median(np.diff(stamps)))
+    best = np.log10(noise.mean(axis=0)) - (2 * order - 1) * np.log10(unit)
+    for reach in _REACHES:
+        exponents = best + np.linspace(*reach)[:, None]
+        tried = _likelihoods(stamps, y, noise, 10.0**exponents, order)
+        best = exponents[np.argmax(tried, axis=0), np.arange(count)]
+    return np.asarray(10.0**best)
+
+
+def _likelihoods(stamps: Array, y: Array, noise: Array, density: Array, order: int) -> Array:
+    """Log-likelihood for each of the densities, (G, B)."""
+    tried, count = density.shape
+    unit = float(np.median(np.diff(stamps)))
+    drive = density.reshape(-1) * unit ** (2 * order - 1)
+    run = _Pass(stamps / unit, np.tile(y, tried), np.tile(noise, tried), drive, order, keep=False)
+    run.forwards()
+    return run.log_likelihood.reshape(tried, count)
+
+
+class _Pass:
+    """One pass over the measurements, with time in units of the median step."""
+
+    def __init__(
+        self, time: Array, y: Array, noise: Array, drive: Array, order: int, keep: bool = True
+    ) -> None:
+        self.time, self.y, self.noise, self.order = time, y, noise, order
+        self.drive = drive
+        samples, count = y.shape
+        self.log_likelihood = np.zeros(count)
+        self._keep = keep
+        if keep:
+            self.normalized = np.full((samples, count), np.nan)
+            self.state = np.empty((samples, count, order))
+            self.covariance = np.empty((samples, count, order, order))
+        self._steps: dict[float, tuple[Array, Array]] = {}
+
+    def forwards(self) -> None:
+        samples, count = self.y.shape
+        x, p = self._start()
+        for k in range(samples):
+            if k:
+                x, p = self._predict(k, x, p)
+            x, p = self._update(k, x, p)
+            if self._keep:
+                self.state[k], self.covariance[k] = x, p
+
+    def backwards(self) -> tuple[Array, Array]:
+        state, covariance = self.state.copy(), self.covariance.copy()
+        for k in range(len(self.time) - 2, -1, -1):
+            x, p = self.state[k], self.covariance[k]
+            ahead, predicted = self._predict(k + 1, x, p)
+            move, _ = self._step(k + 1)
+            gain = np.swapaxes(_solve(predicted, move @ p), -1, -2)
+            state[k] = x + np.einsum("bij,bj->bi", gain, state[k + 1] - ahead)
+            change = covariance[k + 1] - predicted
+            covariance[k] = _even(p + gain @ change @ np.swapaxes(gain, -1, -2))
+        return state, covariance
+
+    def _start(self) -> tuple[Array, Array]:
+        count, order = self.y.shape[1], self.order
+        first = np.argmax(np.isfinite(self.y), axis=0)
+        x = np.zeros((count, order))
+        x[:, 0] = self.y[first, np.arange(count)]
+        change = [np.abs(np.diff(y[np.isfinite(y)])).max(initial=0.0) for y in self.y.T]
+        wide = _DIFFUSE * (np.array(change) + np.sqrt(self.noise.max(axis=0)))
+        return x, np.einsum("b,ij->bij", wide**2, np.eye(order))
+
+    def _step(self, k: int) -> tuple[Array, Array]:
+        step = round(float(self.time[k] - self.time[k - 1]), 12)
+        if step not in self._steps:
+            self._steps[step] = transition(self.order, step), added_covariance(self.order, step)
+        return self._steps[step]
+
+    def _predict(self, k: int, x: Array, p: Array) -> tuple[Array, Array]:
+        move, add = self._step(k)
+        return x @ move.T, move @ p @ move.T + self.drive[:, None, None] * add
+
+    def _update(self, k: int, x: Array, p: Array) -> tuple[Array, Array]:
+        seen = np.isfinite(self.y[k])
+        if not seen.any():
+            return x, p
+        variance = np.maximum(p[:, 0, 0], 0.0) + self.noise[k]
+        innovation = np.where(seen, self.y[k] - x[:, 0], 0.0)
+        self.log_likelihood -= np.where(
+            seen, 0.5 * (innovation**2 / variance + np.log(2 * np.pi * variance)), 0.0
+        )
+        if self._keep:
+            self.normalized[k] = np.where(seen, innovation / np.sqrt(variance), np.nan)
+        gain = np.where(seen[:, None], p[:, :, 0] / variance[:, None], 0.0)
+        x = x + gain * innovation[:, None]
+        # Joseph's form: stays definite where a measurement is nearly exact
+        keep = np.eye(self.order) - gain[:, :, None] * np.eye(self.order)[0]
+        p = keep @ p @ np.swapaxes(keep, -1, -2)
+        p = p + self.noise[k][:, None, None] * gain[:, :, None] * gain[:, None, :]
+        return x, _even(p)
+
+
+def _even(matrices: Array) -> Array:
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def _solve(matrices: Array, right: Array) -> Array:
+    """Solutions A^-1 B for symmetric A, each scaled to a unit diagonal first."""
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("...ii->...i", matrices), 1e-300))
+    scaled = matrices * scale[..., :, None] * scale[..., None, :]
+    return np.asarray(scale[..., None] * np.linalg.solve(scaled, scale[..., None] * right))
+
+
+def _checked(
+    time: ArrayLike, values: ArrayLike, std: ArrayLike, density: ArrayLike, order: int
+) -> tuple[Array, Array, Array, Array]:
+    stamps, y = np.asarray(time, float), np.asarray(values, float)
+    if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
+        raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
+    if order not in ORDERS:
+        raise ParameterError("order", f"one of {ORDERS}", order)
+    if not (np.diff(stamps) > 0).all():
+        k = int(np.argmin(np.diff(stamps)))
+        raise LogError(f"time: expected to advance, found {stamps[k + 1]:.9g} s after that of {k}")
+    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
+    if len(silent):
+        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
+    noise = np.broadcast_to(np.asarray(std, float), y.shape)
+    drive = np.broadcast_to(np.asarray(density, float), y.shape[1:])
+    for name, array in (("std", noise), ("density", drive)):
+        if not (np.isfinite(array).all() and (array > 0).all()):
+            raise ParameterError(name, "positive numbers", float(np.min(array)))
+    return stamps, y, noise**2, np.array(drive)
 
 
 class Smoothed(NamedTuple):

@@ -6,13 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.bag_file import BagFile
 from patagium.sensing.logs.files.channels import LogFile
-from patagium.sensing.logs.files.csv_file import CsvFile
-from patagium.sensing.logs.files.mat_file import MatFile
-from patagium.sensing.logs.files.mcap_file import McapFile
-from patagium.sensing.logs.files.parquet_file import ParquetFile
-from patagium.sensing.logs.files.ulog_file import UlogFile
+from patagium.sensing.logs.files.message_files import BagFile, McapFile
+from patagium.sensing.logs.files.table_files import CsvFile, MatFile, ParquetFile, UlogFile
 
 _SINGLE: dict[str, Callable[[Path], LogFile]] = {
     ".csv": CsvFile,

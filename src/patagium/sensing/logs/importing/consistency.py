@@ -15,11 +15,9 @@ import numpy as np
 
 from patagium.sensing.logs.axes import rotate, turning_rate
 from patagium.sensing.logs.files.channels import Array
-from patagium.sensing.logs.importing.findings import GRAVITY, Finding
+from patagium.sensing.logs.importing.findings import GRAVITY, SECOND, Finding
 from patagium.sensing.logs.importing.plan import Quantity
-from patagium.sensing.logs.importing.resample import TimeBase, resampled, stamps_in
-from patagium.sensing.logs.importing.spool import Spool
-from patagium.sensing.logs.importing.survey import SECOND
+from patagium.sensing.logs.importing.resample import Spool, TimeBase, resampled, stamps_in
 
 _STRETCHES = 8
 _LENGTH = 4000

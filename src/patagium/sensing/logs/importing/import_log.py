@@ -1,46 +1,144 @@
 """Import of a log of another program: findings first, then a file on one time base in our units.
 
-The file appears whole or not at all. An import that is interrupted leaves nothing behind and
+A netCDF4 file has one variable for each number, such as `angular rate.x`, with its unit, its
+expected range and its role. Its attributes hold the mapping, the findings and the resampling. The
+file appears whole or not at all. An import that is interrupted leaves nothing behind and
 starts from the beginning when it is called again.
 """
 
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import pandas as pd
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import (
+    SECOND,
     Finding,
+    Progress,
+    ValueSurvey,
     constant_findings,
     missing_findings,
     sizes_of,
     stamp_findings,
     unit_findings,
 )
-from patagium.sensing.logs.importing.plan import Plan, Quantity, plan_import
+from patagium.sensing.logs.importing.plan import Plan, Quantity, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
+    Spool,
     TimeBase,
     resampled,
     stamps_in,
     time_base,
 )
-from patagium.sensing.logs.importing.spool import Spool
-from patagium.sensing.logs.importing.survey import SECOND, Progress, ValueSurvey
-from patagium.sensing.logs.importing.writer import CsvWriter, NetcdfWriter, Writer
 from patagium.sensing.logs.mapping import TableMapping, conversion, load_mapping
+from patagium.sensing.logs.record import FORMAT, LogRecord
+from patagium.sensing.logs.table import LogTable, table_from_frame
 from patagium.version import __version__
 from patagium.whole_file import whole_file
+
+_CHUNK = 1 << 15
+"""Samples of a chunk of a netCDF4 variable."""
+
+
+class NetcdfWriter:
+    """Writer of a netCDF4 log.
+
+    Args:
+        path: The file.
+        plan: Quantities of the log.
+        rows: Largest number of samples to come.
+        attributes: Attributes of the file.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+
+    def __init__(self, path: Path, plan: Plan, rows: int, attributes: dict[str, Any]) -> None:
+        from netCDF4 import Dataset
+
+        self._chunk = min(_CHUNK, max(1, rows))
+        self._file = Dataset(path, "w", format="NETCDF4")
+        self._file.setncatts({**attributes, "format": FORMAT})
+        self._file.createDimension("time", None)
+        self._time = self._variable("time", "s", {})
+        self._columns = []
+        for item in plan.items:
+            words = item.column
+            for label, bounds in zip(words.labels, item.bounds(), strict=False):
+                facts: dict[str, Any] = {"role": item.role, "quantity": words.label}
+                if np.isfinite(bounds).all():
+                    facts["expected_range"] = list(bounds)
+                if words.frame is not None:
+                    facts["frame_in_log"] = words.frame
+                if item.is_attitude:
+                    facts["body_in_log"] = words.body
+                self._columns.append(self._variable(label, item.unit, facts))
+        self._rows = 0
+
+    def write(self, time: Array, values: Array) -> None:
+        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
+        rows = slice(self._rows, self._rows + len(time))
+        self._time[rows] = time
+        for column, variable in zip(values.T, self._columns, strict=True):
+            variable[rows] = column
+        self._rows = rows.stop
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._file.close()
+
+    def _variable(self, name: str, unit: str, facts: dict[str, Any]) -> Any:
+        variable = self._file.createVariable(
+            variable_name(name), "f8", ("time",), chunksizes=(self._chunk,)
+        )
+        variable.set_var_chunk_cache(8 * self._chunk, 3, 0.75)  # one chunk; the default is many
+        variable.setncatts({"units": unit, "long_name": name, **facts})
+        return variable
+
+
+class CsvWriter:
+    """Writer of a CSV text with the time and all labels.
+
+    Args:
+        path: The file.
+        plan: Quantities of the log.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self._file = path.open("w", encoding="utf-8", newline="")
+        labels = [label for item in plan.items for label in item.column.labels]
+        self._append(pd.DataFrame(columns=["time", *labels]), header=True)
+
+    def write(self, time: Array, values: Array) -> None:
+        """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
+        self._append(pd.DataFrame(np.column_stack([time, values])), header=False)
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._file.close()
+
+    def _append(self, rows: pd.DataFrame, *, header: bool) -> None:
+        rows.to_csv(self._file, header=header, index=False, lineterminator="\n")
+
+
+Writer: TypeAlias = NetcdfWriter | CsvWriter
+
 
 Tell = Callable[[Sequence[Finding]], None]
 
@@ -285,3 +383,44 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
     if progress is None:
         return None
     return lambda done, total: progress(done + which * total, 2 * total)
+
+
+def read_table(
+    path: str | Path,
+    mapping: TableMapping | str | Path,
+    tell: Callable[[Any], None] | None = None,
+) -> LogTable:
+    """Checked table of a CSV or Parquet file, or of another log through `import_log`.
+
+    A header may carry its unit as `name [unit]`; it must then agree with the mapping. If the
+    mapping names more than plain columns (topics, axes, a time base), the log is imported in a
+    temporary folder first.
+
+    Args:
+        path: A `.csv` (also `.csv.gz`) or `.parquet` file with named columns, or another log.
+        mapping: Meaning of the columns, or the YAML file that states it.
+        tell: Called with the findings of an import.
+
+    Raises:
+        LogError: If the file cannot be read, a column is missing or not numeric, a number
+            is missing or infinite, time does not advance, or a unit does not fit.
+    """
+    file = Path(path)
+    words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
+    if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
+        return table_from_frame(_frame(file), words, str(file))
+    with tempfile.TemporaryDirectory() as folder:
+        found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
+        with LogRecord(found.path) as record:
+            return replace(record.table(), source=str(file))
+
+
+def _frame(file: Path) -> pd.DataFrame:
+    try:
+        if file.suffix == ".parquet":
+            return pd.read_parquet(file)
+        return pd.read_csv(file, encoding="utf-8-sig")
+    except FileNotFoundError as problem:
+        raise LogError(f"{file}: no such file") from problem
+    except (OSError, ValueError, ImportError) as problem:
+        raise LogError(f"{file}: expected a CSV or Parquet table, found: {problem}") from problem

@@ -19,19 +19,17 @@ from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import Request, Topic
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.findings import (
-    Finding,
-    missing_findings,
-    sizes_of,
-    stamp_findings,
-    unit_findings,
-)
-from patagium.sensing.logs.importing.survey import (
     SECOND,
+    Finding,
     Progress,
     StampSurvey,
     StreamSurvey,
     ValueSurvey,
+    missing_findings,
+    sizes_of,
+    stamp_findings,
     survey_streams,
+    unit_findings,
 )
 
 GAP = 3.0

@@ -1,0 +1,700 @@
+"""Readers of recordings of messages: ROS 1 and ROS 2 bags by rosbags, and MCAP files.
+
+Numbers inside messages are named by dotted path, whatever library decoded the message. Paths are
+`pose.pose.position.x` or `position[2]`. Brackets also take a name: that of a joint where
+the message lists names beside its arrays, that of a frame or an id where the message holds parts
+(`transforms[base_link]`). All messages of a topic are expected to have the parts of its first one.
+Message definitions that a log lacks come from rosbags' collections, and a note says so. The parts
+of one recording are read as one log. Attachments and metadata of MCAP files are not read.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from patagium.errors import LogError
+from patagium.sensing.logs.files.channels import (
+    NO_STAMP,
+    Block,
+    Channel,
+    Request,
+    StampSource,
+    Topic,
+    reading,
+)
+
+_STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
+_MOST_ENTRIES = 64
+_MOST_PARTS = 16
+_ROWS = 4096
+_NAMES = ("name", "names", "joint_names")
+_KEYS = ("child_frame_id", "name", "id")
+NO_MESSAGE = "no message in the log"
+"""Problem of a topic without messages."""
+_SECONDS = ("sec", "secs", "seconds")
+_NANOS = ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
+
+Getter = Callable[[Any], Any]
+
+
+class Message(NamedTuple):
+    """Message that is decoded when its content is needed.
+
+    Attributes:
+        topic: Name of its topic.
+        received: Time at which it was written to the log [ns].
+        decode: Function that returns the decoded content.
+    """
+
+    topic: str
+    received: int
+    decode: Callable[[], Any]
+
+
+def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], Any]) -> Topic:
+    """Topic of messages, described by its first message.
+
+    A message that cannot be decoded makes a topic with a `problem`, so that one damaged topic
+    does not prevent the others from being read.
+
+    Args:
+        name: Name of the topic.
+        kind: Type of its messages.
+        count: Number of messages, if known.
+        decode: Function that returns the decoded first message.
+    """
+    channels, aliases = {}, {}
+    try:
+        first = decode()
+        for path, dtype, other in _leaves(first, "", None):
+            channels[path] = Channel(path, dtype, unit_in_message(kind, path))
+            if other:
+                aliases[other] = path
+    except LogError as problem:
+        return unreadable_topic(name, kind, count, str(problem))
+    except Exception as problem:  # decoders raise their own errors
+        return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
+    stamp = _stamp(first, _stamp_path(first, list(channels)))
+    base = StampSource("header" if stamp not in (None, 0) else "received")
+    return Topic(name, kind, count, channels, base, aliases=aliases)
+
+
+def message_blocks(
+    streams: Sequence[Iterable[Message]], wanted: Sequence[Request]
+) -> Iterator[Block]:
+    """Requested rows in the order in which messages were received.
+
+    A message without a part that is requested by name makes no row.
+
+    Args:
+        streams: Messages of each file of a recording, by the time they were received.
+        wanted: Requests.
+    """
+    rows = [_Rows(key, one) for key, one in enumerate(wanted)]
+    listeners: dict[str, list[_Rows]] = defaultdict(list)
+    for row in rows:
+        listeners[wanted[row.key].topic].append(row)
+    for message in heapq.merge(*streams, key=lambda message: message.received):
+        if not listeners[message.topic]:
+            continue
+        content = message.decode()
+        for row in listeners[message.topic]:
+            row.add(content, message.received)
+            if len(row.stamps) >= _ROWS:
+                yield row.block()
+    for row in rows:
+        if row.stamps:
+            yield row.block()
+
+
+def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
+    """Topic without numbers that says why it cannot be read."""
+    return Topic(name, kind, count, {}, StampSource("received"), problem)
+
+
+def one_line(problem: Exception) -> str:
+    """Message of an error on one line of at most 200 characters."""
+    return " ".join(str(problem).split())[:200] or type(problem).__name__
+
+
+class _Rows:
+    """Rows of one request that are collected for a block."""
+
+    def __init__(self, key: int, wanted: Request) -> None:
+        self.key, self.wanted = key, wanted
+        self.getters = [getter(path) for path in wanted.fields]
+        self.stamps: list[int] = []
+        self.values: list[list[float]] = []
+        self._path: str | None = None
+
+    def add(self, content: Any, received: int) -> None:
+        try:
+            values = [float(get(content)) for get in self.getters]
+        except (KeyError, IndexError):
+            return
+        self.stamps.append(self._stamp(content, received))
+        self.values.append(values)
+
+    def block(self) -> Block:
+        stamps = np.array(self.stamps, np.int64)
+        values = np.array(self.values, float).reshape(len(stamps), len(self.getters))
+        self.stamps, self.values = [], []
+        return Block(self.key, stamps, values)
+
+    def _stamp(self, content: Any, received: int) -> int:
+        kind = self.wanted.base.kind
+        if kind == "received":
+            return received
+        if kind == "column":
+            return _as_stamp(getter(self.wanted.base.column)(content), self.wanted.base.factor)
+        if self._path is None:
+            self._path = _stamp_path(content, list(self.wanted.fields)) or ""
+        stamp = _stamp(content, self._path)
+        return NO_STAMP if stamp is None else stamp
+
+
+def getter(path: str) -> Getter:
+    """Function that takes the value at a path out of a message.
+
+    Args:
+        path: Names with dots, indices or names in brackets.
+
+    Returns:
+        The function; it raises KeyError or IndexError if a message has no such part.
+    """
+    steps = [(a, b, bool(a)) for a, b in _STEP.findall(path)]
+
+    def get(message: Any) -> Any:
+        above, value = None, message
+        for name, key, by_name in steps:
+            if by_name:
+                above, value = value, member(value, name)
+            else:
+                value = _entry(above, value, key)
+        return value
+
+    return get
+
+
+def member(value: Any, name: str) -> Any:
+    """Part of a message or a dict by its name.
+
+    Raises:
+        KeyError: If there is no such part.
+    """
+    if isinstance(value, dict):
+        return value[name]
+    try:
+        return getattr(value, name)
+    except AttributeError:
+        raise KeyError(name) from None
+
+
+def _entry(above: Any, value: Any, key: str) -> Any:
+    if isinstance(value, dict):
+        return value[key]
+    if key.lstrip("-").isdigit():
+        return value[int(key)]
+    names = _names_beside(above, value)
+    if names is not None and key in names:
+        return value[names.index(key)]
+    for part in value:
+        if _key_of(part) == key:
+            return part
+    raise KeyError(key)
+
+
+def _names_beside(above: Any, value: Any) -> list[str] | None:
+    for word in _NAMES:
+        try:
+            names = member(above, word)
+        except KeyError:
+            continue
+        if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
+            return list(names)
+    return None
+
+
+def _key_of(part: Any) -> str | None:
+    for word in _KEYS:
+        try:
+            key = member(part, word)
+        except KeyError:
+            continue
+        if isinstance(key, str) and key:
+            return key
+    return None
+
+
+def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
+    """Path, type and alternative path of every number."""
+    if isinstance(value, bool | np.bool_):
+        yield path, "bool", ""
+    elif isinstance(value, int | np.integer):
+        yield path, "int", ""
+    elif isinstance(value, float | np.floating):
+        yield path, "float", ""
+    elif isinstance(value, str | bytes) or value is None:
+        return
+    elif isinstance(value, np.ndarray) or _is_list(value):
+        yield from _entries(value, path, above)
+    else:
+        for name, inner in _members(value):
+            if not (path == "" and name == "header"):
+                yield from _leaves(inner, f"{path}.{name}" if path else name, value)
+
+
+def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
+    names = _names_beside(above, value) if len(value) else None
+    numeric = isinstance(value, np.ndarray)
+    if numeric and value.dtype == np.uint8 and len(value) > _MOST_ENTRIES:
+        return  # an image, a cloud of points
+    for index, entry in enumerate(value[: _MOST_ENTRIES if numeric else _MOST_PARTS]):
+        key = names[index] if names is not None else _key_of(entry)
+        own = f"{path}[{key if key else index}]"
+        for leaf, dtype, _ in _leaves(entry, own, value):
+            yield leaf, dtype, (f"{path}[{index}]{leaf[len(own) :]}" if key else "")
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple) or (
+        hasattr(value, "__len__") and hasattr(value, "__getitem__") and not isinstance(value, dict)
+    )
+
+
+def _members(value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        yield from value.items()
+        return
+    fields = getattr(value, "__dataclass_fields__", None)
+    if fields is not None:
+        names = [name for name in fields if not name.startswith("_")]
+    else:
+        descriptor = getattr(value, "DESCRIPTOR", None)
+        names = [field.name for field in descriptor.fields] if descriptor is not None else []
+    for name in names:
+        yield name, getattr(value, name)
+
+
+def _stamp_path(message: Any, fields: list[str]) -> str | None:
+    """Path of the stamp in a message; the stamp of the named part comes first."""
+    prefix = fields[0].rpartition("]")[0] + "]" if fields and "]" in fields[0] else ""
+    while prefix.count("]") > 1 and _stamp(message, f"{prefix}.header.stamp") is None:
+        prefix = prefix[: prefix.rindex("[")].rpartition("]")[0] + "]"
+    places = [f"{prefix}.header.stamp"] if prefix else []
+    for place in [*places, "header.stamp", "timestamp", "stamp", "time"]:
+        if _stamp(message, place) is not None:
+            return place
+    return None
+
+
+def _stamp(message: Any, path: str | None) -> int | None:
+    if not path:
+        return None
+    try:
+        stamp = getter(path)(message)
+    except (KeyError, IndexError, TypeError):
+        return None
+    for seconds in _SECONDS:
+        for nanos in _NANOS:
+            try:
+                return int(member(stamp, seconds)) * 10**9 + int(member(stamp, nanos))
+            except (KeyError, TypeError, ValueError):
+                continue
+    return None
+
+
+def _as_stamp(value: Any, factor: float) -> int:
+    whole = _stamp({"stamp": value}, "stamp")
+    if whole is not None:
+        return whole
+    if isinstance(value, int | np.integer):
+        return int(value) * round(factor) if factor >= 1 else round(int(value) * factor)
+    number = float(value) * factor
+    return round(number) if abs(number) < 2.0**62 else NO_STAMP
+
+
+_BY_TYPE = {
+    "Imu": (
+        ("linear_acceleration_covariance", ""),
+        ("angular_velocity_covariance", ""),
+        ("linear_acceleration", "m/s^2"),
+        ("angular_velocity", "rad/s"),
+    ),
+    "MagneticField": (("magnetic_field.", "T"),),
+    "FluidPressure": (("fluid_pressure", "Pa"),),
+    "Temperature": (("temperature", "degC"),),
+    "Range": (("range", "m"),),
+}
+_BY_PATH = (
+    ("orientation", "1"),
+    ("rotation", "1"),
+    ("linear_acceleration", "m/s^2"),
+    ("angular_velocity", "rad/s"),
+    ("position.", "m"),
+    ("translation.", "m"),
+    ("point.", "m"),
+    ("linear.", "m/s"),
+    ("angular.", "rad/s"),
+    ("force.", "N"),
+    ("torque.", "N m"),
+)
+_SHARED = ("geometry_msgs", "nav_msgs", "sensor_msgs", "tf2_msgs", "tf")
+
+
+def unit_in_message(kind: str, path: str) -> str:
+    """Unit of a number of a message; empty where the definition states none.
+
+    Args:
+        kind: Type of the message, such as `sensor_msgs/msg/Imu`.
+        path: Path of the number.
+    """
+    package, _, name = kind.rpartition("/")
+    if package.partition("/")[0] not in _SHARED or "covariance" in path:
+        return ""
+    for start, unit in _BY_TYPE.get(name, ()):
+        if path.startswith(start):
+            return unit
+    if name.startswith("Accel"):
+        return {"l": "m/s^2", "a": "rad/s^2"}.get(path.rpartition(".")[0][-6:][:1], "")
+    if name == "JointState":
+        return "rad" if path.startswith("position") else "rad/s" if path[:3] == "vel" else "N m"
+    words = path if "." in path else ""
+    return next((unit for part, unit in _BY_PATH if part in words), "")
+
+
+Decoder = Callable[[bytes], Any]
+
+
+class MessageTypes:
+    """Decoders of ROS messages, one for each type.
+
+    Args:
+        ros2: Whether messages are of ROS 2 (CDR).
+        distribution: ROS distribution that wrote the log; its collection of types is used where
+            the log has no definition. None takes the latest.
+
+    Attributes:
+        borrowed: Types without a definition in the log, and the collection that has theirs.
+    """
+
+    def __init__(self, *, ros2: bool, distribution: str | None = None) -> None:
+        self._ros2, self._distribution = ros2, distribution
+        self._decoders: dict[tuple[str, str], Decoder] = {}
+        self.borrowed: dict[str, str] = {}
+
+    def decoder(self, kind: str, definition: str, language: str) -> Decoder:
+        """Function that decodes messages of a type.
+
+        Args:
+            kind: Name of the type, such as `sensor_msgs/msg/Imu`.
+            definition: Its definition; empty takes that of a collection.
+            language: "msg" or "idl".
+
+        Raises:
+            LogError: If there is no definition, or it cannot be read.
+        """
+        if kind.count("/") == 1:
+            kind = kind.replace("/", "/msg/")  # as ROS 1 has it
+        key = (kind, definition)
+        if key not in self._decoders:
+            self._decoders[key] = self._make(kind, definition, language)
+        return self._decoders[key]
+
+    def _make(self, kind: str, definition: str, language: str) -> Decoder:
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        if not definition.strip():
+            store, named = self._collection()
+            if kind not in store.fielddefs:
+                raise LogError(
+                    f"the log carries no definition of {kind}, and rosbags' types of {named} "
+                    "have none"
+                )
+            self.borrowed[kind] = named
+        else:
+            store = get_typestore(Stores.EMPTY)
+            try:
+                if language == "idl":
+                    types = _idl(definition, get_types_from_idl)
+                else:
+                    types = get_types_from_msg(definition, kind)
+                store.register({name: it for name, it in types.items() if name not in store.types})
+            except Exception as problem:  # parsers raise their own
+                raise LogError(f"the definition of {kind} cannot be read: {problem}") from problem
+        if self._ros2:
+            return lambda content: store.deserialize_cdr(content, kind)
+        return lambda content: store.deserialize_ros1(content, kind)
+
+    def _collection(self) -> tuple[Any, str]:
+        from rosbags.typesys import Stores, get_typestore
+
+        if not self._ros2:
+            return get_typestore(Stores.ROS1_NOETIC), "ROS 1 Noetic"
+        wanted = f"ros2_{(self._distribution or '').lower()}"
+        for store in Stores:
+            if store.value == wanted:
+                return get_typestore(store), f"ROS 2 {self._distribution}"
+        return get_typestore(Stores.LATEST), "the latest ROS 2"
+
+
+def _idl(definition: str, parse: Callable[[str], Any]) -> dict[str, Any]:
+    line = "=" * 80 + "\n"
+    if not definition.startswith(f"{line}IDL: "):
+        return dict(parse(definition))
+    types: dict[str, Any] = {}
+    for part in definition.split(line)[1:]:
+        types.update(parse(part.partition("\n")[2]))
+    return types
+
+
+class BagFile:
+    """Open bag, or the open parts of one; see `LogFile`.
+
+    Args:
+        paths: `.bag` files; or `.db3` files, or folders with a metadata.yaml.
+
+    Raises:
+        LogError: If a bag cannot be read.
+    """
+
+    def __init__(self, paths: list[Path]) -> None:
+        self.path = paths[0] if len(paths) == 1 else paths[0].parent
+        self.notes: list[str] = []
+        self._ros2 = paths[0].suffix != ".bag"
+        self.format = "ROS 2 bag" if self._ros2 else "ROS 1 bag"
+        self._readers: list[Any] = []
+        try:
+            with reading(self.path, self.format):
+                self._readers = [self._open(path) for path in paths]
+                self._types = MessageTypes(ros2=self._ros2, distribution=self._distribution())
+                self.topics: dict[str, Topic] = {
+                    name: self._topic(name, held) for name, held in self._connections().items()
+                }
+        except BaseException:
+            self.close()
+            raise
+        for kind, named in sorted(self._types.borrowed.items()):
+            self.notes.append(f"the bag carries no definition of {kind}: that of {named} is used")
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows in the order of the bag."""
+        topics = {one.topic for one in wanted}
+        with reading(self.path, self.format):
+            streams = [self._messages(reader, topics) for reader in self._readers]
+            yield from message_blocks(streams, wanted)
+
+    def close(self) -> None:
+        """Close the files."""
+        for reader in self._readers:
+            with suppress(Exception):  # one that failed to open
+                reader.close()
+        self._readers = []
+
+    def _open(self, path: Path) -> Any:
+        if self._ros2:
+            from rosbags.rosbag2 import Reader
+
+            reader: Any = Reader(path)
+        else:
+            from rosbags.rosbag1 import Reader as Reader1
+
+            reader = Reader1(path)
+        reader.open()
+        return reader
+
+    def _distribution(self) -> str | None:
+        metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
+        return getattr(metadata, "ros_distro", None)
+
+    def _connections(self) -> dict[str, list[tuple[Any, Any]]]:
+        held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
+        for reader in self._readers:
+            for connection in reader.connections:
+                held[connection.topic].append((reader, connection))
+        return dict(sorted(held.items()))
+
+    def _topic(self, name: str, held: list[tuple[Any, Any]]) -> Topic:
+        kind = held[0][1].msgtype
+        count = sum(connection.msgcount for _, connection in held)
+
+        def first() -> Any:
+            for reader, connection in held:
+                for _, _, content in reader.messages(connections=[connection]):
+                    return self._decoder(connection)(content)
+            raise LogError(NO_MESSAGE)
+
+        topic = message_topic(name, kind, count, first)
+        return replace(topic, count=0) if topic.problem == NO_MESSAGE else topic
+
+    def _decoder(self, connection: Any) -> Any:
+        language = "idl" if connection.msgdef.format.name == "IDL" else "msg"
+        return self._types.decoder(connection.msgtype, connection.msgdef.data, language)
+
+    def _messages(self, reader: Any, topics: set[str]) -> Iterator[Message]:
+        chosen = [one for one in reader.connections if one.topic in topics]
+        for connection, stamp, content in reader.messages(connections=chosen) if chosen else ():
+            decode = partial(self._decoder(connection), content)
+            yield Message(connection.topic, stamp, decode)
+
+
+class McapFile:
+    """Open MCAP file, or the parts of one recording; see `LogFile`.
+
+    Args:
+        paths: The file, or the parts.
+
+    Raises:
+        LogError: If a file cannot be read.
+    """
+
+    format = "MCAP"
+
+    def __init__(self, paths: list[Path]) -> None:
+        self.path = paths[0] if len(paths) == 1 else paths[0].parent
+        self.notes: list[str] = []
+        self._paths, self._types = paths, MessageTypes(ros2=True)
+        self._old_types = MessageTypes(ros2=False)
+        self._decoders: dict[tuple[Any, ...], Callable[[bytes], Any]] = {}
+        self._cut: set[Path] = set()
+        with reading(self.path, self.format):
+            self.topics: dict[str, Topic] = self._look()
+        for types in (self._types, self._old_types):
+            for kind, named in sorted(types.borrowed.items()):
+                self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows in the order in which they were logged."""
+        topics = {one.topic for one in wanted}
+        with reading(self.path, self.format):
+            yield from message_blocks([self._messages(p, topics) for p in self._paths], wanted)
+
+    def close(self) -> None:
+        """Do nothing: files are open only while they are read."""
+
+    def _look(self) -> dict[str, Topic]:
+        counts: Counter[str] = Counter()
+        topics: dict[str, Topic] = {}
+        for path in self._paths:
+            for schema, channel, message in self._records(path, None, counts):
+                if channel.topic not in topics:
+                    kind = schema.name if schema is not None else channel.message_encoding
+                    decode = partial(self._decoded, schema, channel, message)
+                    topics[channel.topic] = message_topic(channel.topic, kind, None, decode)
+        for name in counts:
+            topics.setdefault(name, unreadable_topic(name, "", 0, NO_MESSAGE))
+        return {name: replace(topics[name], count=counts[name]) for name in sorted(topics)}
+
+    def _records(
+        self, path: Path, topics: set[str] | None, counts: Counter[str] | None = None
+    ) -> Iterator[tuple[Any, Any, Any]]:
+        """Messages by the time they were logged, or as they come if the file has no index.
+
+        With `counts`, only the first message of each topic is read where the index states how
+        many there are.
+        """
+        from mcap.reader import SeekingReader
+
+        with path.open("rb") as file:
+            summary = None if path in self._cut else self._summary(path, file)
+            if summary is None:
+                for record in self._from_start(path, topics):
+                    if counts is not None:
+                        counts[record[1].topic] += 1
+                    yield record
+                return
+            reader = SeekingReader(file)
+            if counts is None:
+                yield from reader.iter_messages(topics=topics)
+                return
+            for key, channel in summary.channels.items():
+                counts[channel.topic] += summary.statistics.channel_message_counts.get(key, 0)
+                yield from islice(reader.iter_messages(topics=[channel.topic]), 1)
+
+    def _summary(self, path: Path, file: Any) -> Any:
+        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.reader import SeekingReader
+
+        try:
+            summary = SeekingReader(file).get_summary()
+            if summary is not None and summary.statistics and summary.chunk_indexes:
+                return summary
+            reason = "it has no index"
+        except InvalidMagic:
+            raise
+        except (McapError, OSError, ValueError, StopIteration, Exception) as problem:
+            reason = f"its end cannot be read ({type(problem).__name__})"
+        self._cut.add(path)
+        self.notes.append(f"{path.name}: {reason}; it is read from its start")
+        return None
+
+    def _from_start(self, path: Path, topics: set[str] | None) -> Iterator[tuple[Any, Any, Any]]:
+        from mcap.exceptions import McapError
+        from mcap.reader import NonSeekingReader
+
+        with path.open("rb") as file:
+            messages = NonSeekingReader(file).iter_messages(topics=topics, log_time_order=False)
+            got = 0
+            while True:
+                try:
+                    record = next(messages, None)
+                except (McapError, Exception) as problem:
+                    if not got:
+                        raise
+                    note = f"{path.name}: breaks off after {got} message(s): {one_line(problem)}"
+                    if topics is None:
+                        self.notes.append(note)
+                    return
+                if record is None:
+                    return
+                got += 1
+                yield record
+
+    def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
+        for schema, channel, message in self._records(path, topics):
+            decode = partial(self._decoder(schema, channel), message.data)
+            yield Message(channel.topic, message.log_time, decode)
+
+    def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
+        return self._decoder(schema, channel)(message.data)
+
+    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any]:
+        name, content = ("", b"") if schema is None else (schema.name, schema.data)
+        key = (channel.message_encoding, name, content)
+        if key not in self._decoders:
+            self._decoders[key] = self._make(channel.message_encoding, schema)
+        return self._decoders[key]
+
+    def _make(self, encoding: str, schema: Any) -> Callable[[bytes], Any]:
+        if encoding == "json":
+            return json.loads
+        if encoding == "protobuf" and schema is not None:
+            return _protobuf(schema)
+        if encoding in ("cdr", "ros1") and schema is not None:
+            types = self._types if encoding == "cdr" else self._old_types
+            language = "idl" if schema.encoding == "ros2idl" else "msg"
+            return types.decoder(schema.name, schema.data.decode("utf-8", "replace"), language)
+        raise LogError(f"expected messages of ROS, JSON or Protobuf, found {encoding!r}")
+
+
+def _protobuf(schema: Any) -> Callable[[bytes], Any]:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    pool = descriptor_pool.DescriptorPool()
+    files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+    for file in files.file:
+        pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+    return kind.FromString  # type: ignore[no-any-return]
