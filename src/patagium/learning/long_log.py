@@ -105,8 +105,7 @@ class _LongRun:
                 break
             if self.begin < total:
                 self._keep(begin)
-        if self.path is not None:
-            self._remove()
+        self._remove()
 
     def result(self) -> Identification:
         """Scores over all samples, and the record of the last block.

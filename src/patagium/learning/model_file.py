@@ -209,12 +209,11 @@ def _kept(learner: Learner) -> WeightCovariance | None:
 
 def _packed(covariance: WeightCovariance) -> dict[str, str]:
     kind, arrays = covariance.arrays()
-    words = {name: base64.b64encode(_raw(array)).decode() for name, array in arrays.items()}
+    words = {
+        name: base64.b64encode(array.astype("<f8").tobytes()).decode()
+        for name, array in arrays.items()
+    }
     return {"kind": kind, **words}
-
-
-def _raw(array: Array) -> bytes:
-    return array.astype("<f8").tobytes()
 
 
 def _unpacked(network: Network, words: Mapping[str, str] | str) -> WeightCovariance:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -201,18 +201,6 @@ class Update(NamedTuple):
     nis: float
 
 
-class Watch(Protocol):
-    """Observer of the loop, called before each update."""
-
-    def before(self, hold: Hold, memory: ModelMemory) -> None:
-        """Look at a hold interval that begins; the memory stands at its first sample."""
-        ...
-
-    def predicted(self, hold: Hold, rows: Array) -> None:
-        """Look at the inputs of the interval, (k, n_x), before its last sample is learned."""
-        ...
-
-
 def learn(
     learner: Learner, x: Array, y: Array, time: float | None = None, std: Array | None = None
 ) -> Update:
@@ -245,7 +233,7 @@ def prequential(
     learner: Learner,
     samples: Samples,
     used: Indices,
-    watch: Watch | None = None,
+    watch: BlockRun | None = None,
     memory: ModelMemory | None = None,
 ) -> Iterator[tuple[Hold, Update | None]]:
     """Loop over samples in order: each hold interval is predicted, then its last sample learned.
@@ -254,7 +242,7 @@ def prequential(
         learner: It is changed.
         samples: A block of them.
         used: Samples to learn from, increasing.
-        watch: Looks at each interval before it is learned from; None for nobody.
+        watch: Run that looks at each interval before it is learned from; None for none.
         memory: Memory of the network after the block before, moved on; None to begin anew.
 
     Yields:
