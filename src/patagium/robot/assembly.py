@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES, Body, Joint, Robot, Strip, repeated
-from patagium.robot.schema import BodyPart, RobotFile, Segment, WingPart
+from patagium.robot.schema import BodyPart, JointPart, RobotFile, Segment, WingPart
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -60,8 +60,9 @@ def assemble(file: RobotFile, source: str) -> Robot:
     """
     drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in file.bodies.items()]))
     _check_masses(drafts)
-    units, damping, limits, actuated = _coordinates(drafts)
-    order = _ordered(file, tuple(units))
+    coordinates = _coordinates(drafts)
+    order = _ordered(file, tuple(coordinates))
+    ordered = [coordinates[name] for name in order]
     dof = {name: i for i, name in enumerate(order)}
     index = {draft.name: i for i, draft in enumerate(drafts)}
     robot = Robot(
@@ -69,13 +70,13 @@ def assemble(file: RobotFile, source: str) -> Robot:
         bodies=tuple(_body(draft, index, dof) for draft in drafts),
         strips=_strips(file, index),
         dof_names=order,
-        dof_units=tuple(units[k] for k in order),
-        actuated=tuple(i for i, k in enumerate(order) if k in actuated),
-        damping=tuple(damping[k] for k in order),
-        lower=tuple(limits[k][0] for k in order),
-        upper=tuple(limits[k][1] for k in order),
+        dof_units=tuple(k.unit for k in ordered),
+        actuated=tuple(i for i, k in enumerate(ordered) if k.part and not k.part.passive),
+        damping=tuple(k.damping for k in ordered),
+        lower=tuple(k.limits[0] for k in ordered),
+        upper=tuple(k.limits[1] for k in ordered),
         gravity=file.gravity,
-        **_capacities(drafts, order),
+        **_capacities(ordered),
     )
     taken = repeated(robot.coordinate_names)
     if taken:
@@ -179,62 +180,50 @@ def _check_masses(drafts: list[_Draft]) -> None:
             raise AssemblyError((draft.path, expected, "massless"))
 
 
-def _capacities(drafts: list[_Draft], order: tuple[str, ...]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Coordinate:
+    """A coordinate before it has a place: its joint, or None where a body floats."""
+
+    unit: str
+    damping: float
+    limits: tuple[float, float]
+    part: JointPart | None
+
+
+def _capacities(ordered: list[_Coordinate]) -> dict[str, Any]:
     """Limits of the actuators by the name of the robot's field; empty where nobody has one."""
-    parts = {
-        name: part
-        for draft in drafts
-        for (name, _, _), part in zip(draft.joints, draft.part.joints, strict=True)
-    }
-
-    def limits(key: str) -> tuple[float, ...]:
-        written = [getattr(parts[k], key) if k in parts else None for k in order]
-        if all(k is None for k in written):
-            return ()
-        return tuple(np.inf if k is None else k for k in written)
-
-    return {key: limits(key) for key in ("speed_limit", "acceleration_limit", "effort_limit")}
+    found: dict[str, tuple[float, ...]] = {}
+    for key in ("speed_limit", "acceleration_limit", "effort_limit"):
+        written = [getattr(k.part, key, None) for k in ordered]
+        known = any(limit is not None for limit in written)
+        found[key] = tuple(np.inf if k is None else k for k in written) if known else ()
+    return found
 
 
-def _coordinates(
-    drafts: list[_Draft],
-) -> tuple[dict[str, str], dict[str, float], dict[str, tuple[float, float]], set[str]]:
-    """Unit, damping and limits of each coordinate, and which are actuated."""
-    units: dict[str, str] = {}
-    damping: dict[str, float] = {}
-    limits: dict[str, tuple[float, float]] = {}
-    actuated: set[str] = set()
+def _coordinates(drafts: list[_Draft]) -> dict[str, _Coordinate]:
+    """Coordinates of all bodies by name."""
+    found: dict[str, _Coordinate] = {}
     for draft in drafts:
-        for name, unit, resistance, bounds, driven in _coordinates_of(draft):
-            if name in units:
+        for name, coordinate in _coordinates_of(draft):
+            if name in found:
                 raise AssemblyError((draft.path, "coordinates named once", f"{name} again"))
-            units[name], damping[name] = unit, resistance
-            limits[name] = bounds
-            if driven:
-                actuated.add(name)
-    if not units:
+            found[name] = coordinate
+    if not found:
         raise AssemblyError(("bodies", "a floating body or at least one joint", "none"))
-    return units, damping, limits, actuated
+    return found
 
 
-def _coordinates_of(draft: _Draft) -> list[tuple[str, str, float, tuple[float, float], bool]]:
+def _coordinates_of(draft: _Draft) -> Iterator[tuple[str, _Coordinate]]:
     free = (-np.inf, np.inf)
     if draft.part.floating:
         resistance = dict(draft.part.damping or ())
-        return [
-            (k, "m" if k in "xyz" else "rad", resistance.get(k, 0.0), free, False)
-            for k in FLOATING_COORDINATES
-        ]
-    return [
-        (
-            name,
-            "m" if kind == "prismatic" else "rad",
-            part.damping,
-            part.limits or free,
-            not part.passive,
-        )
-        for (name, kind, _), part in zip(draft.joints, draft.part.joints, strict=True)
-    ]
+        for name in FLOATING_COORDINATES:
+            unit = "m" if name in "xyz" else "rad"
+            yield name, _Coordinate(unit, resistance.get(name, 0.0), free, None)
+        return
+    for (name, kind, _), part in zip(draft.joints, draft.part.joints, strict=True):
+        unit = "m" if kind == "prismatic" else "rad"
+        yield name, _Coordinate(unit, part.damping, part.limits or free, part)
 
 
 def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:

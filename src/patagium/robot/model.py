@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
@@ -461,7 +461,8 @@ def _mounted(
     robot: Robot, arm: Robot, at: str, position: Axis, orientation: Axis, prefix: str
 ) -> Robot:
     """A robot fixed to a body of an arm; see `Robot.mounted_on`."""
-    shift, turn = _pose(position, orientation)
+    shift = np.array(finite_triple("position", position))
+    turn = rotation_from_angles(finite_triple("orientation", orientation))
     carrier = arm.body_index(at)
     floating = {i for body in robot.bodies for i in body.floating_dofs or ()}
     kept = tuple(i for i in range(robot.dof) if i not in floating)
@@ -498,13 +499,6 @@ def _mounted(
     return composed
 
 
-def _pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[Any, Any]:
-    for name, values in (("position", position), ("orientation", orientation)):
-        if np.shape(values) != (3,) or not np.isfinite(np.asarray(values, float)).all():
-            raise ParameterError(name, "three finite numbers", tuple(np.ravel(values)))
-    return np.asarray(position, float), rotation_from_angles(orientation)
-
-
 def _renamed(body: Body, prefix: str) -> Body:
     joints = tuple(replace(joint, name=prefix + joint.name) for joint in body.joints)
     return replace(body, name=prefix + body.name, joints=joints)
@@ -522,16 +516,37 @@ def _carried(
     return replace(
         body,
         parent=carrier,
-        position=_triple(placed),
-        orientation=(_triple(turned[0]), _triple(turned[1]), _triple(turned[2])),
+        position=axis_of(placed),
+        orientation=(axis_of(turned[0]), axis_of(turned[1]), axis_of(turned[2])),
         joints=joints,
         floating_dofs=None,
     )
 
 
-def _triple(vector: Any) -> Axis:
+def axis_of(vector: Any) -> Axis:
+    """Three numbers as a tuple of floats, a zero without its sign.
+
+    Args:
+        vector: Three numbers, (3,) [any unit].
+    """
     x, y, z = (float(k) + 0.0 for k in vector)
     return (x, y, z)
+
+
+def finite_triple(name: str, values: ArrayLike) -> Axis:
+    """Three finite numbers as a tuple of floats.
+
+    Args:
+        name: The argument.
+        values: What was given.
+
+    Raises:
+        ParameterError: If they are not.
+    """
+    vector = np.array(values, float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
+    return axis_of(vector)
 
 
 def _capacity(name: str, robot: Robot, arm: Robot, kept: tuple[int, ...]) -> tuple[float, ...]:

@@ -71,14 +71,8 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
-    if not _UNIT.fullmatch(label) or _POWER.search(label):
+    if not unit or not _UNIT.fullmatch(label) or _POWER.search(label):
         raise UnitMismatch(expected, found)
-    if not unit:
-        raise UnitMismatch(expected, found)
-    return _conversion(label, unit, expected, found)
-
-
-def _conversion(label: str, unit: str, expected: str, found: str) -> float:
     registry = _registry()
     try:
         # "1/s" is the only unit that starts with a number

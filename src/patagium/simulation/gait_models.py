@@ -256,26 +256,13 @@ CLOSURE = 1e-9
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 
 
-@dataclass(frozen=True)
-class GaitTable:
-    """One period of motion, SI.
-
-    Attributes:
-        time: Strictly rising, both ends of the period included, (M,) [s].
-        positions: Joint (or pair) name to positions, the last as the first, (M,) [rad, m].
-    """
-
-    time: Array
-    positions: dict[str, Array]
-
-
 def read_gait_table(
     robot: Robot,
     path: Path,
     columns: Mapping[str, str],
     units: Mapping[str, str],
     period: float | None,
-) -> GaitTable:
+) -> tuple[Array, dict[str, Array]]:
     """One period of a gait from a CSV file.
 
     Args:
@@ -284,6 +271,10 @@ def read_gait_table(
         columns: Joint or "time" to the name of its column, where they differ.
         units: Joint or "time" to its unit, where the header has none.
         period: Time after which it repeats [s]; None if the last row repeats the first.
+
+    Returns:
+        Strictly rising time, both ends of the period included, (M,) [s]; positions by joint (or
+        pair), the last as the first, (M,) [rad, m].
 
     Raises:
         LogError: If it cannot be used as it stands.
@@ -305,7 +296,7 @@ def read_gait_table(
     if "time" not in table or len(table) < 2:
         raise LogError(f"{path.name}: needs time and a joint, found {', '.join(table)}")
     time = table.pop("time")
-    return _closed(path, GaitTable(time, table), period)
+    return _closed(path, time, table, period)
 
 
 def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
@@ -377,8 +368,10 @@ def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
         raise LogError(f"{path.name}: column {name!r}: {error}") from None
 
 
-def _closed(path: Path, table: GaitTable, period: float | None) -> GaitTable:
-    time, positions = table.time, table.positions
+def _closed(
+    path: Path, time: Array, positions: dict[str, Array], period: float | None
+) -> tuple[Array, dict[str, Array]]:
+    """Time and positions of one whole period, both ends included."""
     steps = np.diff(time)
     if not np.all(steps > 0):
         row = int(np.flatnonzero(~(steps > 0))[0]) + 3
@@ -397,4 +390,4 @@ def _closed(path: Path, table: GaitTable, period: float | None) -> GaitTable:
             )
     if len(time) < FEWEST_ROWS:
         raise LogError(f"{path.name}: {len(time)} rows, expected at least {FEWEST_ROWS}")
-    return GaitTable(time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()})
+    return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}

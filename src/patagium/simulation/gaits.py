@@ -193,11 +193,11 @@ def from_csv(
         LogError: If the table cannot be used as it stands; it says why.
         ParameterError: If a column is no actuated joint, or a limit is exceeded.
     """
-    table = read_gait_table(robot, Path(path), columns or {}, units or {}, period)
-    rows = zip(*table.positions.values(), strict=True)
-    position = [_by_joint(robot, dict(zip(table.positions, row, strict=True))) for row in rows]
+    time, positions = read_gait_table(robot, Path(path), columns or {}, units or {}, period)
+    rows = zip(*positions.values(), strict=True)
+    position = [_by_joint(robot, dict(zip(positions, row, strict=True))) for row in rows]
     gait = TableGait(
-        joints=_joints(robot), source=Path(path).name, time=table.time, position=np.array(position)
+        joints=_joints(robot), source=Path(path).name, time=time, position=np.array(position)
     )
     return _within_limits(robot, gait)
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from patagium.errors import ParameterError
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import FLOATING_COORDINATES, Axis
+from patagium.robot.model import FLOATING_COORDINATES, Axis, axis_of, finite_triple
 from patagium.simulation.arm import ArmPlan, plan_arm
 from patagium.simulation.paths import Path, check_path
 
@@ -202,10 +202,8 @@ class InternalLoadCell:
             ParameterError: If a number is not finite.
         """
         for name in ("position", "orientation"):
-            values = getattr(self, name)
-            if np.shape(values) != (3,) or not np.isfinite(np.asarray(values, float)).all():
-                raise ParameterError(f"load cell {name}", "three finite numbers", values)
-            object.__setattr__(self, name, tuple(float(k) for k in values))
+            values = finite_triple(f"load cell {name}", getattr(self, name))
+            object.__setattr__(self, name, values)
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
@@ -279,7 +277,7 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
     carried = replace(
         body,
         parent=place + 1,
-        position=_triple(-turn.T @ np.array(cell.position)),
+        position=axis_of(-turn.T @ np.array(cell.position)),
         orientation=_rows(turn.T),
         joints=body.joints[before:],
         floating_dofs=None,
@@ -356,10 +354,5 @@ _MASSLESS: dict[str, Any] = {
 }
 
 
-def _triple(vector: Any) -> Axis:
-    x, y, z = (float(k) + 0.0 for k in vector)
-    return (x, y, z)
-
-
 def _rows(matrix: Any) -> tuple[Axis, Axis, Axis]:
-    return _triple(matrix[0]), _triple(matrix[1]), _triple(matrix[2])
+    return axis_of(matrix[0]), axis_of(matrix[1]), axis_of(matrix[2])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive
-from patagium.robot.model import FLOATING_COORDINATES
+from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
     Array,
     FourierGait,
@@ -98,7 +98,7 @@ def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVE
     Raises:
         ParameterError: If a number is not finite, or the duration not positive.
     """
-    points = [_triple("start", start), _triple("end", end)]
+    points = [finite_triple("start", start), finite_triple("end", end)]
     return waypoints([0.0, positive("duration", duration)], points, attitude=attitude)
 
 
@@ -225,7 +225,7 @@ def waypoints(
         expected = f"at least {fewest}, each later than the one before"
         raise ParameterError("waypoints.time", expected, times.tolist()[:8])
     if places.shape[1] == 3:
-        fixed = np.broadcast_to(_triple("attitude", attitude), places.shape)
+        fixed = np.broadcast_to(finite_triple("attitude", attitude), places.shape)
         places = np.hstack([places, fixed])
     if closed:
         gap = float(np.abs(places[-1] - places[0]).max())
@@ -325,7 +325,7 @@ def _checked(path: AnyPath) -> AnyPath:
 
 
 def _mean(center: Triple, attitude: Triple) -> Array:
-    return np.concatenate([_triple("center", center), _triple("attitude", attitude)])
+    return np.concatenate([finite_triple("center", center), finite_triple("attitude", attitude)])
 
 
 def _frequency(speed: float | None, frequency: float | None, speed_per_rate: float) -> float:
@@ -347,18 +347,11 @@ def _plane(normal: Triple) -> tuple[Array, Array]:
 
 
 def _direction(name: str, vector: Triple) -> Array:
-    written = _triple(name, vector)
+    written = np.array(finite_triple(name, vector))
     length = float(np.linalg.norm(written))
     if not length > 1e-12:
         raise ParameterError(name, "a direction of some length", tuple(vector))
     return np.asarray(written / length)
-
-
-def _triple(name: str, values: Triple) -> Array:
-    vector = np.array(values, float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
-    return vector
 
 
 def _by_name(values: Mapping[str, float]) -> Array:
