@@ -224,9 +224,16 @@ class Simulator:
         self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
         self._origin = FlightOrigin(
-            robot, aero, gait.describe(), held.kind, time_step, "partitioned RK4", added_mass,
-            mount_path=held.describe(), load_cells=cells,
-        )  # fmt: skip
+            robot,
+            aero,
+            gait.describe(),
+            held.kind,
+            time_step,
+            "partitioned RK4",
+            added_mass,
+            mount_path=held.describe(),
+            load_cells=cells,
+        )
 
     @property
     def time(self) -> float:
@@ -298,9 +305,14 @@ class Simulator:
         """Cause of the failure where the step was too long; else None."""
         run = self.run
         return diagnose_step(
-            self._equations, self._layout.state_of_sample, run.samples, self._rows, run.steps,
-            self.steps, self._time_step,
-        )  # fmt: skip
+            self._equations,
+            self._layout.state_of_sample,
+            run.samples,
+            self._rows,
+            run.steps,
+            self.steps,
+            self._time_step,
+        )
 
 
 def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
