@@ -123,15 +123,20 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
-    from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
     from patagium.simulation import aero_of
 
     own = aero_of(flight)
-    makes: dict[GreyModel, Any] = {
-        GreyModel.QUASI_STEADY: QuasiSteady,
-        GreyModel.LIFTING_LINE: LiftingLine,
-        GreyModel.DELAURIER: DeLaurier,
-    }
-    if aero is not None and not isinstance(own, makes[aero]):
-        own = makes[aero](own.robot, own.air)
+    if aero is not None and not isinstance(own, air_class(aero)):
+        own = air_class(aero)(own.robot, own.air)
     return own
+
+
+def air_class(word: str) -> Any:
+    """Class of a model of the air.
+
+    Args:
+        word: Word of the command line, a value of `GreyModel`.
+    """
+    from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
+
+    return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]

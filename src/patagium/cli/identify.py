@@ -83,7 +83,7 @@ def identify(
     with; all other options must be the same as before. A learner that diverged is not kept.
     """
     from patagium.cli.logs import flight_or_table, long_record
-    from patagium.cli.state import keep_state, resumed
+    from patagium.cli.state import keep_model, keep_state, resumed
     from patagium.errors import Outcome
 
     kind, layers = choice.shape()
@@ -108,7 +108,10 @@ def identify(
         keep_state(result.learner, state)
         if refine:
             result = refined(result, flight, every)
-    _keep(result, file, None if table is None else table.input_names, model, predictions)
+    keep_model(model, result.learner, None if table is None else table.input_names, file.name)
+    if predictions is not None:
+        result.save(predictions)
+        typer.echo(f"The predictions are in {predictions}", err=True)
     if report is not None:
         flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
         _report(result, file, flown, report)
@@ -124,7 +127,8 @@ def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | N
     Raises:
         Exit: With code 130 on Ctrl-C.
     """
-    from patagium.cli.state import Interrupted, interrupted_between_samples, keep_state
+    from patagium.cli.interruption import Interrupted, interrupted_between_samples
+    from patagium.cli.state import keep_state
     from patagium.cli.words import progress_bar
     from patagium.learning import identify as identify_flight
     from patagium.learning.identify import identify_table
@@ -227,26 +231,6 @@ def table_network(
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
     return network_for(table, hidden, activation)
-
-
-def _keep(
-    result: Identification,
-    file: Path,
-    inputs: tuple[str, ...] | None,
-    model: Path | None,
-    predictions: Path | None,
-) -> None:
-    from patagium.learning.model_file import Model, model_of, save_model
-
-    if model is not None:
-        learned = result.learner
-        if not isinstance(learned, Model):
-            learned = model_of(learned, inputs=inputs, source=file.name)
-        save_model(model, learned)
-        typer.echo(f"The model is in {model}", err=True)
-    if predictions is not None:
-        result.save(predictions)
-        typer.echo(f"The predictions are in {predictions}", err=True)
 
 
 def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:

@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from patagium.cli.words import Progress
+
 
 @contextmanager
 def interrupted(*answers: Callable[[], None]) -> Iterator[None]:
@@ -34,3 +36,28 @@ def interrupted(*answers: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+class Interrupted(Exception):
+    """Ctrl-C between two samples of a learner."""
+
+
+@contextmanager
+def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
+    """Ctrl-C held back until the learner is between two samples; a second one stops at once.
+
+    Args:
+        progress: Function called between samples.
+
+    Yields:
+        Function that calls it, and raises `Interrupted` after Ctrl-C.
+    """
+    pressed = threading.Event()
+
+    def tell(done: int, total: int) -> None:
+        progress(done, total)
+        if pressed.is_set() and done < total:
+            raise Interrupted
+
+    with interrupted(pressed.set):
+        yield tell

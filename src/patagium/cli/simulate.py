@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli import live as live_options
+from patagium.cli.estimates import air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.words import Vector, quantity, vector
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from patagium.aerodynamics import Aerodynamics, Air
     from patagium.robot import Robot
@@ -264,18 +265,12 @@ _TOLD = (
 
 
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
-    from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
     from patagium.plugins import AIR_MODELS, plugin
 
-    models: dict[AirModel, Callable[[Robot, Air], Aerodynamics]] = {
-        AirModel.QUASI_STEADY: QuasiSteady,
-        AirModel.LIFTING_LINE: LiftingLine,
-        AirModel.DELAURIER: DeLaurier,
-    }
-    if aero is AirModel.PUBLISHED:
-        made: Aerodynamics = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero")(machine, air)
-        return made
-    return models[aero](machine, air)
+    published = aero is AirModel.PUBLISHED
+    make = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero") if published else None
+    made: Aerodynamics = (make or air_class(aero))(machine, air)
+    return made
 
 
 def _of_laboratory(found: Any, option: str) -> Any:

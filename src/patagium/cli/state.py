@@ -1,24 +1,11 @@
-"""State of a learner across runs of a verb: resumed, and kept at the end or on Ctrl-C.
-
-A second Ctrl-C stops at once and keeps nothing.
-"""
+"""State and model of a learner: resumed, and kept at the end of a verb or on Ctrl-C."""
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import typer
-
-from patagium.cli.words import Progress
-
-
-class Interrupted(Exception):
-    """Ctrl-C between two samples of a learner."""
 
 
 def resumed(learner: Any, state: Path | None) -> Any:
@@ -53,30 +40,20 @@ def keep_state(learner: Any, state: Path | None) -> None:
         typer.echo(f"The state after {learner.count} samples is in {state}", err=True)
 
 
-@contextmanager
-def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
-    """Ctrl-C held back until the learner is between two samples.
+def keep_model(
+    path: Path | None, learner: Any, inputs: tuple[str, ...] | None, source: str
+) -> None:
+    """Write the model that a learner has learned, if there is a file for it.
 
     Args:
-        progress: Function called between samples.
-
-    Yields:
-        Function that calls it, and raises `Interrupted` after Ctrl-C.
+        path: File (.json), or None.
+        learner: Learner, or a model.
+        inputs: Names of the inputs; None: those of the network.
+        source: Name of what it was learned from.
     """
-    pressed: list[int] = []
+    from patagium.learning.model_file import Model, model_of, save_model
 
-    def note(number: int, frame: FrameType | None) -> None:
-        if pressed:
-            raise KeyboardInterrupt
-        pressed.append(number)
-
-    def tell(done: int, total: int) -> None:
-        progress(done, total)
-        if pressed and done < total:
-            raise Interrupted
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield tell
-    finally:
-        signal.signal(signal.SIGINT, before)
+    if path is not None:
+        is_model = isinstance(learner, Model)
+        save_model(path, learner if is_model else model_of(learner, inputs=inputs, source=source))
+        typer.echo(f"The model is in {path}", err=True)

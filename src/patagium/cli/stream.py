@@ -92,7 +92,7 @@ def stream(
     is counted and shown. Ctrl-C ends the stream, and its files are written. With --state
     the learner goes on where it stopped, with the centers and scales it began with.
     """
-    from patagium.cli.state import keep_state, resumed
+    from patagium.cli.state import keep_model, keep_state, resumed
     from patagium.cli.words import answer
     from patagium.live.loop import Counters, Status
     from patagium.live.packets import Intake
@@ -117,7 +117,7 @@ def stream(
     if problem is not None and not facts["samples"]:
         raise problem
     keep_state(student, state)
-    _keep_model(model, pipeline, source)
+    keep_model(model, pipeline.learner, pipeline.inputs, source)
     for reason in intake.examples:
         typer.echo(f"patagium: not used: {reason}", err=True)
     answer(facts if as_json else _flat(facts), as_json=as_json)
@@ -262,14 +262,6 @@ def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
     del counts["received"]
     words += [f"{name.replace('_', ' ')} {count}" for name, count in counts.items() if count]
     return ", ".join(words)
-
-
-def _keep_model(path: Path | None, pipeline: Pipeline, source: str) -> None:
-    from patagium.learning.model_file import model_of, save_model
-
-    if path is not None:
-        save_model(path, model_of(pipeline.learner, inputs=pipeline.inputs, source=source))
-        typer.echo(f"The model is in {path}", err=True)
 
 
 def _flat(facts: dict[str, Any]) -> dict[str, Any]:

@@ -138,11 +138,17 @@ def group(kind: type, text: str, **meaning: Any) -> Any:
 
 
 def _check_fields(record: Any) -> None:
-    """Refuse numbers out of range in a record whose fields are made by `setting`."""
+    """Refuse numbers out of range in a record whose fields are made by `setting`.
+
+    Several numbers, in whatever sequence, are kept as a tuple.
+    """
     for one in fields(record):
         value = getattr(record, one.name)
         if value is None and one.default is not None:
             raise ParameterError(one.name, one.metadata["meaning"].range, value)
+        if str(one.type).startswith("Numbers") and value is not None:
+            value = _plain_numbers(one.name, value)
+            object.__setattr__(record, one.name, value)
         if "group" not in one.metadata and one.name != "covariance":
             one.metadata["meaning"].check(one.name, value)
         if one.type in ("int", "int | None") and value is not None and type(value) is not int:
@@ -421,10 +427,6 @@ class FilterSettings:
     )
 
     def __post_init__(self) -> None:
-        for name in ("prior_std", "measurement_std", "process_std"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, _plain_numbers(name, value))
         checked_structure(self.covariance)
         _check_fields(self)
         if self.square_root == "cholesky" and self.covariance != "full":
@@ -525,13 +527,9 @@ class LinearSettings:
     )
 
     def __post_init__(self) -> None:
-        for name in ("prior_std", "measurement_std"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, _plain_numbers(name, value))
+        _check_fields(self)
         if isinstance(self.prior_std, tuple):
             raise ParameterError("prior_std", "one number", self.prior_std)
-        _check_fields(self)
 
 
 RECORDS: dict[str, type] = {
