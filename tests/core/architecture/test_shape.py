@@ -83,20 +83,41 @@ def test_the_wheel_stays_small() -> None:
     within("lines of Python in the wheel", [], lines)
 
 
+def documented(tree: ast.Module) -> set[int]:
+    """Numbers of the lines that docstrings take."""
+    nodes = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    found: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, nodes) and ast.get_docstring(node) is not None:
+            text = node.body[0]
+            found |= set(range(text.lineno, (text.end_lineno or text.lineno) + 1))
+    return found
+
+
+def imported(tree: ast.Module) -> set[int]:
+    """Numbers of the lines that imports take."""
+    return {
+        number
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for number in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+
+
 def test_lines_are_no_denser_than_they_were() -> None:
-    """Few lines are won by shape, not by width: the mean line and the share of docstrings."""
-    text = [module.path.read_text("utf-8") for module in modules()]
-    lines = [line for one in text for line in one.splitlines()]
-    mean = sum(map(len, lines)) / len(lines)
-    nodes = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-    docstrings = sum(
-        len((ast.get_docstring(node) or "").splitlines())
-        for module in modules()
-        for node in ast.walk(module.tree)
-        if isinstance(node, nodes)
-    )
-    assert mean < 37.8  # characters; 37.5 in the release before
-    assert docstrings / len(lines) > 0.212  # as in the release before
+    """Few lines are won by shape, not by width: the mean line of code, the share of docstrings.
+
+    Headers are left out: where two files become one their imports and blank lines go, which are
+    short, and the mean of all lines rises though no line of code has changed.
+    """
+    widths, lines, docstrings = [], 0, 0
+    for module in modules():
+        text, said = module.path.read_text("utf-8").splitlines(), documented(module.tree)
+        skipped = said | imported(module.tree)
+        lines, docstrings = lines + len(text), docstrings + len(said)
+        widths += [len(line) for k, line in enumerate(text, 1) if line.strip() and k not in skipped]
+    assert sum(widths) / len(widths) < 45.8  # characters; 45.5 in the release before
+    assert docstrings / lines > 0.239  # as in the release before
 
 
 def test_there_are_few_weight_filters() -> None:
