@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from patagium.simulation import save_flight as save_flight
     from patagium.simulation.simulator import simulate as simulate
     from patagium.viewer.replay import replay as replay
-    from patagium.viewer.still import still as still
+    from patagium.viewer.replay import still as still
 
 _NAME_SPACES = ("air", "errors", "learning", "sensing")
 _HOMES = {

@@ -25,8 +25,13 @@ from patagium.aerodynamics.polars import (
     register_polar,
 )
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import MeasuredSection, Section, StripSection, measured_section
-from patagium.aerodynamics.stall_delay import StallDelay
+from patagium.aerodynamics.sections import (
+    MeasuredSection,
+    Section,
+    StallDelay,
+    StripSection,
+    measured_section,
+)
 from patagium.aerodynamics.strip_loads import AeroExpressions
 
 __all__ = [

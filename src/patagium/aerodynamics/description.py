@@ -17,8 +17,8 @@ from patagium.aerodynamics.sections import (
     StripSection,
     measured_section_from_description,
     section_from_description,
+    stall_delay_from_description,
 )
-from patagium.aerodynamics.stall_delay import stall_delay_from_description
 from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot

@@ -28,9 +28,14 @@ from patagium.aerodynamics.local_flow import (
 )
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.sections import CENTER_OF_PRESSURE_SHIFT, Section, StripSection
+from patagium.aerodynamics.sections import (
+    CENTER_OF_PRESSURE_SHIFT,
+    DELAYS,
+    Section,
+    StallDelay,
+    StripSection,
+)
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
-from patagium.aerodynamics.stall_delay import DELAYS, StallDelay
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import (
     SURFACE_CONSTANT,

@@ -3,7 +3,9 @@
 Attached up to an effective incidence, fully separated from another on, a smooth share of both
 between; or split as Kirchhoff's flow about a plate has it, so that a section held still gives
 its measured polar. Neglected: Reynolds number, the measured pitching moment, the rise of
-profile drag while flow is attached; the time separation takes is apart (`stall_delay`).
+profile drag while flow is attached. Separation takes time by two lags a strip between incidence
+and stall (`StallDelay`); of deep dynamic stall the vortex that leaves the leading edge, and its
+lift while it travels, are neglected too.
 """
 
 from __future__ import annotations
@@ -30,6 +32,58 @@ from patagium.aerodynamics.polars import (
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.errors import ParameterError
 
+
+@dataclass(frozen=True)
+class StallDelay:
+    """Lags of separation behind the effective incidence.
+
+    With W the normalwash that the lift answers to, s_0 the share of separated flow in
+    steady flow, U the airspeed and c the chord,
+
+        dp/dt = 2U/c (W - p) / pressure,      ds/dt = 2U/c (s_0(p) - s) / separation,
+
+    and s takes the place of s_0(W). It stays between 0 and 1 as s_0 does.
+
+    Args:
+        pressure: T_p, lag of the pressure behind the lift [semichords].
+        separation: T_f, lag of the separation behind the pressure [semichords].
+
+    Raises:
+        ParameterError: If one is not positive and finite.
+
+    References:
+        Leishman & Beddoes (1989), A semi-empirical model for dynamic stall, J. American
+        Helicopter Society 34, 3-17 (T_p = 1.7, T_f = 3.0, NACA 0012 at low speed).
+        Hansen, Gaunaa & Madsen (2004), Risoe-R-1354 (as states).
+    """
+
+    pressure: float = 1.7
+    separation: float = 3.0
+
+    def __post_init__(self) -> None:
+        for name in DELAYS:
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0):
+                raise ParameterError(f"stall delay {name}", "a positive number", value)
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the object can be made again, as JSON-able values."""
+        return {name: getattr(self, name) for name in DELAYS}
+
+
+DELAYS = ("pressure", "separation")
+
+
+def stall_delay_from_description(description: Mapping[str, Any]) -> StallDelay:
+    """The delay of `describe()`.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    check_keys("stall delay", description, DELAYS)
+    return StallDelay(**description)
+
+
 Array = NDArray[np.float64]
 
 CENTER_OF_PRESSURE_SHIFT = 0.175
@@ -40,34 +94,23 @@ _NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag", "stall_begins", "st
 
 
 class StripSection(Protocol):
-    """Protocol of a section of a lifting line; its numbers are run-time inputs."""
+    """Section of a lifting line: its numbers, then those of its polar, are run-time inputs.
 
-    @property
-    def stalled(self) -> Polar:
-        """Coefficients of separated flow."""
-        ...
+    A section is a frozen dataclass with a field for each of `numbers` and one for the polar.
+    Among the numbers are lift_slope [1/rad], zero_lift_angle [rad] and profile_drag.
+
+    Attributes:
+        numbers: Names of its numbers.
+        stalled: Coefficients of separated flow.
+    """
+
+    numbers: ClassVar[tuple[str, ...]]
+    stalled: Polar
 
     @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
-        ...
-
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of `parameters`."""
-        ...
-
-    @property
-    def parameters(self) -> NDArray[np.float64]:
-        """Values of the parameters, (n,)."""
-        ...
-
-    def named(self, parameters: Any) -> tuple[dict[str, Any], Any]:
-        """The numbers by name, and those of the polar, from values or symbols of `parameters`.
-
-        Among the names: lift_slope [1/rad], zero_lift_angle [rad], profile_drag.
-        """
-        ...
+        return f"section stalled={self.stalled.structure}"
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
@@ -77,20 +120,6 @@ class StripSection(Protocol):
             parameters: Values or symbols in the order of `parameter_names`.
         """
         ...
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        ...
-
-
-class SectionParameters:
-    """Names and values of a section's run-time inputs: its numbers, then those of its polar.
-
-    A section is a frozen dataclass with a field for each of `numbers` and one for the polar.
-    """
-
-    numbers: ClassVar[tuple[str, ...]]
-    stalled: Polar
 
     def inputs(self) -> dict[str, float]:
         """Run-time inputs before those of the polar, by name [1/rad, rad, -]."""
@@ -122,7 +151,7 @@ class SectionParameters:
 
 
 @dataclass(frozen=True)
-class Section(SectionParameters):
+class Section(StripSection):
     """Section of a thin wing, attached and beyond stall.
 
     Attached flow has the lift of a thin airfoil and profile drag; separated flow the
@@ -167,11 +196,6 @@ class Section(SectionParameters):
             angles = (self.stall_begins, self.stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
 
-    @property
-    def structure(self) -> str:
-        """Text of all that shapes the equations, numbers aside."""
-        return f"section stalled={self.stalled.structure}"
-
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
 
@@ -205,7 +229,7 @@ _TELLING = 0.05
 
 
 @dataclass(frozen=True)
-class MeasuredSection(SectionParameters):
+class MeasuredSection(StripSection):
     """Section whose separated share and separated flow are tables over the incidence.
 
     Attached flow has the lift slope and profile drag, separated flow the polar's

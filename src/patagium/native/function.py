@@ -39,21 +39,12 @@ class Signature:
     names_out: tuple[str, ...]
     sizes_out: tuple[Shape, ...]
 
-    def as_list(self) -> list[Any]:
-        """Signature as JSON-able lists."""
-        return [self.name, self.names_in, self.sizes_in, self.names_out, self.sizes_out]
-
     @classmethod
     def from_list(cls, entry: list[Any]) -> Signature:
-        """Inverse of `as_list`."""
+        """Signature of the list of its fields, as JSON has it."""
         name, names_in, sizes_in, names_out, sizes_out = entry
-        return cls(
-            name,
-            tuple(names_in),
-            tuple((r, c) for r, c in sizes_in),
-            tuple(names_out),
-            tuple((r, c) for r, c in sizes_out),
-        )
+        sizes = [tuple((r, c) for r, c in part) for part in (sizes_in, sizes_out)]
+        return cls(name, tuple(names_in), sizes[0], tuple(names_out), sizes[1])
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import astuple
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
@@ -66,12 +68,13 @@ def load_functions(
     Raises:
         CompilerError: If the compiler refuses the generated text.
     """
-    expressions = _Expressions(build_functions)
+    expressions = functools.cache(lambda: {made.name(): made for made in build_functions()})
+    expression = partial(_expression, expressions)
     path = compiler_path()
     if path is None:
         return {
-            name: NativeFunction(_signature(f), expressions.getter(name), None)
-            for name, f in expressions.by_name().items()
+            name: NativeFunction(_signature(f), partial(expression, name), None)
+            for name, f in expressions().items()
         }
 
     def batch_library(name: str) -> ctypes.CDLL:
@@ -79,13 +82,13 @@ def load_functions(
         folder = _folder(
             path,
             f"{key} batch {name}",
-            lambda: {unit: emit_batch(expressions.by_name()[name])},
+            lambda: {unit: emit_batch(expressions()[name])},
             f"{label}: {name} of many states",
         )
         return ctypes.CDLL(str(folder / "library.so"))
 
     many = " ".join(["many only", *sorted(many_only)]) if many_only else ""
-    folder = _folder(path, key + many, lambda: expressions.texts(many_only), label)
+    folder = _folder(path, key + many, lambda: _texts(expressions(), many_only), label)
     library = ctypes.CDLL(str(folder / "library.so"))
     functions = {}
     for entry in json.loads((folder / "signatures.json").read_text()):
@@ -93,9 +96,8 @@ def load_functions(
         name = signature.name
         compiled = Compiled(None, lambda: library)
         if name not in many_only:
-            batch = functools.partial(batch_library, name)
-            compiled = Compiled(getattr(library, name), batch)
-        functions[name] = NativeFunction(signature, expressions.getter(name), compiled)
+            compiled = Compiled(getattr(library, name), partial(batch_library, name))
+        functions[name] = NativeFunction(signature, partial(expression, name), compiled)
     return functions
 
 
@@ -150,29 +152,17 @@ def _signature(function: ca.Function) -> Signature:
     )
 
 
-class _Expressions:
-    """The symbolic functions, made on demand and once."""
+def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> ca.Function:
+    return functions()[name]
 
-    def __init__(self, build_functions: Callable[[], Sequence[ca.Function]]) -> None:
-        self._build = build_functions
-        self._functions: dict[str, ca.Function] | None = None
 
-    def by_name(self) -> dict[str, ca.Function]:
-        if self._functions is None:
-            self._functions = {function.name(): function for function in self._build()}
-        return self._functions
-
-    def texts(self, many_only: Collection[str]) -> dict[str, str]:
-        """C text of each function, and their signatures, by the name of the file."""
-        functions = self.by_name()
-        signatures = [_signature(function).as_list() for function in functions.values()]
-        units = {
-            f"{name}_batch.c" if name in many_only else f"{name}.c": (
-                emit_batch(function) if name in many_only else emit(function)
-            )
-            for name, function in functions.items()
-        }
-        return units | {"signatures.json": json.dumps(signatures)}
-
-    def getter(self, name: str) -> Callable[[], ca.Function]:
-        return lambda: self.by_name()[name]
+def _texts(functions: dict[str, ca.Function], many_only: Collection[str]) -> dict[str, str]:
+    """C text of each function, and their signatures, by the name of the file."""
+    signatures = [astuple(_signature(function)) for function in functions.values()]
+    units = {
+        f"{name}_batch.c" if name in many_only else f"{name}.c": (
+            emit_batch(function) if name in many_only else emit(function)
+        )
+        for name, function in functions.items()
+    }
+    return units | {"signatures.json": json.dumps(signatures)}

@@ -84,7 +84,8 @@ def cell_text(value: Cell) -> str:
         return "n/a"
     if math.isinf(number):
         return "∞" if number > 0 else "−∞"
-    return _scientific(number) if _far(number) else _plain(number)
+    far = number != 0.0 and not 1e-3 <= abs(number) < 1e5
+    return _scientific(number) if far else _plain(number)
 
 
 def _is_number(value: object) -> bool:
@@ -94,10 +95,6 @@ def _is_number(value: object) -> bool:
 
 def _is_whole(value: object) -> bool:
     return isinstance(value, Integral)
-
-
-def _far(number: float) -> bool:
-    return number != 0.0 and not 1e-3 <= abs(number) < 1e5
 
 
 def _plain(number: float) -> str:

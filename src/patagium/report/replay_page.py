@@ -196,32 +196,21 @@ def _content(replay: Replay) -> str:
         "speed": encode_array(replay.speed),
         "ground": replay.ground,
         "solids": list(replay.solids),
-        "surfaces": [
-            {"wing": s.wing, "body": s.body, "corners": s.corners.tolist()} for s in replay.surfaces
-        ],
-        "marks": [
-            {"name": m.name, "body": m.body, "offset": m.offset.tolist()} for m in replay.marks
-        ],
-        "arrows": None if replay.arrows is None else _encode_arrows(replay.arrows),
-        "series": [
-            {
-                "group": s.group,
-                "name": s.name,
-                "unit": s.unit,
-                "shown": s.shown,
-                "values": encode_array(s.values),
-                "predicted": None if s.predicted is None else encode_array(s.predicted),
-                "std": None if s.std is None else encode_array(s.std),
-            }
-            for s in replay.series
-        ],
+        "surfaces": [vars(surface) for surface in replay.surfaces],
+        "marks": [vars(mark) for mark in replay.marks],
+        "arrows": None if replay.arrows is None else _encoded(replay.arrows),
+        "series": [_encoded(series) for series in replay.series],
     }
-    return json.dumps(words, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    text = json.dumps(words, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
+    return text.replace("<", "\\u003c")
 
 
-def _encode_arrows(arrows: Arrows) -> dict[str, Any]:
-    kept = {name: getattr(arrows, name) for name in Arrows.__dataclass_fields__}
-    return {name: None if value is None else encode_array(value) for name, value in kept.items()}
+def _encoded(record: Arrows | Series) -> dict[str, Any]:
+    """Fields of a record, arrays encoded."""
+    return {
+        name: encode_array(value) if isinstance(value, np.ndarray) else value
+        for name, value in vars(record).items()
+    }
 
 
 def encode_array(values: Array, kind: str = "f4") -> dict[str, Any]:

@@ -253,12 +253,3 @@ def records_without_learner(packets: Array, force: Array) -> Records:
     rows = np.full((len(force), 3 * m + 4), np.nan)
     rows[:, 2 * m : 3 * m], rows[:, -3:] = force, 0.0
     return Records(rows)
-
-
-def command_of(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Command as a letter for a mailbox.
-
-    Args:
-        values: By field of `COMMAND`.
-    """
-    return {name: values[name] for name, _ in COMMAND}

@@ -29,7 +29,6 @@ from patagium.viewer.live_frames import (
     Mailbox,
     Steering,
     Subject,
-    command_of,
     message_of_frame,
 )
 from patagium.viewer.predicted_forces import strip_force_network
@@ -540,7 +539,8 @@ class LivePage:
         self._asked: dict[str, Any] = {
             "frequency": 0.0, "amplitude": 1.0, "paused": False, "resets": 0, "drawn": 0
         }  # fmt: skip
-        self._strips = _strip_network(subject)
+        network = subject.network
+        self._strips = None if network is None else strip_force_network(network, subject.robot)
         self._measured = {name: k for k, name in enumerate(subject.outputs)}
         self._last: Any = None
         self._numbered = self._plotted = -np.inf
@@ -632,7 +632,7 @@ class LivePage:
         self._send()
 
     def _send(self) -> None:
-        self._commands.put(command_of(self._asked))
+        self._commands.put(self._asked)
 
     def _toggle(self) -> None:
         paused = not self._asked["paused"]
@@ -689,9 +689,3 @@ class LivePage:
             key=[("true", TRUTH), *([("learned", COLORS[0])] if subject.network else [])],
             letter=letter,
         )
-
-
-def _strip_network(subject: Subject) -> Any:
-    """The network seen through the forces on strips, or None where it has none."""
-    network = subject.network
-    return None if network is None else strip_force_network(network, subject.robot)

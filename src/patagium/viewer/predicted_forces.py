@@ -154,9 +154,9 @@ def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> A
     """Force on each strip, world axes, (F, n_strips, 3) [N]; None where the network has none."""
     if isinstance(network, HiddenStripNetwork):
         return strip_forces(network, x, weights)
-    if not isinstance(network, StripNetwork):
+    every = strip_force_network(network, robot)
+    if every is None:
         return None
-    every = _with_measurements(network, np.eye(3 * len(robot.strips)).tolist())
     return every.evaluate(x, weights).reshape(len(x), len(robot.strips), 3)
 
 

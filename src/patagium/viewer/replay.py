@@ -10,25 +10,155 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
 from patagium.learning.identify import flight_horizons
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
+from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
+from patagium.robot.attitude import body_rates
 from patagium.robot.drawing import strip_corners
-from patagium.robot.solids import carried_body, solids, wing_tips
+from patagium.robot.model import Body
+from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
 from patagium.simulation import carrier_of, robot_of
-from patagium.viewer.carrying_arm import carrying_arm
+from patagium.simulation.flight import Carrier
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
-from patagium.viewer.total_force import TotalForce, floating_body, total_force
 
 Array = NDArray[np.float64]
+
+
+class CarryingArm(NamedTuple):
+    """An arm on the ground, at F times.
+
+    Attributes:
+        names: Of its bodies, its foot last.
+        position: Of each in the world, (F, n_b, 3) [m].
+        rotation: Body axes to world axes, (F, n_b, 3, 3).
+        solids: What they look like.
+    """
+
+    names: tuple[str, ...]
+    position: Array
+    rotation: Array
+    solids: list[Solid]
+
+
+def carrying_arm(
+    robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]
+) -> CarryingArm | None:
+    """Arm under the robot of a flight; None if there is no arm.
+
+    Of a robot composed with its arm only the foot: its links are bodies of the robot.
+
+    Args:
+        robot: The robot of the flight.
+        carrier: The arm that carried it, or None.
+        frames: Samples to be shown, (F,).
+    """
+    count = len(frames)
+    ground = np.zeros((count, 1, 3)), np.broadcast_to(np.eye(3), (count, 1, 3, 3))
+    if carrier is None:
+        own = carried_body(robot)
+        thick = [solid for solid in solids(robot) if solid.body < own]
+        return CarryingArm(("foot",), *ground, _foot(robot, thick, 0)) if own else None
+    arm = carrier.arm
+    position, rotation = poses_at(arm, carrier.q[frames])
+    drawn = solids(arm)
+    return CarryingArm(
+        (*(f"{arm.name} {body.name}" for body in arm.bodies), f"{arm.name} foot"),
+        np.concatenate([position, ground[0]], axis=1),
+        np.concatenate([rotation, ground[1]], axis=1),
+        [*drawn, *_foot(arm, drawn, len(arm.bodies)), *_flange(carrier, drawn)],
+    )
+
+
+def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
+    """From the ground to the first joint."""
+    first = np.array(arm.bodies[0].position, float)
+    if not np.linalg.norm(first) > 0:
+        return []
+    return [tube(body, np.zeros(3), first, 1.4 * _radius(drawn))._replace(kind="cylinder")]
+
+
+def _flange(carrier: Carrier, drawn: list[Solid]) -> list[Solid]:
+    """From the tool to the robot."""
+    if not np.linalg.norm(carrier.position) > 0:
+        return []
+    tool = carrier.arm.body_index(carrier.at)
+    return [tube(tool, np.zeros(3), carrier.position, _radius(drawn))]
+
+
+def _radius(drawn: list[Solid]) -> float:
+    return max(solid.size[0] for solid in drawn if solid.kind == "capsule")
+
+
+_SINGULAR = 1e-3  # cosine of a pitch beyond which the angles say nothing of one direction
+
+
+class TotalForce(NamedTuple):
+    """On the robot, world axes.
+
+    Attributes:
+        force: F, (N, 3) [N].
+        moment: M, (N, 3) [N m]; None where the attitude's part is not known.
+    """
+
+    force: Array
+    moment: Array | None
+
+
+def floating_body(robot: Robot) -> tuple[int, Body] | None:
+    """The body that floats, and its number; None if none or several do."""
+    found = [(k, body) for k, body in enumerate(robot.bodies) if body.floating_dofs is not None]
+    return found[0] if len(found) == 1 else None
+
+
+def total_force(
+    robot: Robot,
+    names: tuple[str, ...],
+    generalized: Array,
+    q: Array,
+    rotation: Array,
+    arm: Array,
+) -> TotalForce | None:
+    """Force and moment on the robot from generalized forces; None where they do not tell.
+
+    Args:
+        robot: The machine.
+        names: Coordinates whose force is known, k.
+        generalized: That force, (N, k) [N, N m].
+        q: Coordinates, (N, n_q) [m, rad, 1].
+        rotation: Floating body's axes to world axes, (N, 3, 3) [-].
+        arm: Center of mass from the floating body's origin, world axes, (N, 3) [m].
+    """
+    floating = floating_body(robot)
+    if floating is None:
+        return None
+    _, body = floating
+    wanted = [robot.dof_names[k] for k in body.floating_dofs or ()]
+    if not set(wanted[:3]) <= set(names):
+        return None
+    force = generalized[:, [names.index(name) for name in wanted[:3]]]
+    if not set(wanted) <= set(names):
+        return TotalForce(force, None)
+    turning = generalized[:, [names.index(name) for name in wanted[3:]]]
+    if not body.by_quaternion:
+        angles = q[:, list(robot.floating_coordinates(body))[3:]]
+        columns = [body_rates(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
+        # rows e of J^T: what a rate of one angle is in body axes
+        turning = (np.linalg.pinv(np.stack(columns, axis=1), rcond=_SINGULAR) @ turning[..., None])[
+            ..., 0
+        ]
+    about_origin = (rotation @ turning[..., None])[..., 0]
+    return TotalForce(force, about_origin - np.cross(arm, force))
+
 
 _BYTES = 1.4e6
 """Numbers a page may hold: with base64, three.js and the rest it stays below 3 MB."""
@@ -355,3 +485,38 @@ _NOTES: Sequence[str] = (
     "lower surface.",
     "A following camera follows the path averaged over a wingbeat.",
 )
+
+
+def still(
+    flight: xr.Dataset,
+    time: float | None = None,
+    *,
+    predicted: Predicted | None = None,
+    seen_from: tuple[float, float, float] = OBLIQUE,
+) -> Figure:
+    """A moment of a flight in perspective: what the replay page shows, as a drawing.
+
+    Bodies and wings, the force of the air on each strip (a predicted one as a halo around it),
+    the path and what the wing tips traced in the last wingbeat.
+
+    Args:
+        flight: The flight.
+        time: When [s]; None: in the middle of the flight.
+        predicted: A learner or model, or the identification of this flight; see `replay`.
+        seen_from: Direction from the robot to the eye, world axes, (3,) [-].
+
+    Returns:
+        A figure, to be saved as .png, .svg or .pdf.
+
+    Raises:
+        FlightError: If the flight does not carry its robot.
+        ParameterError: If the time is not within the flight, or the eye straight above.
+    """
+    first, last = float(flight["time"][0]), float(flight["time"][-1])
+    when = (first + last) / 2 if time is None else float(time)
+    if not first <= when <= last:
+        raise ParameterError("time", f"within {first:g} to {last:g} s", f"{when:g} s")
+    if not np.hypot(*seen_from[:2]) > 0:
+        raise ParameterError("seen_from", "a direction that is not straight up", seen_from)
+    shown = replay_content(flight, predicted)
+    return draw_still(shown, int(np.abs(shown.time - when).argmin()), seen_from=seen_from)

@@ -13,7 +13,7 @@ from patagium.dynamics.dynamics import poses_at
 from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
 from patagium.learning.models.memory import network_inputs
 from patagium.simulation import robot_of
-from patagium.viewer.total_force import total_force
+from patagium.viewer.replay import total_force
 
 
 def _flown(attitude: Literal["euler", "quaternion"] = "euler") -> xr.Dataset:

@@ -13,9 +13,9 @@ from patagium.aerodynamics import (
     Indicial,
     fitted_indicial,
 )
-from patagium.aerodynamics.indicial import indicial_from_description
-from patagium.aerodynamics.thin_airfoil import (
+from patagium.aerodynamics.indicial import (
     circulation_function,
+    indicial_from_description,
     kussner_function,
     sears_function,
     theodorsen_function,

@@ -15,7 +15,7 @@ from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.robot.solids import carried_body, solids
 from patagium.simulation import carrier_of
-from patagium.viewer.carrying_arm import carrying_arm
+from patagium.viewer.replay import carrying_arm
 
 SEAT = (0.0, 0.0, 0.06)
 TURN = (0.0, -np.pi / 2, 0.0)

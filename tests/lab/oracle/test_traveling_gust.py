@@ -17,7 +17,7 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips, strip_delays
-from patagium.aerodynamics.thin_airfoil import (
+from patagium.aerodynamics.indicial import (
     kussner_function,
     sears_function,
     theodorsen_function,

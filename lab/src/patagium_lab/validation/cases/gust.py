@@ -20,7 +20,7 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips
-from patagium.aerodynamics.thin_airfoil import kussner_function, sears_function
+from patagium.aerodynamics.indicial import kussner_function, sears_function
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer

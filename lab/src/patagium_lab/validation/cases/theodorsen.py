@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE, Indicial
-from patagium.aerodynamics.thin_airfoil import theodorsen_function
+from patagium.aerodynamics.indicial import theodorsen_function
 from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit
 from patagium_lab.validation.cases.wings import (
     AIRSPEED,

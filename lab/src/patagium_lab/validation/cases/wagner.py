@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE
-from patagium.aerodynamics.thin_airfoil import wagner_function
+from patagium.aerodynamics.indicial import wagner_function
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
