@@ -228,18 +228,18 @@ def test_a_registered_reader_is_found_by_ending_and_by_first_bytes(
 ) -> None:
     monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))
     monkeypatch.setattr(opening, "_MAGIC", dict(opening._MAGIC))
-    (tmp_path / "log.rec").write_bytes(b"RECORDS\n" + frame().to_csv(index=False).encode())
-    with pytest.raises(LogError, match="found one that ends in '.rec'"):
-        brought(tmp_path / "log.rec")
+    (tmp_path / "log.wing").write_bytes(b"RECORDS\n" + frame().to_csv(index=False).encode())
+    with pytest.raises(LogError, match="found one that ends in '.wing'"):
+        brought(tmp_path / "log.wing")
 
     def read(path: Path) -> CsvFile:
         table = path.with_suffix(".csv")
         table.write_bytes(path.read_bytes().partition(b"\n")[2])
         return CsvFile(table)
 
-    opening.register_reader(".rec", read, b"RECORDS")
-    assert brought(tmp_path / "log.rec").samples == 300
-    renamed = (tmp_path / "log.rec").rename(tmp_path / "log.bin")
+    opening.register_reader(".wing", read, b"RECORDS")
+    assert brought(tmp_path / "log.wing").samples == 300
+    renamed = (tmp_path / "log.wing").rename(tmp_path / "log.bin")
     assert inspect_log(renamed).topics[0].rows == 300
 
 

@@ -21,6 +21,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.deprecation import FORMER
+from patagium.sensing.logs.files import opening
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -85,6 +86,7 @@ def test_blocks_of_a_page_run_one_after_the_other(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))  # pages may register readers
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__", **_stage(page)}
     for language, block in BLOCK.findall((DOCS / page).read_text("utf-8")):
