@@ -36,7 +36,10 @@ EstimateOption: TypeAlias = Annotated[
 ]
 AeroOption: TypeAlias = Annotated[
     GreyModel | None,
-    typer.Option(help="Model of the air for --estimate; that of the flight by default."),
+    typer.Option(
+        help="Model of the air for --estimate; by default that of the flight, quasi-steady for an "
+        "imported log."
+    ),
 ]
 
 
@@ -71,7 +74,7 @@ def check_estimate(
 def grey_box(
     flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None, rest: Network | None
 ) -> Any:
-    """Grey box for a flight.
+    """Grey box for a flight or an imported log of one.
 
     Its air begins at rest where the air of the flight does. Added mass is part of the model
     if its factor is estimated.
@@ -79,7 +82,7 @@ def grey_box(
     Args:
         flight: Flight.
         words: Prior standard deviations, NAME=VALUE, in each word one or several.
-        aero: Model of the air; None: that of the flight.
+        aero: Model of the air; None: that of the flight, quasi-steady for a log.
         rest: Network that learns the rest, or None.
 
     Raises:
@@ -123,12 +126,16 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
-    from patagium.simulation import aero_of
+    """Model of the air: that of the flight if none is chosen, or none for a log."""
+    from patagium.simulation import aero_of, air_of, robot_of
 
-    own = aero_of(flight)
-    if aero is not None and not isinstance(own, air_class(aero)):
-        own = air_class(aero)(own.robot, own.air)
-    return own
+    own = aero_of(flight) if "aero" in flight.attrs else None
+    if own is not None and (aero is None or isinstance(own, air_class(aero))):
+        return own
+    if aero is None:
+        aero = GreyModel.QUASI_STEADY
+        typer.echo(f"Model of the air: {aero.value}; --aero takes another.", err=True)
+    return air_class(aero)(robot_of(flight), air_of(flight))  # type: ignore[no-any-return]
 
 
 def air_class(word: str) -> Any:

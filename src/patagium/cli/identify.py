@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -188,15 +187,12 @@ def flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
-    from patagium.aerodynamics import Air
     from patagium.sensing import training_data
-    from patagium.simulation import aero_of, robot_of
+    from patagium.simulation import air_of, robot_of
 
     robot = robot_of(flight)
     if kind is not NetworkKind.DENSE:
-        logged = flight.attrs.get("air")  # of an imported log
-        air = aero_of(flight).air if logged is None else Air(**json.loads(logged))
-        return winged_network(kind, robot, hidden, air, activation)
+        return winged_network(kind, robot, hidden, air_of(flight), activation)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
     return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])

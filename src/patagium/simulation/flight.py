@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from patagium.aerodynamics import (
     AddedMass,
     Aerodynamics,
+    Air,
     added_mass_from_description,
     aero_from_description,
 )
@@ -272,6 +273,17 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
         raise FlightError(f"the flight's air cannot be made again: {error}") from None
 
 
+def air_of(flight: xr.Dataset) -> Air:
+    """Air of a flight: that of its aerodynamic model, or that which an imported log states.
+
+    Raises:
+        FlightError: If the flight carries neither.
+    """
+    if "air" in flight.attrs:  # of an imported log, which has no model
+        return Air(**json.loads(flight.attrs["air"]))
+    return aero_of(flight).air
+
+
 def added_mass_of(flight: xr.Dataset) -> AddedMass | None:
     """The added mass a flight was flown with, or None.
 
@@ -440,7 +452,8 @@ def load_flight(path: str | Path) -> xr.Dataset:
         The flight, in memory; the file is closed.
 
     Raises:
-        FlightError: If there is no such file, or it is not a whole flight.
+        FlightError: If there is no such file, or it is not a whole flight. An imported log is
+            read by `load_log`.
     """
     path = Path(path)
     try:
@@ -449,6 +462,9 @@ def load_flight(path: str | Path) -> xr.Dataset:
     except (OSError, ValueError) as error:
         reason = "no such file" if not path.exists() else f"no netCDF4 file: {error}"
         raise FlightError(f"{path}: {reason}") from None
+    if str(flight.attrs.get("format", "")).startswith("patagium log"):
+        raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
+                          "`pt.load_log` reads")  # fmt: skip
     for variable in flight.variables.values():
         variable.encoding.clear()
     flight.encoding.clear()

@@ -1,6 +1,8 @@
 """A flight as another program would have logged it: imported, learned from, and streamed."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,9 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.errors import FlightError, LogError
 from patagium.sensing.logs.record import LogRecord
+from patagium.simulation import air_of, robot_of
 
 PARTS = ("q", "v", "a", "u1")
 LEARN = ("--network", "strip", "--prior-std", "0.3", "--measurement-std", "3e-4",
@@ -87,3 +91,48 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
         facts.append(json.loads(capsys.readouterr().out))
     assert facts[0]["samples"] == facts[1]["samples"] > 490
     assert facts[0]["nmse"] == facts[1]["nmse"]
+
+
+def test_python_learns_from_an_imported_flight_as_from_the_flight(
+    flight: xr.Dataset, log: Path
+) -> None:
+    out = pt.import_log(log, log.with_name("map.yaml"), log.with_name("out.nc")).path
+    back, worst = pt.load_log(out), []
+    assert set(back["q"].dims) == {"time", "dof"} and "findings" in back.attrs
+    for one in (back, flight):
+        air = air_of(one)
+        assert air.wind == (-3.0, 0.0, 0.0)
+        network = pt.StripNetwork(robot_of(one), (4,), air=air)
+        learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7)
+        worst.append(pt.identify(one, learner, every=10).scores["nmse_worst"])
+    assert worst[0] == pytest.approx(worst[1], rel=1e-3)  # stamps are whole nanoseconds
+
+
+def test_each_loader_names_the_other(flight: xr.Dataset, log: Path, tmp_path: Path) -> None:
+    out = pt.import_log(log, log.with_name("map.yaml"), tmp_path / "out.nc").path
+    with pytest.raises(FlightError, match="imported log, which `pt.load_log` reads"):
+        pt.load_flight(out)
+    pt.save_flight(flight, tmp_path / "native.nc")
+    with pytest.raises(LogError, match="flight, which `pt.load_flight` reads"):
+        pt.load_log(tmp_path / "native.nc")
+
+
+@pytest.mark.parametrize("aero", [(), ("--aero", "delaurier")])
+def test_numbers_of_the_air_are_estimated_from_an_imported_flight(
+    aero: tuple[str, ...], log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = log.with_name("out.nc")
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    name = "polar.lift_amplitude" if not aero else "lift_slope"
+    say("identify", out, "--estimate", f"{name}=0.5", *aero, "--measurement-std", "1e-3",
+        "--every", "10", "--json")  # fmt: skip
+    said = capsys.readouterr()
+    assert ("quasi-steady" in said.err) is not bool(aero)  # what was chosen is said
+    facts = json.loads(said.out[said.out.index("\n{") :])
+    assert np.isfinite(facts["nmse_worst"])
+
+
+def test_the_program_runs_as_a_module() -> None:
+    words = [sys.executable, "-m", "patagium", "--version"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert said.stdout.startswith("patagium ")

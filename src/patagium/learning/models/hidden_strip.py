@@ -114,8 +114,9 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
     the logarithms of lags, .1 for the lift slope's, .15 and .05 for the stall's. x is
     [q, v, z, vec S, W_m], of which [q, v] is measured and its memory finds the rest.
 
-    A measurement_std of .003 N times the lever arm of each coordinate, prior_std .1 and spread
-    1.7 did well for flapping flights of a small robot, free and mounted.
+    A measurement_std of .003 N for positions and of .003 N times the distance from the axis to
+    the strips for angles, prior_std .1 and spread 1.7 did well for flapping flights of a small
+    robot, free and mounted.
 
     Args:
         robot: The machine; its numbers are taken as they are.

@@ -17,7 +17,7 @@ from patagium.errors import FlightError, LogError
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
-from patagium.simulation.flight import quantities
+from patagium.simulation.flight import quantities, robot_of
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,10 @@ class LogRecord:
             reason = "no such file" if not self.path.exists() else f"no netCDF4 file: {problem}"
             raise LogError(f"{self.path}: {reason}") from None
         try:
-            if self._file.getncattr("format") != FORMAT:
-                raise LogError(f"{self.path}: expected a log that `patagium import` wrote")
+            found = self._file.__dict__
+            if found.get("format") != FORMAT:
+                other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""
+                raise LogError(f"{self.path}: expected a log that `patagium import` wrote{other}")
             self._file.set_auto_mask(False)
             self._columns = {
                 str(variable.long_name): variable
@@ -187,13 +189,10 @@ class LogRecord:
                 f"{self.path}: expected q, v, a and u1 of each coordinate of {robot.name}, "
                 f"found no {', '.join(missing[:6])}"
             )
-        names = {"q": robot.coordinate_names}
-        record = {}
-        for part in (*PARTS, *OPTIONAL_PARTS):
-            labels = tuple(f"{part}.{name}" for name in names.get(part, robot.dof_names))
-            if part in OPTIONAL_PARTS and not set(labels) <= set(self._columns):
-                continue
-            record[part] = (("time", *quantities(robot)[part].dims), self.values(labels))
+        record = {
+            part: (("time", *quantities(robot)[part].dims), self.values(labels))
+            for part, labels in self._parts(robot).items()
+        }
         attributes = {
             "robot": robot.source,
             "robot_name": robot.name,
@@ -203,6 +202,43 @@ class LogRecord:
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
         return xr.Dataset(record, coordinates, attributes)
 
+    def dataset(self) -> xr.Dataset:
+        """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
+        base, used = xr.Dataset(), set()
+        if self.is_flight:
+            base = self.flight()
+            used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
+        parts: dict[str, list[str]] = {}
+        for name in (label for label in self.labels if label not in used):
+            head, dot, tail = name.rpartition(".")
+            whole = head if dot and tail in ("w", "x", "y", "z") and head not in base else name
+            parts.setdefault(whole, []).append(name)
+        variables: dict[str, Any] = {}
+        for whole, names in parts.items():
+            dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
+            facts = {"units": self.units[names[0]]}
+            if dims is None:
+                for name in names:
+                    variables[name] = ("time", self.values((name,))[:, 0], facts)
+            else:
+                variables[whole] = (dims, self.values(tuple(names)), facts)
+        coordinates = {
+            "time": ("time", self.time(), {"units": "s"}),
+            "axis": list("xyz"),
+            "quaternion": list("wxyz"),
+        }
+        attributes = {**base.attrs, "findings": json.dumps(self.findings)}
+        return base.assign(variables).assign_coords(coordinates).assign_attrs(attributes)
+
+    def _parts(self, robot: Robot) -> dict[str, tuple[str, ...]]:
+        """Names of the numbers of each part of a flight that the log holds whole."""
+        names = {"q": robot.coordinate_names}
+        parts = {
+            part: tuple(f"{part}.{name}" for name in names.get(part, robot.dof_names))
+            for part in (*PARTS, *OPTIONAL_PARTS)
+        }
+        return {part: labels for part, labels in parts.items() if set(labels) <= set(self.labels)}
+
     def _missing(self, robot: Robot) -> list[str]:
         wanted = [column.name for column in packet_columns(robot)[1:]]
         return [name for name in wanted if name not in self._columns]
@@ -211,32 +247,15 @@ class LogRecord:
 def load_log(path: str | Path) -> xr.Dataset:
     """Imported log in memory, with one variable for each quantity and its unit.
 
-    Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world.
+    Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world. A log
+    with q, v, a and u1 of every coordinate of its robot has them as the variables of a flight,
+    (time, dof), and `identify` learns from it as from a simulated flight.
 
     Args:
         path: The netCDF file.
 
     Raises:
-        LogError: If the file is no imported log.
+        LogError: If the file is no imported log. A simulated flight is read by `load_flight`.
     """
     with LogRecord(path) as record:
-        parts: dict[str, list[str]] = {}
-        for name in record.labels:
-            head, dot, tail = name.rpartition(".")
-            whole = head if dot and tail in ("w", "x", "y", "z") else name
-            parts.setdefault(whole, []).append(name)
-        variables: dict[str, Any] = {}
-        for whole, names in parts.items():
-            dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
-            facts = {"units": record.units[names[0]]}
-            if dims is None:
-                for name in names:
-                    variables[name] = ("time", record.values((name,))[:, 0], facts)
-            else:
-                variables[whole] = (dims, record.values(tuple(names)), facts)
-        coordinates = {
-            "time": ("time", record.time(), {"units": "s"}),
-            "axis": list("xyz"),
-            "quaternion": list("wxyz"),
-        }
-        return xr.Dataset(variables, coordinates, {"findings": json.dumps(record.findings)})
+        return record.dataset()
