@@ -37,22 +37,22 @@ def mujoco_xml(robot: Robot) -> str:
             elements[body.parent + 1],
             "body",
             name=body.name,
-            pos=_text(body.position),
-            xyaxes=_text([*orientation[:, 0], *orientation[:, 1]]),
+            pos=numbers_text(body.position),
+            xyaxes=numbers_text([*orientation[:, 0], *orientation[:, 1]]),
         )
         elements.append(element)
         if body.by_quaternion:
             ElementTree.SubElement(element, "freejoint", name=body.name)
         for step in () if body.by_quaternion else chain_of(robot, body):
             kind, name = "hinge" if step.turns else "slide", f"coordinate {step.dofs[0]}"
-            axis = _text(step.axes[0])
+            axis = numbers_text(step.axes[0])
             ElementTree.SubElement(element, "joint", name=name, type=kind, axis=axis)
         ElementTree.SubElement(
             element,
             "inertial",
-            pos=_text(body.center_of_mass),
+            pos=numbers_text(body.center_of_mass),
             mass=repr(float(body.mass)),
-            fullinertia=_text(body.inertia),
+            fullinertia=numbers_text(body.inertia),
         )
     return ElementTree.tostring(root, encoding="unicode")
 
@@ -62,6 +62,7 @@ class MujocoModel:
 
     Args:
         robot: Machine with numbers, not symbols.
+        xml: The robot as MJCF text, with more than `mujoco_xml` writes; None: as that writes it.
 
     Attributes:
         model: The `mujoco.MjModel`.
@@ -69,11 +70,11 @@ class MujocoModel:
         places: Index in q of each coordinate of the model, (n_q,) [1].
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, xml: str | None = None) -> None:
         import mujoco
 
         self.mujoco: Any = mujoco
-        self.model: Any = mujoco.MjModel.from_xml_string(mujoco_xml(robot))
+        self.model: Any = mujoco.MjModel.from_xml_string(xml or mujoco_xml(robot))
         self.data: Any = mujoco.MjData(self.model)
         names = [self.model.joint(k).name for k in range(self.model.njnt)]
         self.order = np.array([k for name in names for k in _dofs(robot, name)], dtype=np.intp)
@@ -122,5 +123,10 @@ def _coordinates(robot: Robot, name: str) -> tuple[int, ...]:
     return robot.floating_coordinates(robot.bodies[robot.body_index(name)])
 
 
-def _text(values: Any) -> str:
+def numbers_text(values: Any) -> str:
+    """Numbers as an attribute of MJCF.
+
+    Args:
+        values: Numbers in order.
+    """
     return " ".join(repr(float(value)) for value in values)
