@@ -1,4 +1,4 @@
-"""`patagium tune`: settings of a learner chosen by what it predicts of a flight or a log."""
+"""`patagium tune`: settings of a learner chosen by what it predicts of flights that it left out."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ import typer
 from patagium.cli.learner_options import LearnerChoice, nested, with_learner_options
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from patagium.learning import Tuned
 
 EXAMPLES = (
     "patagium tune flight.nc --network strip --hidden 8,8 --every 100 --out settings.yaml",
+    "patagium tune slow.nc fast.nc --hold-out other.nc --hidden 8,8 --out settings.yaml",
     "patagium tune flight.nc --hidden 8,8 --hidden 12 --covariance node --trials 128 --jobs 4",
     "patagium tune flight.nc --outlier-std 5 --prior-share 0 --learner extended",
     "patagium tune log.csv --mapping columns.yaml --every 1 --cluster tcp://10.0.0.1:8786",
@@ -24,12 +27,27 @@ EXAMPLES = (
 
 @with_learner_options(several=True)
 def tune(
-    file: Annotated[Path, typer.Argument(help="Flight (.nc) or table (.csv, .parquet).")],
+    files: Annotated[
+        list[Path], typer.Argument(help="Flights (.nc) or tables (.csv, .parquet) to learn.")
+    ],
     choice: LearnerChoice,
+    hold_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Flight or table that no trial learns and all are judged on; may be repeated."
+        ),
+    ] = None,
     mapping: Annotated[
         Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
     ] = None,
     every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 100,
+    horizon: Annotated[
+        str | None,
+        typer.Option(
+            help="Time for which the weights stay when they are judged, such as 100ms, where all "
+            "kinematics are alike and none are left out; half of the flight by default."
+        ),
+    ] = None,
     trials: Annotated[int, typer.Option(help="Number of settings to try.")] = 64,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Number of processes; one for each core by default.")
@@ -44,12 +62,14 @@ def tune(
         False
     ),
 ) -> None:
-    """Choose the settings of a learner by what it predicts.
+    """Choose the settings of a learner by what it predicts of kinematics that it never learned.
 
-    Each trial teaches a new learner the flight with other settings; the best trial is the one
-    whose predictions have the largest likelihood. A setting that is given is not searched, and
-    one that is repeated is searched among the values given. Trials are kept beside the result
-    as they end: the same command goes on where it was stopped.
+    Each trial teaches a new learner the flights with other settings, and then predicts what was
+    left out: the flights of --hold-out, else wingbeats of other kinematics, else the second
+    half. A trial that diverges there, or errs more than predicting zero or than the weights
+    before any sample, is refused. A setting that is given is not searched, and one that is
+    repeated is searched among the values given. Trials are kept beside the result as they end:
+    the same command goes on where it was stopped.
     """
     from patagium.cli.identify import flight_network, table_network
     from patagium.cli.logs import flight_or_table
@@ -58,10 +78,13 @@ def tune(
     from patagium.learning.settings import Alternatives
 
     layers = list(dict.fromkeys(choice.hidden or [WholeNumbers((8, 8))]))
-    flight, table = flight_or_table(file, mapping)
-    learned: Any = flight if table is None else table
-    make: Any = flight_network if table is None else table_network
-    networks = [make(learned, choice.network, tuple(one), choice.activation) for one in layers]
+    held = hold_out or []
+    opened = [flight_or_table(file, mapping) for file in (*files, *held)]
+    logs: list[Any] = [flight if table is None else table for flight, table in opened]
+    _check_alike((*files, *held), logs)
+    names = [file.name for file in files]
+    make: Any = flight_network if opened[0][1] is None else table_network
+    networks = [make(logs[0], choice.network, tuple(one), choice.activation) for one in layers]
     settings: dict[str, Any] = {}
     for name, given in nested(choice.settings or {}).items():
         several = isinstance(given, list) and len(given) > 1
@@ -71,9 +94,9 @@ def tune(
     journal = out.with_suffix(".trials.jsonl")
     if journal.exists():
         typer.echo(f"Going on from the trials in {journal}", err=True)
-    with progress_bar(f"Tuning on {file.name}") as progress:
+    with progress_bar(f"Tuning on {', '.join(names)}") as progress:
         found = tune_learner(
-            learned,
+            logs[: len(files)],
             networks,
             every=every,
             trials=trials,
@@ -83,7 +106,9 @@ def tune(
             jobs=jobs,
             cluster=cluster,
             journal=journal,
-            source=file.name,
+            source=", ".join(names),
+            hold_out=dict(zip((file.name for file in held), logs[len(files) :], strict=True)),
+            horizon=horizon,
             progress=progress,
         )
     found.save(out)
@@ -92,6 +117,35 @@ def tune(
         say_json(found.best.model_dump(mode="json"))
     else:
         _show(found)
+
+
+def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
+    """Refuse files that one network cannot learn.
+
+    Args:
+        files: Their paths.
+        logs: What they hold.
+
+    Raises:
+        LogError: If some are flights and some are tables, or the robot or the wind differs.
+    """
+    from patagium.errors import LogError
+    from patagium.sensing import LogTable
+    from patagium.simulation import air_of, robot_of
+
+    def kind(one: Any) -> tuple[Any, ...]:
+        if isinstance(one, LogTable):
+            return ("table", one.input_names, one.output_names)
+        return ("flight", robot_of(one), air_of(one).wind)
+
+    first = kind(logs[0])
+    for file, one in zip(files, logs, strict=True):
+        pairs = zip(("kind", "robot", "wind"), kind(one), first, strict=True)
+        for name in (name for name, found, expected in pairs if found != expected):
+            raise LogError(
+                f"{file}: expected the {name} of {files[0].name}, which the network is made for, "
+                "found another"
+            )
 
 
 def _show(found: Tuned) -> None:
@@ -103,15 +157,23 @@ def _show(found: Tuned) -> None:
     rows: list[list[Any]] = []
     for trial in found.trials[:SHOWN]:
         one, values = trial.prediction, trial.values
-        scores = [one.score, one.nmse_second_half, one.coverage_second_half]
+        scores = [one.crps, one.left_out_nmse, one.left_out_coverage]
+        scores += [one.nmse_second_half, one.coverage_second_half]
         rows.append([*scores, *map(_cell, [*values.values(), list(trial.hidden)])])
     names = [name.replace("_", " ") for name in found.trials[0].values]
-    show_table(Table(["log likelihood", "NMSE", "coverage", *names, "hidden"], rows))
-    best = found.trials[0].prediction
+    scored = ["CRPS", "left out: NMSE", "coverage", "known: NMSE", "coverage"]
+    show_table(Table([*scored, *names, "hidden"], rows))
+    best, search = found.trials[0].prediction, found.best.search
     typer.echo(
-        f"Second half, samples used: log likelihood {best.score:.6g}, NMSE "
-        f"{best.nmse_second_half:.3g}, {best.coverage_second_half:.1%} inside the 95 % interval. "
-        "A standard deviation of each output is shown by its geometric mean."
+        f"Left out, by weights that stay: CRPS {best.left_out_crps:.3g} standard deviations of the "
+        f"output, NMSE {best.left_out_nmse:.3g}, {best.left_out_coverage:.1%} inside the 95 % "
+        f"interval. Known, each sample before it was learned, second half: NMSE "
+        f"{best.nmse_second_half:.3g}, {best.coverage_second_half:.1%}, log likelihood "
+        f"{best.log_likelihood_second_half:.6g}. A standard deviation of each output is shown by "
+        "its geometric mean."
+    )
+    typer.echo(
+        f"Rule: {found.rule}. {search['refused']} of {search['trials']} trials were refused."
     )
 
 

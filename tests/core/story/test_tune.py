@@ -85,9 +85,10 @@ def test_the_file_says_what_was_chosen_for_what(folder: Path) -> None:
     assert words["network"]["kind"] == "strip" and words["network"]["hidden"] in ([3], [4])
     assert words["learner"]["covariance"] == "node"
     assert len(words["learner"]["measurement_std"]) == 14
-    scores = [trial["log_likelihood_second_half"] for trial in words["trials"]]
-    assert scores == sorted(scores, reverse=True)
-    assert words["prediction"]["log_likelihood_second_half"] == scores[0]
+    first, *others = (trial["crps"] for trial in words["trials"])
+    assert others == sorted(others)
+    assert words["prediction"]["crps"] == first
+    assert words["search"]["rule"].startswith("second half, by weights that stay; the")
     assert "y" not in words["prediction"]["outputs"]  # a symmetric flight
 
 
@@ -152,6 +153,24 @@ def test_a_table_is_tuned_as_it_is_identified(folder: Path, tmp_path: Path, spea
     assert json.loads(answer.out)["network"]["kind"] == "dense"
     assert speak("identify", *base, "--settings", out).code == 0
     assert speak("tune", table, *TUNE, "--out", out).code == 2
+
+
+def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
+    folder: Path, tmp_path: Path, speak: Speak
+) -> None:
+    flight, out = folder / "flight.nc", tmp_path / "s.yaml"
+    beat = ("--frequency", 5, "--plunge", 0.3, "--speed", 4, "--duration", 0.1, "--time-step", 1e-4)
+    other, windy = tmp_path / "other.nc", tmp_path / "windy.nc"
+    assert speak("simulate", "aerobat", *beat, "-o", other).code == 0
+    assert speak("simulate", "aerobat", *beat, "--wind", "-1,0,0", "-o", windy).code == 0
+    base = ("--hidden", 3, "--prior-std", 0.01, "--out", out)
+    answer = speak("tune", flight, "--hold-out", other, *TUNE, *base)
+    said = " ".join(answer.out.split())
+    assert answer.code == 0, answer.err
+    assert "Rule: left-out flights: other.nc. " in said and "trials were refused." in said
+    assert yaml.safe_load(out.read_text("utf-8"))["search"]["rule"] == "left-out flights: other.nc"
+    refused = speak("tune", flight, "--hold-out", windy, *TUNE, *base)
+    assert refused.code == 2 and "expected the wind of flight.nc" in refused.err
 
 
 @pytest.mark.parametrize(

@@ -1,35 +1,55 @@
-"""Likelihood of what a learner predicted: the score of a trial.
+"""Score of a trial: what weights that stay predict of samples that were left out.
 
-With e = y - mean the innovation of an output and s^2 its variance, both predicted before the
-sample is used,
+Trials are compared by the continuous ranked probability score (CRPS) of the predicted normal
+distributions on samples that were left out (`left_out`), over the standard deviation of each
+output; errors count in proportion to their size, and so do intervals that are too wide or too
+narrow. With z = (y - mean) / s and the normal density phi and distribution Phi,
+
+    CRPS = s (z (2 Phi(z) - 1) + 2 phi(z) - 1 / sqrt(pi)).
+
+The score is -log CRPS. Where other flights or other kinematics were left out, the CRPS is the mean
+of two: that of what was left out, and that of known kinematics, each sample predicted before it
+was learned, second half; so a setting that learns nothing does not win by its wide intervals. A
+trial is then refused where its mean square error on anything left out is larger than that of
+predicting zero, or of the weights before any sample (the physics that a network begins with).
+
+Beside it stands the likelihood of the predictions of known kinematics, made before each sample
+was used. With e = y - mean the innovation of an output and s^2 its variance,
 
     log L = sum over samples and outputs of -1/2 (e^2 / s^2 + log s^2 + log 2 pi):
 
 the density that the learner gave beforehand to each number it then measured. It punishes errors,
 and standard deviations too small or too large for them. An output that stands still is predicted
 by any standard deviation, the smaller the better: where it does (`moving`) it is left out, or a
-robot on the ground would decide how the learner learns in flight. Neglected: correlation of the
-outputs (with it, on a flight without noise, the likelihood follows directions in which P_yy is
-all but singular, and the standard deviations of the outputs come out too large); samples between
-those used.
+robot on the ground would decide how the learner learns in flight. This likelihood rewards
+learners that follow the misfit of the last samples, and then err on other kinematics. Neglected:
+correlation of the outputs (with it, on a flight without noise, the likelihood follows directions
+in which P_yy is all but singular, and the standard deviations of the outputs come out too large);
+samples between those used.
+
+References:
+    Gneiting & Raftery (2007), Strictly proper scoring rules, prediction, and estimation, J. Am.
+    Stat. Assoc. 102.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from math import inf, log, nan, pi
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from math import inf, log, nan, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.stats import norm
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
-from patagium.learning.stream import Indices, Samples, prequential
+from patagium.learning.stream import Indices, Samples, prequential, thin
 
 Array = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
@@ -39,6 +59,10 @@ SPANS = 50
 STILL = 0.02
 """An output stands still where its standard deviation over a span is at most this share of that
 over all samples."""
+MOST_JUDGED = 400
+"""Samples of a left-out stretch that are predicted at most, spread evenly."""
+BLOCKS = 10
+"""Blocks in a left-out stretch, between which the standard error of a score is found."""
 
 
 class LogSamples(NamedTuple):
@@ -58,18 +82,66 @@ class LogSamples(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PredictionScore:
-    """Likelihood, error and coverage of the predictions of a learner.
+class Flown:
+    """Used samples of a flight, or of several as one log.
 
     Attributes:
-        log_likelihood: Of all samples; minus infinity if the learner diverged.
-        log_likelihood_second_half: Of the second half of them; the same.
+        log: Log of which U samples are used.
+        y: Measurements, (U, n_y) [unit of y].
+        scored: Measurements that count, (U, n_y); see `moving`.
+        name: Name of the flight.
+    """
+
+    log: LogSamples
+    y: Array
+    scored: Chosen
+    name: str
+
+    def samples(self) -> Samples:
+        """Samples as the prequential loop takes them."""
+        measured = np.full((len(self.log.time), self.y.shape[1]), nan)
+        measured[self.log.used] = self.y
+        return Samples(self.log.time, self.log.x, measured, self.log.gaps)
+
+
+class Fold(NamedTuple):
+    """Samples that a trial learns, and samples that it then predicts with weights that stay.
+
+    Attributes:
+        learned: Used samples of the flights learned that it learns, (U,) of bool.
+        flown: Flight that is predicted.
+        judged: Used samples of it that are predicted, increasing.
+        elsewhere: Whether it is another flight or of other kinematics.
+    """
+
+    learned: Chosen
+    flown: Flown
+    judged: Indices
+    elsewhere: bool = True
+
+
+@dataclass(frozen=True)
+class PredictionScore:
+    """Score of a trial on what was left out, and of its predictions of known kinematics.
+
+    Attributes:
+        log_likelihood: Log likelihood of all samples, each before it was learned; minus infinity
+            if the learner diverged.
+        log_likelihood_second_half: The same of the second half of them.
         samples: Number of samples that were learned.
         nmse_second_half: Mean square innovation over the variance of the output, mean over the
             outputs, second half.
         coverage_second_half: Share of outputs inside the predicted 95 % interval, second half.
         outcome: COMPLETED, or why the learner stopped.
-        reason: The outcome in words; empty if it is COMPLETED.
+        reason: Why the trial is refused; empty if it is not.
+        crps: CRPS that trials are compared by, over the standard deviation of the output.
+        crps_second_half: CRPS of known kinematics, second half, mean over the outputs.
+        left_out_crps: CRPS of what was left out, mean over the outputs.
+        left_out_error: Standard error of `left_out_crps`, between blocks of samples.
+        left_out_nmse: Mean square error over the variance of the output, mean over the outputs,
+            the largest of what was left out.
+        left_out_coverage: Share of outputs inside the predicted 95 % interval there.
+        moved: Norm of the change of the weights by all samples [1].
     """
 
     log_likelihood: float
@@ -79,11 +151,19 @@ class PredictionScore:
     coverage_second_half: float = nan
     outcome: Outcome = Outcome.COMPLETED
     reason: str = ""
+    crps: float = nan
+    crps_second_half: float = nan
+    left_out_crps: float = nan
+    left_out_error: float = nan
+    left_out_nmse: float = nan
+    left_out_coverage: float = nan
+    moved: float = nan
 
     @property
     def score(self) -> float:
-        """Number that trials are compared by: larger is better."""
-        return self.log_likelihood_second_half
+        """Number that trials are compared by: larger is better, minus infinity is refused."""
+        lost = self.reason or not self.crps >= 0
+        return -inf if lost else -log(max(self.crps, 1e-300))
 
     def describe(self) -> dict[str, Any]:
         """Score as JSON-able values; numbers that are not finite are None."""
@@ -128,8 +208,122 @@ def moving(y: Array) -> Chosen:
     return np.asarray(alive & measured & (local > STILL**2))
 
 
+def judged_trial(
+    make: Callable[[], FilterLearner], flown: Flown, folds: tuple[Fold, ...]
+) -> PredictionScore:
+    """Score of the settings of a learner.
+
+    Args:
+        make: New learner with the settings.
+        flown: Flights that are learned.
+        folds: What is learned of them, and what is then predicted.
+    """
+    learner = make()
+    prior = learner.weights
+    known = score_predictions(learner, flown)
+    known = replace(known, moved=float(np.linalg.norm(learner.weights - prior)))
+    parts: list[_Part] = []
+    for fold in folds:
+        if known.reason:
+            return known
+        taught = learner if fold.learned.all() else make()
+        if taught is not learner:
+            lost = score_predictions(taught, flown, np.flatnonzero(fold.learned)).reason
+            known = replace(known, reason=lost)
+        if not known.reason:
+            parts.append(_frozen(taught, prior, fold))
+            known = replace(known, reason=parts[-1].reason)
+    if known.reason:
+        return known
+    crps = float(np.mean([one.crps for one in parts]))
+    elsewhere = all(fold.elsewhere for fold in folds)
+    return replace(
+        known,
+        crps=(crps + known.crps_second_half) / 2 if elsewhere else crps,
+        left_out_crps=crps,
+        left_out_error=sqrt(sum(one.error**2 for one in parts)) / len(parts),
+        left_out_nmse=max(one.nmse for one in parts),
+        left_out_coverage=float(np.mean([one.coverage for one in parts])),
+    )
+
+
+class _Part(NamedTuple):
+    """Score of what was left out in one fold; see `PredictionScore`."""
+
+    crps: float = nan
+    error: float = nan
+    nmse: float = nan
+    coverage: float = nan
+    reason: str = ""
+
+
+def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
+    """Score of predictions with weights that stay.
+
+    Args:
+        learner: Learner that has learned its part; it is not taught.
+        prior: Weights before any sample, (n,) [1].
+        fold: What is predicted.
+    """
+    flown, network = fold.flown, learner.network
+    heard = flown.scored.any(axis=0)
+    rows = thin(fold.judged[flown.scored[fold.judged].any(axis=1)], MOST_JUDGED)
+    places = flown.log.used[rows]
+    x, x_prior = (
+        network_inputs(network, weights, *flown.log[:3])[places]
+        for weights in (learner.weights, prior)
+    )
+    try:
+        found = [learner.predict(one) for one in x]
+    except (FilterDiverged, MatrixLost) as problem:
+        return _Part(reason=f"{flown.name}: {problem}")
+    truth = np.where(flown.scored, flown.y, nan)[:, heard]
+    spread = np.nanstd(truth, axis=0)
+    counted = truth[rows] / spread
+    mean, std = (
+        np.array(values)[:, heard] / spread
+        for values in (
+            [one for one, _ in found],
+            [np.sqrt(np.diagonal(one)) for _, one in found],
+        )
+    )
+    error = counted - mean
+    with np.errstate(over="ignore", invalid="ignore"):
+        at_prior = counted - network.evaluate(x_prior, prior)[:, heard] / spread
+        nmse, zero, physics = (_mean(part**2) for part in (error, counted, at_prior))
+    rival = ("the weights before any sample", physics) if physics < zero else ("zero", zero)
+    if not (nmse <= rival[1] if fold.elsewhere else np.isfinite(nmse)):
+        return _Part(
+            reason=f"{flown.name}, left out: the mean square error, {nmse:.3g} times the "
+            f"variance, is larger than that of {rival[0]}, {rival[1]:.3g}"
+        )
+    crps = _crps(error, std)
+    inside = np.abs(error) <= INTERVAL * std
+    blocks = np.array([_mean(part) for part in np.array_split(crps, min(BLOCKS, len(crps)))])
+    blocks = blocks[np.isfinite(blocks)]
+    whole = _mean(crps)
+    return _Part(
+        crps=whole,
+        error=float(blocks.std(ddof=1) / sqrt(len(blocks))) if len(blocks) > 1 else nan,
+        nmse=nmse,
+        coverage=float(inside[np.isfinite(error)].mean()),
+    )
+
+
+def _crps(error: Array, std: Array) -> Array:
+    """CRPS of normal distributions, as `error` [its unit]."""
+    z = error / std
+    return np.asarray(std * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / sqrt(pi)))
+
+
+def _mean(values: Array) -> float:
+    """Mean over the samples that count, then over the outputs."""
+    each = [column[~np.isnan(column)].mean() for column in values.T if (~np.isnan(column)).any()]
+    return float(np.mean(each)) if each else nan
+
+
 def score_predictions(
-    learner: FilterLearner, log: LogSamples, y: Array, scored: Chosen
+    learner: FilterLearner, flown: Flown, learned: Indices | None = None
 ) -> PredictionScore:
     """Score of the predictions of a learner that learns samples one by one.
 
@@ -138,26 +332,25 @@ def score_predictions(
 
     Args:
         learner: Learner, which learns the samples.
-        log: Log of which N samples are used.
-        y: Measurements, (N, n_y) [unit of y].
-        scored: Measurements that count, (N, n_y) [unit of y]; see `moving`.
+        flown: Flights that are learned.
+        learned: Used samples that it learns, increasing; None: all.
     """
-    measured = np.full((len(log.time), y.shape[1]), nan)
-    measured[log.used] = y
-    samples = Samples(log.time, log.x, measured, log.gaps)
+    rows = np.arange(len(flown.y)) if learned is None else learned
+    used = flown.log.used[rows]
     try:
-        updates = [update for _, update in prequential(learner, samples, log.used) if update]
+        updates = [one for _, one in prequential(learner, flown.samples(), used) if one]
     except (FilterDiverged, MatrixLost) as problem:
         return PredictionScore(
             -inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem)
         )
     error = np.array([update.innovation for update in updates])
     variance = np.array([update.std for update in updates]) ** 2
-    heard = scored.any(axis=0)
-    return _judged(y[:, heard], error[:, heard], variance[:, heard], scored[:, heard])
+    heard = flown.scored.any(axis=0)
+    y, scored = flown.y[rows][:, heard], flown.scored[rows][:, heard]
+    return _known(y, error[:, heard], variance[:, heard], scored)
 
 
-def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:
+def _known(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:
     """Scores of innovations and their variances, (N, m) each; some may be nan."""
     counted = np.where(scored, truth, nan)
     mean, spread = np.nanmean(counted, axis=0), np.nanvar(counted, axis=0)
@@ -169,6 +362,7 @@ def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Pred
     density = np.where(scored, -0.5 * (ratio + np.log(allowed) + log(2 * pi)), 0.0)
     late = slice(len(truth) // 2, None)
     chosen = scored[late]
+    crps = np.where(scored, _crps(miss, np.sqrt(allowed)), nan) / np.sqrt(spread)
     inside = (ratio[late] <= INTERVAL**2)[chosen]
     square = (miss**2 / spread)[late][chosen]
     return PredictionScore(
@@ -177,4 +371,5 @@ def _judged(truth: Array, error: Array, variance: Array, scored: Chosen) -> Pred
         samples=len(truth),
         nmse_second_half=float(square.mean()) if len(square) else nan,
         coverage_second_half=float(inside.mean()) if len(inside) else nan,
+        crps_second_half=_mean(crps[late]),
     )

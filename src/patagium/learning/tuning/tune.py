@@ -1,9 +1,9 @@
-"""Settings of a learner chosen by the likelihood of its predictions.
+"""Settings of a learner chosen by what they predict of kinematics that were not learned.
 
-Each trial teaches a new learner the used samples of a flight; its score is the likelihood of the
-innovations over the second half, when the learner has settled. Optuna draws the trials over
-the ranges of the settings' record (`search`). Neglected: the luck of the initial weights,
-which are those of one seed; flights other than the one given.
+Each trial teaches a new learner the used samples of one or several flights, less those that are
+left out (`left_out`), and predicts the latter with weights that stay; its score is that of these
+predictions (`likelihood`). Optuna draws the trials over the ranges of the settings' record
+(`search`). Neglected: the luck of the initial weights, which are those of one seed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -27,11 +28,13 @@ from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.settings import Alternatives
 from patagium.learning.stream import used_samples
+from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
 from patagium.learning.tuning.likelihood import (
+    Flown,
     LogSamples,
     PredictionScore,
+    judged_trial,
     moving,
-    score_predictions,
 )
 from patagium.learning.tuning.search import (
     DrawnTrial,
@@ -42,6 +45,7 @@ from patagium.learning.tuning.search import (
     search_space,
 )
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
+from patagium.learning.wingbeats import duration
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 
@@ -52,21 +56,31 @@ MOST_WEIGHTS = 400
 """Larger networks are tried with covariance blocks of one neuron only, unless others are given."""
 SHOWN = 10
 """Number of trials that the file of settings lists."""
-_SHOWN_SCORES = ("log_likelihood_second_half", "nmse_second_half", "coverage_second_half")
+_SHOWN_SCORES = (
+    *("crps", "left_out_crps", "left_out_nmse", "left_out_coverage"),
+    *("log_likelihood_second_half", "nmse_second_half", "coverage_second_half"),
+)
+_PAUSE = 1.0  # s, between flights that are learned one after the other
+Flight = xr.Dataset | LogTable
 
 
 class SearchOptions(TypedDict, total=False):
-    """Options of `tune` that say where a search runs and what it keeps, not what it finds.
+    """Options of `tune` that most searches do without.
 
     Attributes:
+        hold_out: Flights that no trial learns and all are judged on, or these by their names.
+        horizon: Time for which weights stay when they are judged, such as "100ms" or seconds,
+            where nothing else can be left out; None: over the second half of the flight.
         jobs: Number of processes; None: one for each core.
         cluster: Address of a Dask scheduler whose workers do the work instead.
         journal: File that keeps each trial as it ends; a search that was stopped goes on
             from it.
-        source: Name of the flight in the file of settings.
+        source: Name of the flights in the file of settings.
         progress: Function called with the number of trials done and of all trials.
     """
 
+    hold_out: Sequence[Flight] | Mapping[str, Flight]
+    horizon: float | str | None
     jobs: int | None
     cluster: str | None
     journal: str | Path | None
@@ -97,17 +111,19 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuned:
-    """Settings that predicted a flight best.
+    """Settings that predict best what was left out.
 
     Attributes:
         best: Best settings, as a file holds them.
-        trials: All trials, the best first.
+        trials: All trials, the chosen one first, the others by their score.
         network: Network of the best settings, of those given.
+        rule: What was left out and how it was chosen, in words.
     """
 
     best: Settings
     trials: tuple[Trial, ...]
     network: Network
+    rule: str
 
     def learner(self, network: Network | None = None) -> Any:
         """New learner with the best settings.
@@ -127,7 +143,7 @@ class Tuned:
 
 
 def tune(
-    flight: xr.Dataset | LogTable,
+    flight: Flight | Sequence[Flight],
     network: Network | Sequence[Network],
     *,
     every: int = 100,
@@ -138,12 +154,15 @@ def tune(
     seed: int = 0,
     **options: Unpack[SearchOptions],
 ) -> Tuned:
-    """Settings of a learner that predict a flight best, by the likelihood of the innovations.
+    """Settings of a learner that predict kinematics best that it has not learned.
 
-    The result depends on the seed, not on the number of processes.
+    What is left out, and so decides, are other flights (`hold_out`), else wingbeats of other
+    kinematics within the flights, else their second half; see `left_out`. A trial that diverges
+    there, or errs more than zero or the weights before any sample, is refused. The result depends
+    on the seed, not on the number of processes.
 
     Args:
-        flight: Record with q, v, a, u1, or a table.
+        flight: Record with q, v, a, u1, or a table; or several, learned one after the other.
         network: Network that learns; several that differ in their hidden layers are alternatives.
         every: 100 to use one sample in 100. The settings found are for that rate.
         trials: Number of settings to try.
@@ -154,13 +173,14 @@ def tune(
         settings: Settings that are not searched over their ranges, by name: a plain value as
             files hold it, or `Alternatives`.
         seed: Seed of the search and of the initial weights.
-        **options: `jobs`, `cluster`, `journal`, `source` and `progress`; see `SearchOptions`.
+        **options: `hold_out`, `horizon`, `jobs`, `cluster`, `journal`, `source` and `progress`;
+            see `SearchOptions`.
 
     Raises:
         ParameterError: If a number is out of its range, no output moves, or dask.distributed
             is not installed and a cluster is given.
         ShapeError: If the network does not fit the flight.
-        LogError: If the journal is of another question, or every trial diverged.
+        LogError: If the journal is of another question, or every trial was refused.
         TypeError: If there is no such option.
     """
     unknown = sorted(set(options) - set(SearchOptions.__annotations__))
@@ -170,8 +190,9 @@ def tune(
     chosen = dict(settings or {})
     if covariance is not None:
         chosen["covariance"] = Alternatives(tuple(covariance))
-    source = options.get("source", "")
-    problem = _problem(flight, networks, every, learner, chosen, seed, source)
+    flights = [flight] if isinstance(flight, (xr.Dataset, LogTable)) else list(flight)
+    exam = _exam(flights, networks, every, options)
+    problem = _problem(exam, networks, learner, chosen, seed)
     book = TrialJournal(problem.question(), options.get("journal"))
     drawn = _scored_trials(
         problem,
@@ -215,6 +236,21 @@ def _scored_trials(
 
 
 @dataclass(frozen=True)
+class _Exam:
+    """Samples that all trials learn, and those that they are judged on.
+
+    Attributes:
+        every: One sample in so many is used.
+        flown: Flights that are learned, as one.
+        left_out: Samples that are left out.
+    """
+
+    every: int
+    flown: Flown
+    left_out: LeftOut
+
+
+@dataclass(frozen=True)
 class _Problem:
     """Problem that all trials share.
 
@@ -222,33 +258,31 @@ class _Problem:
         networks: Networks by their hidden layers.
         space: Settings to try.
         seed: Seed of the search and of the initial weights.
-        every: One sample in so many is used.
-        log: Samples used, and those between them where the network has a memory.
-        y: Measurements of the samples used, (N, n_y) [unit of y].
-        scored: Measurements that count, (N, n_y) [unit of y].
-        source: Name of the flight.
+        exam: Samples that are learned and judged.
     """
 
     networks: dict[tuple[int, ...], Network]
     space: SearchSpace
     seed: int
-    every: int
-    log: LogSamples
-    y: Array
-    scored: NDArray[np.bool_]
-    source: str
+    exam: _Exam
 
     def question(self) -> dict[str, Any]:
         """Question that the trials of a journal answer, as JSON values."""
         described = next(iter(self.networks.values())).describe()
-        seen = self.log.x.tobytes() + self.y.tobytes()
+        flown, left_out = self.exam.flown, self.exam.left_out
         rest = {key: value for key, value in described.items() if key != "hidden"}
         space = json.dumps([str(sorted(self.space.searched.items())), self.space.fixed])
+        judged = [
+            part.tobytes()
+            for fold in left_out.folds
+            for part in (fold.learned, fold.judged, fold.flown.log.x, fold.flown.y)
+        ]
         return {
             "patagium": __version__,
-            "flight": self.source,
-            "samples": f"{len(self.y)} of digest {_digest(seen)}",
-            "every": self.every,
+            "flight": flown.name,
+            "samples": f"{len(flown.y)} of digest {_digest(_seen(flown))}",
+            "every": self.exam.every,
+            "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
             "network": f"{described['kind']} of digest {_digest(json.dumps(rest).encode())}",
             "learner": self.space.kind,
             "settings": f"a space of digest {_digest(space.encode())}",
@@ -258,112 +292,161 @@ class _Problem:
     def call(self, trial: DrawnTrial) -> tuple[Any, ...]:
         """Arguments of `_try` for a trial."""
         hidden, values = self.space.values(trial.parameters)
-        network = self.networks[hidden]
-        return network, self.space.kind, self.seed, values, self.log, self.y, self.scored
+        return self.networks[hidden], self.space.kind, self.seed, values, self.exam
 
     def tuned(self, scored: Sequence[tuple[DrawnTrial, PredictionScore]]) -> Tuned:
         """Best of the trials, and all of them.
 
         Raises:
-            LogError: If all diverged.
+            LogError: If all were refused.
         """
         found = [Trial(*self.space.values(one.parameters), score) for one, score in scored]
         tried = sorted(found, key=lambda trial: -trial.prediction.score)
-        best = tried[0]
+        best, flown, rule = tried[0], self.exam.flown, self.exam.left_out
         if not np.isfinite(best.prediction.score):
             raise LogError(
-                f"{self.source}: expected a trial that learns, found that all diverged; the "
-                f"first one: {best.prediction.reason}"
+                f"{flown.name}: expected a trial that predicts what was left out "
+                f"({rule.text}), found that all {len(tried)} were refused; the first one: "
+                f"{best.prediction.reason}"
             )
+        if rule.rule == "second half":
+            best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
+            tried = [best, *(trial for trial in tried if trial is not best)]
         network = self.networks[best.hidden]
         described, outputs = network.describe(), np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
-            flight=self.source,
-            every=self.every,
+            flight=flown.name,
+            every=self.exam.every,
             network=NetworkSettings(
                 kind=described["kind"], hidden=best.hidden, activation=described["activation"]
             ),
             learner=LearnerSettings(kind=self.space.kind, seed=self.seed, **best.values),
-            prediction={**scores, "outputs": outputs[self.scored.any(axis=0)].tolist()},
+            prediction={**scores, "outputs": outputs[flown.scored.any(axis=0)].tolist()},
             search={
+                "rule": rule.text,
                 "trials": len(tried),
-                "diverged": sum(not np.isfinite(trial.prediction.score) for trial in tried),
+                "refused": sum(not np.isfinite(trial.prediction.score) for trial in tried),
                 "patagium": __version__,
             },
             trials=[trial.describe() for trial in tried[:SHOWN]],
         )
-        return Tuned(settings, tuple(tried), network)
+        return Tuned(settings, tuple(tried), network, rule.text)
+
+
+def _as_good_as(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Trials within one standard error of the best.
+
+    References:
+        Breiman et al. (1984), Classification and regression trees: the rule of one standard
+        error.
+    """
+    one = best.prediction
+    most = one.crps + (one.left_out_error if np.isfinite(one.left_out_error) else 0.0)
+    return [trial for trial in trials if trial.prediction.crps <= most]
 
 
 def _problem(
-    flight: xr.Dataset | LogTable,
-    networks: tuple[Network, ...],
-    every: int,
-    kind: str,
-    settings: dict[str, Any],
-    seed: int,
-    source: str,
+    exam: _Exam, networks: tuple[Network, ...], kind: str, settings: dict[str, Any], seed: int
 ) -> _Problem:
-    """Samples, networks and search space of a flight.
+    """Networks and search space of an exam.
 
     Raises:
-        ParameterError: If the networks or the settings are not as they should be, or no output
-            moves.
-        ShapeError: If the network does not fit the flight.
+        ParameterError: If the networks or the settings are not as they should be.
     """
     by_hidden = {one.hidden: one for one in networks}
-    if len(by_hidden) != len(networks) or not networks:
+    if len(by_hidden) != len(networks):
         raise ParameterError("network", "networks with different hidden layers", list(by_hidden))
     if kind not in FILTER_LEARNERS:
         raise ParameterError("learner", f"one of {', '.join(FILTER_LEARNERS)}", kind)
-    log, y, name = _used(flight, networks[0], every, source)
-    seen, sees = log.x.shape[1], measured_inputs(networks[0])
-    if y.shape[1] != networks[0].outputs or seen != sees:
-        raise ShapeError(
-            "network",
-            f"{seen} inputs, {y.shape[1]} outputs",
-            f"{sees} inputs, {networks[0].outputs} outputs",
-        )
-    scored = moving(y)
-    if not scored[len(y) // 2 :].any():
-        expected = "an output that moves in the second half of the samples used"
-        raise ParameterError("flight", expected, f"{len(y)} samples")
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
+    y, scored = exam.flown.y, exam.flown.scored
     std = np.nanstd(y, axis=0)  # of outputs that never move: the middle of the others
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])
     space = search_space(kind, list(by_hidden), std.tolist(), settings)
-    return _Problem(by_hidden, space, seed, every, log, y, scored, name)
+    return _Problem(by_hidden, space, seed, exam)
+
+
+def _exam(
+    flights: Sequence[Flight], networks: tuple[Network, ...], every: int, options: SearchOptions
+) -> _Exam:
+    """Samples of flights that are learned, and those that are left out.
+
+    Raises:
+        ParameterError: If there is no network or flight, or no output moves.
+        ShapeError: If a network does not fit a flight.
+    """
+    for name, count in (("network", len(networks)), ("flight", len(flights))):
+        if not count:
+            raise ParameterError(name, "at least one", 0)
+    given = options.get("hold_out", ())
+    named = given.items() if isinstance(given, Mapping) else [("", one) for one in given]
+    others = [_used(one, networks[0], every, name)[0] for name, one in named]
+    parts = [_used(one, networks[0], every, "") for one in flights]
+    flown = _joined([one for one, _ in parts], options.get("source", ""))
+    half = len(flown.y) // 2
+    for one, late in ((flown, flown.scored[half:]), *((one, one.scored) for one in others)):
+        if not late.any():
+            expected = "an output that moves in the second half of the samples used"
+            raise ParameterError("flight", expected, f"{len(one.y)} samples of {one.name}")
+    horizon = options.get("horizon")
+    ahead = None if horizon is None else duration("horizon", horizon)
+    return _Exam(every, flown, left_out(flown, [one for _, one in parts], others, ahead))
 
 
 def _try(
-    network: Network,
-    kind: str,
-    seed: int,
-    values: dict[str, Any],
-    log: LogSamples,
-    y: Array,
-    scored: NDArray[np.bool_],
+    network: Network, kind: str, seed: int, values: dict[str, Any], exam: _Exam
 ) -> PredictionScore:
     """Score of one trial, in a worker."""
-    return score_predictions(make_learner(kind, network, values, seed), log, y, scored)
+    make = partial(make_learner, kind, network, values, seed)
+    return judged_trial(make, exam.flown, exam.left_out.folds)
 
 
-def _used(
-    flight: xr.Dataset | LogTable, network: Network, every: int, source: str
-) -> tuple[LogSamples, Array, str]:
-    """Samples used, with those between them where the network has a memory; y; their name."""
+def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Flown, Kinematics]:
+    """Samples used of a flight, with those between them where the network has a memory.
+
+    Raises:
+        ShapeError: If the network does not fit the flight.
+    """
     if isinstance(flight, LogTable):
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
         time, x, y, _ = samples(flight, network)
         gaps, name = np.zeros(0, int), f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
+    seen, sees = x.shape[1], measured_inputs(network)
+    if y.shape[1] != network.outputs or seen != sees:
+        raise ShapeError(
+            "network",
+            f"{seen} inputs, {y.shape[1]} outputs",
+            f"{sees} inputs, {network.outputs} outputs",
+        )
+    gaps = np.asarray(gaps, np.int64)
     chosen = used_samples(len(x), every, gaps)
-    log = LogSamples(time, x, np.asarray(gaps, int), chosen)
-    if measured_inputs(network) == network.inputs:
-        log = LogSamples(time[chosen], x[chosen], log.gaps[:0], np.arange(len(chosen)))
-    return log, y[chosen], source or name
+    log = LogSamples(time, x, gaps, chosen)
+    if sees == network.inputs:
+        log = LogSamples(time[chosen], x[chosen], gaps[:0], np.arange(len(chosen)))
+    flown = Flown(log, y[chosen], moving(y[chosen]), source or name)
+    return flown, kinematics_of(flight, time, gaps, chosen)
+
+
+def _joined(flights: Sequence[Flown], name: str) -> Flown:
+    """Flights one after the other as one; memory begins anew with each."""
+    if len(flights) == 1:
+        return replace(flights[0], name=name or flights[0].name)
+    begin, count, parts = 0.0, 0, []
+    for one in flights:
+        time, x, gaps, used = one.log
+        first = gaps if not count else np.concatenate([[0], gaps])
+        parts.append(LogSamples(begin + time - time[0], x, first + count, used + count))
+        begin, count = begin + float(time[-1] - time[0]) + _PAUSE, count + len(time)
+    log = LogSamples(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    y, scored = (np.concatenate([getattr(one, k) for one in flights]) for k in ("y", "scored"))
+    return Flown(log, y, scored, name or ", ".join(one.name for one in flights))
+
+
+def _seen(flown: Flown) -> bytes:
+    return flown.log.x.tobytes() + flown.y.tobytes()
 
 
 def _digest(content: bytes) -> str:
