@@ -30,18 +30,23 @@ def inspect(
     topic: Annotated[
         list[str] | None, typer.Option(help="Topic whose numbers are shown; may be repeated.")
     ] = None,
+    skip_rows: Annotated[
+        int | None,
+        typer.Option(min=0, help="Lines before the line of names of a CSV file; found by default."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:
     """Show the topics, rates, gaps and ranges of a log, and suspicious facts.
 
-    Topics and fields are named as a mapping for `patagium import` names them.
+    Topics and fields are named as a mapping for `patagium import` names them. What is not read
+    is listed with the reason.
     """
     from patagium.cli.words import progress_bar, say_json
     from patagium.errors import LogError
     from patagium.sensing.logs.importing.inspection import inspect_log
 
     with progress_bar(f"Reading {files[0].name}") as progress:
-        found = inspect_log(files, progress=progress)
+        found = inspect_log(files, skip_rows=skip_rows, progress=progress)
     if as_json:
         say_json(found.plain())
         return
@@ -51,6 +56,7 @@ def inspect(
         raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
     _show_topics(found)
     _show_channels(found, topic or (names if len(names) == 1 else ()))
+    _show_unplaced(found)
     show_findings(found.findings)
     for note in found.notes:
         typer.echo(f"Note: {note}")
@@ -113,3 +119,16 @@ def _show_channels(found: Inspection, names: Sequence[str]) -> None:
             [c.name, c.dtype, c.unit, c.low, c.high, c.mean, c.rms, c.missing] for c in one.channels
         ]
         show_table(Table(columns, rows, one.name or "table"))
+
+
+def _show_unplaced(found: Inspection) -> None:
+    from patagium.cli.words import show_table
+    from patagium.report import Table
+
+    rows: list[list[str | float | bool | None]] = [
+        [one.name or "table", path, reason]
+        for one in found.topics
+        for path, reason in one.unplaced.items()
+    ]
+    if rows:
+        show_table(Table(["topic", "field", "reason"], rows, "Not read"))

@@ -66,7 +66,7 @@ def test_a_kill_while_rows_are_read_leaves_no_file(
 import sys, time
 from patagium.cli.main import run
 from patagium.sensing.logs.importing.resample import Spool
-def read(self, stream, stamps, values):
+def read(self, block, advances):
     print("reading", flush=True)
     time.sleep(60)
 Spool._keep = read

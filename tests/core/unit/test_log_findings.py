@@ -79,7 +79,7 @@ def test_stamps_are_counted_alike_in_blocks_and_whole(rng: np.random.Generator) 
 def test_steady_stamps_are_nothing_to_tell() -> None:
     survey = StampSurvey()
     survey.add(np.arange(1000, dtype=np.int64) * 5_000_000)
-    assert stamp_findings("imu", survey, 3.0, column=True) == []
+    assert stamp_findings("imu", survey, 3.0, written=True) == []
     assert survey.median == pytest.approx(0.005, rel=1e-12)
 
 

@@ -25,6 +25,8 @@ NAMED = {
 }
 """Our axes in terms of named ones: forward, left, up; north, west, up; and so on."""
 AXES_WORDS = f"{', '.join(NAMED)}, or ours in terms of them such as 'x, -y, -z'"
+_ROUNDED = 0.02
+"""Departure from orthogonality that two decimals leave, at most."""
 _SIGNED = re.compile(r"([+-]?)([xyz])")
 
 
@@ -51,8 +53,9 @@ def attitude_in_ours(
     """Attitude in other axes as a quaternion in ours, R = W R' B^T.
 
     Args:
-        components: Quaternion of any length, (N, 4) [-], or roll, pitch, yaw, (N, 3) [rad].
-        order: "wxyz", "xyzw" or "rpy".
+        components: Quaternion of any length, (N, 4) [-], or roll, pitch, yaw, (N, 3) [rad], or
+            rotation matrix row by row, (N, 9) [-].
+        order: "wxyz", "xyzw", "rpy" or "matrix".
         world: Rotation W of their world axes to ours, (3, 3) [-].
         body: Rotation B of their body axes to ours, (3, 3) [-].
         inverted: Whether the attitude turns components in the world into the body's.
@@ -65,11 +68,15 @@ def attitude_in_ours(
     with np.errstate(over="ignore", invalid="ignore"):
         length = np.linalg.norm(components, axis=1)
     valid = np.isfinite(length) & ((length > 0) | (order == "rpy"))
+    if order == "matrix":
+        valid &= is_rotation(components)
     if not valid.any():
         return found
     chosen = components[valid]
     if order == "rpy":
         theirs = Rotation.from_euler("ZYX", chosen[:, ::-1])
+    elif order == "matrix":
+        theirs = Rotation.from_matrix(chosen.reshape(-1, 3, 3))
     else:
         chosen = chosen / length[valid, None]
         theirs = Rotation.from_quat(chosen if order == "xyzw" else chosen[:, [1, 2, 3, 0]])
@@ -78,6 +85,18 @@ def attitude_in_ours(
     ours = Rotation.from_matrix(world) * theirs * Rotation.from_matrix(body).inv()
     found[valid] = ours.as_quat()[:, [3, 0, 1, 2]]
     return continuous(found)
+
+
+def is_rotation(matrices: Array) -> NDArray[np.bool_]:
+    """Whether matrices are rotations: rows of length one at right angles, determinant 1, (N,).
+
+    Args:
+        matrices: Entries row by row, (N, 9) [-].
+    """
+    rows = matrices.reshape(-1, 3, 3)
+    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
+        error = np.abs(rows @ rows.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+        return np.asarray((error < _ROUNDED) & (np.linalg.det(rows) > 0))
 
 
 def rotate(q: Array, vector: Array) -> Array:

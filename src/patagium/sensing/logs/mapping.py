@@ -44,6 +44,11 @@ class TimeColumn(_Words):
         like: Topic whose stamps are the common time base.
         start: Time from the first sample before which samples are left out [s].
         end: Time from the first sample after which samples are left out [s].
+        duplicates: Row that is kept of those with the same stamp, "keep-first" or "keep-last";
+            None keeps the first and refuses a log in which most rows repeat a stamp.
+        restamp: Rate at which the rows were sampled, such as "100 Hz"; or a rate for each topic
+            or column of stamps. Rows are then taken as evenly spaced, and the stamps of the file
+            serve only to find the first of them, gaps, and a rate that is not the stated one.
     """
 
     column: str = ""
@@ -53,6 +58,8 @@ class TimeColumn(_Words):
     like: str | None = None
     start: float | None = None
     end: float | None = None
+    duplicates: Literal["keep-first", "keep-last"] | None = None
+    restamp: str | float | dict[str, str | float] | None = None
 
     @model_validator(mode="after")
     def _one_base(self) -> TimeColumn:
@@ -60,6 +67,8 @@ class TimeColumn(_Words):
             raise ValueError("rate, like: expected one of the two")
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise ValueError("start, end: expected start < end")
+        if self.duplicates is not None and self.restamp is not None:
+            raise ValueError("duplicates, restamp: expected one: restamp keeps every row")
         return self
 
 
@@ -67,7 +76,7 @@ class ValueColumn(_Words):
     """Quantity of the log: a number, a vector (with `frame`) or an attitude (with `order`).
 
     Attributes:
-        column: Name of the column in a table, or the names of the three or four components.
+        column: Name of the column in a table, or the names of its components.
         topic: Topic of the messages that hold the quantity.
         field: Dotted path in the message, such as `position[2]`, or the paths of the components.
         stamp: Field with its stamps, if it is not that of `time`.
@@ -80,7 +89,8 @@ class ValueColumn(_Words):
         frame: Axes of a vector, or world axes of an attitude: flu, nwu (ours), frd, ned, enu,
             rfu, or ours in terms of them such as "x, -y, -z".
         body: Body axes of an attitude.
-        order: Components of an attitude: wxyz, xyzw, or rpy (roll, pitch, yaw).
+        order: Components of an attitude: wxyz, xyzw, rpy (roll, pitch, yaw), or matrix (nine
+            entries row by row).
         inverted: Whether the attitude is that of the world in the body.
     """
 
@@ -95,13 +105,13 @@ class ValueColumn(_Words):
     range: tuple[float, float] | None = None
     frame: str | None = None
     body: str | None = None
-    order: Literal["wxyz", "xyzw", "rpy"] | None = None
+    order: Literal["wxyz", "xyzw", "rpy", "matrix"] | None = None
     inverted: bool = False
 
     @model_validator(mode="before")
     @classmethod
-    def _plain_quaternion(cls, words: Any) -> Any:
-        if isinstance(words, dict) and words.get("order") in ("wxyz", "xyzw"):
+    def _plain_attitude(cls, words: Any) -> Any:
+        if isinstance(words, dict) and words.get("order") in ("wxyz", "xyzw", "matrix"):
             return {"unit": "1", **words}
         return words
 
@@ -125,7 +135,7 @@ class ValueColumn(_Words):
         if not isinstance(self.source, str) and len(self.source) != self.size:
             raise ValueError(
                 f"expected {self.size} name(s), for a number has one, a vector (with frame) "
-                f"three, an attitude (with order) four or three, found {len(self.source)}"
+                f"three, an attitude (with order) four, three or nine, found {len(self.source)}"
             )
         return self
 
@@ -136,9 +146,9 @@ class ValueColumn(_Words):
 
     @property
     def size(self) -> int:
-        """Number of components in the log: 1, 3 or 4."""
+        """Number of components in the log: 1, 3, 4 or 9."""
         if self.order is not None:
-            return 3 if self.order == "rpy" else 4
+            return {"rpy": 3, "matrix": 9}.get(self.order, 4)
         return 1 if self.frame is None else 3
 
     @property
@@ -183,6 +193,7 @@ class TableMapping(_Words):
         robot: Robot of a flight, a preset or a file.
         air: Air of a flight.
         gap: Length from which a time step is a gap, in median steps.
+        skip_rows: Number of lines before the line of names of a CSV file; found if left out.
     """
 
     about: str = ""
@@ -193,6 +204,7 @@ class TableMapping(_Words):
     robot: str | None = None
     air: AirWords = AirWords()
     gap: Annotated[float, Field(gt=1.0)] = 3.0
+    skip_rows: Annotated[int, Field(ge=0)] | None = None
 
     @model_validator(mode="after")
     def _distinct(self) -> TableMapping:
@@ -214,9 +226,11 @@ class TableMapping(_Words):
     def is_plain(self) -> bool:
         """Whether the mapping only names columns of one table with numbers and their stamps."""
         time = self.time
-        extras = (time.base, time.rate, time.like, time.start, time.end, self.robot)
+        extras = (time.base, time.rate, time.like, time.start, time.end, time.duplicates,
+                  time.restamp, self.robot)  # fmt: skip
         plain = all(c.column and c.size == 1 and not c.stamp for c in self.columns)
-        return plain and bool(time.column) and extras == (None,) * 6 and not self.channels
+        taken = any(one is not None for one in extras)
+        return plain and bool(time.column) and not taken and not self.channels
 
 
 def load_mapping(path: str | Path) -> TableMapping:

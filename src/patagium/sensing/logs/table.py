@@ -202,5 +202,6 @@ def _advancing(time: Array, name: str, source: str) -> None:
         what = "the same stamp twice" if step == 0 else f"a step back of {-step:.6g} s"
         raise LogError(
             f"{source}: column {name}: expected time that advances, found {what} "
-            f"after row {row} ({len(bad)} in all)"
+            f"after row {row} ({len(bad)} in all); say under time `duplicates: keep-first` or "
+            "`restamp: RATE`"
         )

@@ -82,11 +82,13 @@ class Channel:
         name: Path of the number.
         dtype: Name of its type in the file.
         unit: Unit that the file or the message type states; empty if neither does.
+        rows: Number of its rows, where the columns of a table differ in length.
     """
 
     name: str
     dtype: str
     unit: str = ""
+    rows: int | None = None
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,7 @@ class Topic:
         aliases: Other ways to write a path.
         about: Estimated number of rows where `count` is None.
         guess: Note about stamps that had to be guessed without a mapping.
+        unplaced: Content that is not read, by path, with the reason.
     """
 
     name: str
@@ -114,6 +117,7 @@ class Topic:
     aliases: Mapping[str, str] = field(default_factory=dict)
     about: int = 0
     guess: str = ""
+    unplaced: Mapping[str, str] = field(default_factory=dict)
 
 
 class LogFile(Protocol):
@@ -145,6 +149,19 @@ class LogFile(Protocol):
     def close(self) -> None:
         """Close the file."""
         ...
+
+
+class ColumnError(LogError):
+    """Column of a log that cannot be read as numbers, while others can.
+
+    Args:
+        message: Description, with the remedy.
+        column: Its name.
+    """
+
+    def __init__(self, message: str, column: str) -> None:
+        super().__init__(message)
+        self.column = column
 
 
 @contextmanager
@@ -223,7 +240,7 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     Args:
         topic: Topic that holds the quantity.
         source: Path of the quantity, or the paths of its components.
-        size: Number of components: 1, 3 or 4.
+        size: Number of components: 1, 3, 4, or 9 of a matrix row by row.
         where: Place in the mapping, for messages.
 
     Raises:
@@ -241,10 +258,8 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
                 f"{where}: {source!r} is no number; expected one of its parts: {_some(parts)}"
             )
         raise LogError(_missing(topic, source, where))
-    letters = "wxyz" if size == 4 else "xyz"
-    for pattern in (".{}", "_{}", "{}", "[{}]", ".{}[0]"):
-        keys = [str(k) for k in range(size)] if pattern == "[{}]" else list(letters)
-        paths = [_known(topic, source + pattern.format(key)) for key in keys]
+    for endings in _endings(size):
+        paths = [_known(topic, source + ending) for ending in endings]
         if all(path is not None for path in paths):
             return [str(path) for path in paths]
     held = [n for n in topic.channels if n == source or re.match(re.escape(source) + r"[.\[_]", n)]
@@ -254,6 +269,22 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
             f"{source}[0], found {_some(held)}"
         )
     raise LogError(_missing(topic, source, where))
+
+
+def _endings(size: int) -> Iterator[list[str]]:
+    """Ways in which the names of the components of a quantity may end."""
+    counted = [str(k) for k in range(size)]
+    if size == 9:
+        for first in (0, 1):
+            places = [f"{first + k // 3}{first + k % 3}" for k in range(9)]
+            for pattern in (".{}{}", "_{}{}", "{}{}", "[{}][{}]", "[{},{}]", "_{}_{}"):
+                yield [pattern.format(*place) for place in places]
+        yield [f"[{k}]" for k in counted]
+        yield from ([f"_{k + first}" for k in range(9)] for first in (0, 1))
+        return
+    letters = "wxyz" if size == 4 else "xyz"
+    for pattern in (".{}", "_{}", "{}", "[{}]", ".{}[0]"):
+        yield [pattern.format(key) for key in (counted if pattern == "[{}]" else letters)]
 
 
 def components_are_named(fields: list[str], size: int) -> bool:

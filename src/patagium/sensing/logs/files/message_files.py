@@ -75,10 +75,13 @@ def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], 
         count: Number of messages, if known.
         decode: Function that returns the decoded first message.
     """
-    channels, aliases = {}, {}
+    channels, aliases, unplaced = {}, {}, {}
     try:
         first = decode()
         for path, dtype, other in _leaves(first, "", None):
+            if not dtype:
+                unplaced[path] = other
+                continue
             channels[path] = Channel(path, dtype, unit_in_message(kind, path))
             if other:
                 aliases[other] = path
@@ -88,7 +91,7 @@ def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], 
         return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = StampSource("header" if stamp not in (None, 0) else "received")
-    return Topic(name, kind, count, channels, base, aliases=aliases)
+    return Topic(name, kind, count, channels, base, aliases=aliases, unplaced=unplaced)
 
 
 def message_blocks(
@@ -101,22 +104,31 @@ def message_blocks(
     Args:
         streams: Messages of each file of a recording, by the time they were received.
         wanted: Requests.
+
+    Raises:
+        Exception: That of a damaged message, after the rows before it.
     """
     rows = [_Rows(key, one) for key, one in enumerate(wanted)]
     listeners: dict[str, list[_Rows]] = defaultdict(list)
     for row in rows:
         listeners[wanted[row.key].topic].append(row)
-    for message in heapq.merge(*streams, key=lambda message: message.received):
-        if not listeners[message.topic]:
-            continue
-        content = message.decode()
-        for row in listeners[message.topic]:
-            row.add(content, message.received)
-            if len(row.stamps) >= _ROWS:
-                yield row.block()
+    broken: Exception | None = None
+    try:
+        for message in heapq.merge(*streams, key=lambda message: message.received):
+            if not listeners[message.topic]:
+                continue
+            content = message.decode()
+            for row in listeners[message.topic]:
+                row.add(content, message.received)
+                if len(row.stamps) >= _ROWS:
+                    yield row.block()
+    except Exception as problem:  # libraries raise their own; what was read comes first
+        broken = problem
     for row in rows:
         if row.stamps:
             yield row.block()
+    if broken is not None:
+        raise broken
 
 
 def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
@@ -239,7 +251,7 @@ def _key_of(part: Any) -> str | None:
 
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
-    """Path, type and alternative path of every number."""
+    """Path, type and alternative path of every number; of all else, no type and the reason."""
     if isinstance(value, bool | np.bool_):
         yield path, "bool", ""
     elif isinstance(value, int | np.integer):
@@ -247,7 +259,8 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
     elif isinstance(value, float | np.floating):
         yield path, "float", ""
     elif isinstance(value, str | bytes) or value is None:
-        return
+        what = f"text such as {value[:40]!r}" if isinstance(value, str) else type(value).__name__
+        yield path, "", what
     elif isinstance(value, np.ndarray) or _is_list(value):
         yield from _entries(value, path, above)
     else:
@@ -260,12 +273,19 @@ def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]
     names = _names_beside(above, value) if len(value) else None
     numeric = isinstance(value, np.ndarray)
     if numeric and value.dtype == np.uint8 and len(value) > _MOST_ENTRIES:
-        return  # an image, a cloud of points
-    for index, entry in enumerate(value[: _MOST_ENTRIES if numeric else _MOST_PARTS]):
+        yield path, "", f"{len(value)} bytes, as of an image or a cloud of points"
+        return
+    most = _MOST_ENTRIES if numeric else _MOST_PARTS
+    if not len(value):
+        yield path, "", "a list that is empty in the first message"
+    if len(value) > most:
+        yield f"{path}[{most}] to [{len(value) - 1}]", "", f"only the first {most} are read"
+    for index, entry in enumerate(value[:most]):
         key = names[index] if names is not None else _key_of(entry)
         own = f"{path}[{key if key else index}]"
-        for leaf, dtype, _ in _leaves(entry, own, value):
-            yield leaf, dtype, (f"{path}[{index}]{leaf[len(own) :]}" if key else "")
+        for leaf, dtype, other in _leaves(entry, own, value):
+            numbered = f"{path}[{index}]{leaf[len(own) :]}" if key else ""
+            yield leaf, dtype, numbered if dtype else other
 
 
 def _is_list(value: Any) -> bool:

@@ -36,11 +36,12 @@ _TEXT = (".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz")
 _SUMMED_UP = "a CSV, Parquet, MAT, ULog (.ulg), ROS bag (.bag, .db3, its folder) or MCAP file"
 
 
-def open_log(paths: str | Path | Sequence[str | Path]) -> LogFile:
+def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None = None) -> LogFile:
     """Open log file of any known format.
 
     Args:
         paths: A file; a folder of a ROS 2 bag, or of the parts of one recording; or the parts.
+        skip_rows: Number of lines before the line of names of a CSV file; found if None.
 
     Returns:
         The log, which the caller closes.
@@ -57,7 +58,15 @@ def open_log(paths: str | Path | Sequence[str | Path]) -> LogFile:
         raise LogError(
             f"{given[0]}: expected parts of one format, found {', '.join(sorted(kinds))}"
         )
-    return _reader(kinds.pop(), parts)
+    kind = kinds.pop()
+    if skip_rows is None:
+        return _reader(kind, parts)
+    if kind != ".csv" or len(parts) > 1:
+        raise LogError(
+            f"{given[0]}: skip_rows: expected one CSV file, whose lines it counts, found "
+            f"{len(parts)} of {kind}; leave it out"
+        )
+    return CsvFile(parts[0], skip_rows)
 
 
 def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes = b"") -> None:

@@ -1,9 +1,10 @@
 """Readers of tables: CSV, Parquet, MATLAB and PX4 ULog files.
 
 A table has columns with one unit each, one of which has the stamps. Where a file does not name its
-column of time, a guess is made for `inspect` alone, and the log notes say that it is a guess.
-Neglected: in CSV files line ends within quotes, comments and thousands separators; in Parquet files
-columns of lists; MATLAB objects such as timetables, and version 7.3, which is HDF5.
+column of time, a guess is made for `inspect` alone, and the log notes say that it is a guess. Lists
+in a cell, "[a, b, c]", are columns `name[0]`, `name[1]`, ... What is not read is listed with the
+reason (`Topic.unplaced`). Neglected: in CSV files line ends within quotes, comments among the rows
+and thousands separators; MATLAB objects such as timetables, and version 7.3, which is HDF5.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ import csv
 import gzip
 import io
 import re
+import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +32,14 @@ from patagium.sensing.logs.files.channels import (
     Array,
     Block,
     Channel,
+    ColumnError,
     Request,
     StampSource,
     Topic,
     nanoseconds,
     reading,
 )
+from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
@@ -54,6 +59,8 @@ def table_topic(
     units: Mapping[str, str] | None = None,
     *,
     stamped: Mapping[str, float] | None = None,
+    rows: Mapping[str, int] | None = None,
+    unplaced: Mapping[str, str] | None = None,
 ) -> Topic:
     """Topic of a table.
 
@@ -62,20 +69,32 @@ def table_topic(
         count: Number of rows, if known.
         units: Units that the file states.
         stamped: Columns that hold calendar time, with their unit [ns].
+        rows: Number of rows of each column, where columns differ in length.
+        unplaced: Content that is not read, with the reason.
     """
     channels, aliases = {}, {}
     for column, dtype in columns.items():
-        plain = column.strip()
-        match = _HEADER.match(plain)
-        bracketed = match is not None and not match["unit"].isdigit() and "[" not in match["name"]
-        unit = (units or {}).get(column) or (match["unit"] if match and bracketed else "")
-        channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain))
+        plain = column.lstrip("#%").strip()
+        short, unit = _parted(plain)
+        unit = (units or {}).get(column) or unit
+        own = (rows or {}).get(column)
+        channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain), own)
         if plain != column:
             aliases[plain] = column
-        if match and bracketed:
-            aliases.setdefault(match["name"], column)
-    base, guess = _guessed_base(channels, stamped or {})
-    return Topic("", "table", count, channels, base, aliases=aliases, guess=guess)
+        if short != plain:
+            aliases.setdefault(short, column)
+    base, guess = guessed_base(channels, stamped or {})
+    return Topic(
+        "", "table", count, channels, base, aliases=aliases, guess=guess, unplaced=unplaced or {}
+    )
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """Name and unit of a header such as `gyro [deg/s]`; the unit is empty if there is none."""
+    match = _HEADER.match(name)
+    if match is None or match["unit"].isdigit() or "[" in match["name"]:
+        return name, ""
+    return match["name"], match["unit"]
 
 
 def unit_of_suffix(name: str) -> str:
@@ -86,13 +105,19 @@ def unit_of_suffix(name: str) -> str:
     return next((unit for end, unit in _SUFFIXES.items() if stem.endswith(end)), "")
 
 
-def _guessed_base(
+def guessed_base(
     channels: Mapping[str, Channel], stamped: Mapping[str, float]
 ) -> tuple[StampSource, str]:
+    """Stamps that the names of columns suggest, and a note that says so.
+
+    Args:
+        channels: Columns that may hold them.
+        stamped: Columns that hold calendar time, with their unit [ns].
+    """
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        match = _TIME.match(column.strip().lower())
+        match = _TIME.match(column.lower().lstrip("#%").strip().rpartition(".")[2])
         if match:
             unit = match[2] or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
@@ -119,7 +144,8 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
     if array.dtype.kind in "fiub":
         return array.astype(float)
     if array.dtype.kind == "c":
-        raise LogError(f"{where}: column {column}: expected real numbers, found complex ones")
+        text = f"{where}: column {column}: expected real numbers, found complex ones"
+        raise ColumnError(text, column)
     return _from_words(array, column, where, first)
 
 
@@ -131,9 +157,10 @@ def _from_words(words: NDArray[Any], column: str, where: str, first: int) -> Arr
         try:
             numbers[row] = float(word)
         except (TypeError, ValueError):
-            raise LogError(
+            raise ColumnError(
                 f"{where}: column {column}: expected numbers, found {str(word)[:40]!r} "
-                f"in row {first + row + 1}"
+                f"in row {first + row + 1}",
+                column,
             ) from None
     return numbers
 
@@ -190,9 +217,13 @@ def column_blocks(
     first_name, count = next(iter(sizes.items()))
     for name, size in sizes.items():
         if size != count:
+            close = [one for one, column in columns.items() if len(column) == size]
+            own = guessed_base({one: Channel(one, "") for one in close}, {})[0].column
+            stamps = "its stamps " if wanted.base.kind == "column" else ""
             raise LogError(
-                f"{where}: {name}: expected {count} rows as {first_name!r} has, found {size}; "
-                "name its own stamp"
+                f"{where}: {name}: expected {count} rows as {stamps}{first_name!r} have, "
+                f"found {size}; give it stamps of its own in the mapping "
+                f"(`stamp: {own or 'COLUMN'}`, of {size} rows) and a `rate` under time"
             )
     for first in range(0, count, BLOCK):
         rows = {name: column[first : first + BLOCK] for name, column in chosen.items()}
@@ -214,6 +245,101 @@ _LOOK = 200
 """Lines from which types are found."""
 _PACKED = 4.0
 """Typical size of a CSV text over that of its gzip."""
+_SEPARATORS = ",;\t"
+_BEYOND = "\0beyond the names"
+"""Name of the column that takes entries of a line beyond the last name."""
+_ALIKE = 0.9
+"""Share of the lines below the names that have as many entries."""
+_BRACKETS = str.maketrans("[](){},;", " " * 8)
+_MOST_COLUMNS = 64
+"""Most entries of an array or list that are read as columns."""
+
+
+def header_place(lines: Sequence[str]) -> int:
+    """Place of the line of names among the first lines of a CSV text; 0 if no line is one.
+
+    Names have no number among them. The lines below have as many entries, and the next one, or
+    the one after a line of units, has a number.
+
+    Args:
+        lines: First lines.
+    """
+    cells = {mark: [_cells(line, mark) for line in lines] for mark in _SEPARATORS}
+    for place, line in enumerate(lines):
+        rows = cells[max(_SEPARATORS, key=line.count)]
+        below = [row for row in rows[place + 1 :] if row]
+        if not below or not any(rows[place]) or any(map(_is_number, rows[place])):
+            continue
+        alike = sum(len(row) == len(rows[place]) for row in below) >= _ALIKE * len(below)
+        if alike and any(_is_number(cell) for row in below[:2] for cell in row):
+            return place
+    return 0
+
+
+def _units_below(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
+    """Units of the columns in the line below the names; None if that line holds samples."""
+    rows = [_cells(line, separator) for line in lines]
+    if len(rows) < 2 or len(rows[0]) != count or not any(map(_is_number, rows[1])):
+        return None
+    units = [cell.strip().strip("[]()") for cell in rows[0]]
+    if not any(units) or any(map(_is_number, rows[0])):
+        return None
+    known = ["" if unit in ("", "-") or not _is_unit(unit) else unit for unit in units]
+    return known if sum(map(bool, known)) * 2 >= sum(map(bool, units)) else None
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        conversion(text, None, text)
+    except LogError:
+        return False
+    return True
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    try:
+        return next(csv.reader([line.rstrip("\r\n")], delimiter=separator), [])
+    except csv.Error:
+        return []
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _entries_of(word: Any) -> list[float] | None:
+    """Numbers of a list in a cell, such as "[1, 2, 3]" or "1 2 3"; None if it is no such list."""
+    if not isinstance(word, str):
+        return None
+    try:
+        return [float(entry) for entry in word.translate(_BRACKETS).split()]
+    except ValueError:
+        return None
+
+
+def _list_size(column: Any) -> int:
+    """Number of entries of the lists in a column of text; 0 if it holds no lists of one size."""
+    lists = [_entries_of(word) for word in column if isinstance(word, str) and word.strip()]
+    sizes = Counter(len(entries) for entries in lists if entries)
+    if not sizes:
+        return 0
+    size, count = sizes.most_common(1)[0]
+    return size if 2 * count > len(lists) and size <= _MOST_COLUMNS else 0
+
+
+class _Headed(io.TextIOBase):
+    """Text after a line of its own, which tells pandas how many entries a line may have."""
+
+    def __init__(self, head: str, text: io.TextIOBase) -> None:
+        self._head, self._text = head, text
+
+    def read(self, size: int | None = -1, /) -> str:
+        head, self._head = self._head, ""
+        return head or self._text.read(size)
 
 
 class CsvFile:
@@ -221,53 +347,128 @@ class CsvFile:
 
     Args:
         path: The file, plain or gzip.
+        skip_rows: Number of lines before the line of names; found if None.
 
     Raises:
-        LogError: If the file cannot be read, or has no names in its first line.
+        LogError: If the file cannot be read, or has no line of names.
     """
 
     format = "CSV"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, skip_rows: int | None = None) -> None:
         self.path = path
         self.notes: list[str] = []
         with reading(path, "CSV"), self._opened() as text:
-            header = text.readline()
-            self._separator = max(",;\t", key=header.count)
-            names = next(csv.reader([header], delimiter=self._separator), [])
-            look = "".join(line for _, line in zip(range(_LOOK), text, strict=False))
+            lines = list(islice(text, (skip_rows or 0) + _LOOK))
+        head = header_place(lines) if skip_rows is None else skip_rows
+        if head >= len(lines):
+            where = f" after {head} line(s) (skip_rows)" if head else ""
+            raise LogError(f"{path}: cannot be read as CSV: expected names{where}, found no line")
+        if head and skip_rows is None:
+            self.notes.append(
+                f"{head} line(s) before the names are skipped; `skip_rows` in the mapping says "
+                "another number"
+            )
+        header = lines[head]
+        self._separator = max(_SEPARATORS, key=header.count)
+        names = _cells(header, self._separator)
         self._names = distinct(name.strip() for name in names)
         if not any(self._names) or "\x00" in header:
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
+        units = _units_below(lines[head + 1 : head + 3], self._separator, len(names))
+        self._skip = head + 1 + (units is not None)
+        if units is not None:
+            self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
             self.notes.append("the last line has no end: it may be cut off")
+        look = "".join(lines[self._skip :])
         self._decimal = "," if self._separator == ";" and _comma_decimal(look) else "."
-        self.topics: dict[str, Topic] = {"": self._table(look)}
+        self._lists: dict[str, tuple[str, int]] = {}
+        stated = dict(zip(self._names, units or (), strict=False))
+        self.topics: dict[str, Topic] = {"": self._table(look, stated)}
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
             with reading(self.path, "CSV"), self._opened() as text:
-                text.readline()
-                row = 0
-                for frame in self._frames(text, columns_of(one)):
-                    columns = {
-                        name: _calendar(frame[name]) if name in self._calendar else frame[name]
-                        for name in frame
-                    }
+                for _ in range(self._skip):
+                    text.readline()
+                row, names = 0, columns_of(one)
+                sources = [self._lists.get(name, (name, 0))[0] for name in names]
+                for frame in self._frames(text, list(dict.fromkeys(sources))):
+                    columns = self._columns(frame, names, row)
                     yield table_block(key, one, columns, row, len(frame), str(self.path))
                     row += len(frame)
+
+    def frame(self) -> pd.DataFrame:
+        """Whole table in memory, lists in cells as columns of their entries.
+
+        Raises:
+            LogError: If a line has more entries than there are names.
+        """
+        with reading(self.path, "CSV"), self._opened() as text:
+            for _ in range(self._skip):
+                text.readline()
+            held = pd.concat(list(self._frames(text, None)) or [pd.DataFrame(columns=self._names)])
+        held = held.reset_index(drop=True)
+        sources = {source for source, _ in self._lists.values()}
+        names = [*(name for name in held if name not in sources), *self._lists]
+        return pd.DataFrame(self._columns(held, names, 0, calendar=False), columns=names)
 
     def close(self) -> None:
         """Do nothing: the file is open only while it is read."""
 
+    def _columns(
+        self, frame: Any, names: Iterable[str], row: int, *, calendar: bool = True
+    ) -> dict[str, Any]:
+        """Columns of some rows by name: numbers, calendar times, entries of lists."""
+        columns: dict[str, Any] = {}
+        parsed: dict[str, Array] = {}
+        for name in names:
+            source, place = self._lists.get(name, ("", 0))
+            if source:
+                if source not in parsed:
+                    size = sum(one == source for one, _ in self._lists.values())
+                    parsed[source] = self._entries(frame[source], size, _parted(source)[0], row)
+                columns[name] = parsed[source][:, place]
+            elif calendar and name in self._calendar:
+                columns[name] = _calendar(frame[name])
+            else:
+                columns[name] = frame[name]
+        return columns
+
+    def _entries(self, words: Any, size: int, name: str, first: int) -> Array:
+        """Numbers of lists in cells, (k, size); NaN where a cell is empty."""
+        numbers = np.full((len(words), size), np.nan)
+        for row, word in enumerate(words.tolist()):
+            entries = _entries_of(word)
+            if entries is not None and len(entries) == size:
+                numbers[row] = entries
+            elif isinstance(word, str) and word.strip():
+                raise ColumnError(
+                    f"{self.path}: column {name}: expected a list of {size} numbers, found "
+                    f"{word[:40]!r} in row {first + row + 1}; mend or remove the row",
+                    name,
+                )
+        return numbers
+
     def _frames(self, text: io.TextIOBase, chosen: list[str] | None) -> Iterator[Any]:
+        """Blocks of rows, of some columns or all.
+
+        Raises:
+            LogError: If a line has more entries than there are names.
+        """
+        remedy = (
+            "put lists and text with separators in quotes, name every column, or state the lines "
+            "before the names as `skip_rows`"
+        )
+        row = 0
         try:
             with pd.read_csv(
-                text,
-                header=None,
-                names=self._names,
-                usecols=chosen,
+                _Headed(self._separator * len(self._names) + "\n", text),
+                header=0,
+                names=[*self._names, _BEYOND],
+                usecols=None if chosen is None else [*chosen, _BEYOND],
                 index_col=False,
                 sep=self._separator,
                 decimal=self._decimal,
@@ -275,25 +476,55 @@ class CsvFile:
                 skip_blank_lines=False,
                 low_memory=False,
             ) as reader:
-                yield from reader
+                while True:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore", pd.errors.ParserWarning)  # refused below
+                        frame = next(reader, None)
+                    if frame is None:
+                        return
+                    more = np.flatnonzero(frame.pop(_BEYOND).notna())
+                    if len(more):
+                        raise LogError(
+                            f"{self.path}: expected {len(self._names)} entries a line, as there "
+                            f"are names, found more in row {row + int(more[0]) + 1}; {remedy}"
+                        )
+                    row += len(frame)
+                    yield frame
         except pd.errors.EmptyDataError:
             return
+        except pd.errors.ParserError as problem:
+            raise LogError(
+                f"{self.path}: expected {len(self._names)} entries a line, as there are names, "
+                f"found more in row {row + 1} or below ({problem}); {remedy}"
+            ) from problem
 
-    def _table(self, look: str) -> Topic:
+    def _table(self, look: str, units: Mapping[str, str]) -> Topic:
         with reading(self.path, "CSV"):
             frames = list(self._frames(io.StringIO(look), None))
-        types = {
-            name: str(frames[0][name].dtype) if frames else "float64"
-            for name in self._names
-            if not frames or _numeric(frames[0][name])
-        }
-        others = [name for name in self._names if name not in types]
-        self._calendar = [name for name in others if _is_calendar(frames[0][name])]
-        types.update(dict.fromkeys(self._calendar, "timestamp"))
-        topic = table_topic(types, None, stamped=dict.fromkeys(self._calendar, 1.0))
+        types, unplaced, stated = {}, {}, dict(units)
+        self._calendar: list[str] = []
+        for name in self._names:
+            column = frames[0][name] if frames else pd.Series(dtype=float)
+            size = 0 if _numeric(column) else _list_size(column)
+            if _numeric(column):
+                types[name] = str(column.dtype) if frames else "float64"
+            elif size:
+                plain, unit = _parted(name)
+                entries = {f"{plain}[{k}]": (name, k) for k in range(size)}
+                self._lists.update(entries)
+                types.update(dict.fromkeys(entries, "list"))
+                stated.update(dict.fromkeys(entries, units.get(name, unit)))
+            elif _is_calendar(column):
+                self._calendar.append(name)
+                types[name] = "timestamp"
+            else:
+                found = next((str(word) for word in column if isinstance(word, str)), "")
+                unplaced[name] = f"text such as {found[:40]!r}"
+        stamped = dict.fromkeys(self._calendar, 1.0)
+        topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
         lines = look.count("\n") or 1
-        size = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
-        return replace(topic, about=int(size * lines / max(1, len(look))))
+        packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
+        return replace(topic, about=int(packed * lines / max(1, len(look))))
 
     def _opened(self) -> io.TextIOWrapper:
         binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
@@ -327,7 +558,7 @@ def _is_calendar(column: Any) -> bool:
 
 
 def _comma_decimal(look: str) -> bool:
-    fields = look.replace("\n", ";").split(";")
+    fields = [field for field in look.replace("\n", ";").split(";") if _is_number(field)]
     return any("," in field for field in fields) and not any("." in field for field in fields)
 
 
@@ -350,13 +581,29 @@ class ParquetFile:
             from pyarrow import parquet, types
 
             self._file = parquet.ParquetFile(path)
-            leaves = list(_leaves(self._file.schema_arrow, types))
-        numbers = {name: str(kind) for name, kind, _ in leaves if not types.is_timestamp(kind)}
-        stamped = {name: 1.0 for name, kind, _ in leaves if types.is_timestamp(kind)}
+            leaves = list(_leaves(self._file.schema_arrow))
+            first = next(self._file.iter_batches(1), None)
+            found: dict[str, str] = {}
+            stamped: dict[str, float] = {}
+            unplaced: dict[str, str] = {}
+            self._lists: dict[str, tuple[str, int]] = {}
+            for name, kind, _ in leaves:
+                if types.is_timestamp(kind):
+                    found[name], stamped[name] = "timestamp", 1.0
+                elif _is_numeric_type(kind):
+                    found[name] = str(kind)
+                elif _is_list_type(kind) and first is not None:
+                    size = np.size(_flat(_plain(first, name)[0]))
+                    if size <= _MOST_COLUMNS:
+                        self._lists.update({f"{name}[{k}]": (name, k) for k in range(size)})
+                        found.update({f"{name}[{k}]": str(kind) for k in range(size)})
+                    if not 0 < size <= _MOST_COLUMNS:
+                        unplaced[name] = f"a list of {size} entries; 1 to {_MOST_COLUMNS} are read"
+                else:
+                    unplaced[name] = f"of type {kind}, no numbers"
         units = {name: unit for name, _, unit in leaves if unit}
         count = int(self._file.metadata.num_rows)
-        types_by_name = {**dict.fromkeys(stamped, "timestamp"), **numbers}
-        topic = table_topic(types_by_name, count, units, stamped=stamped)
+        topic = table_topic(found, count, units, stamped=stamped, unplaced=unplaced)
         self.topics: dict[str, Topic] = {"": topic}
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
@@ -364,14 +611,45 @@ class ParquetFile:
         for key, one in enumerate(wanted):
             with reading(self.path, "Parquet"):
                 row, names = 0, columns_of(one)
-                for batch in self._file.iter_batches(BLOCK, columns=names, use_threads=False):
-                    columns = {name: _plain(batch, name) for name in names}
+                sources = list(dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names))
+                for batch in self._file.iter_batches(BLOCK, columns=sources, use_threads=False):
+                    held = {source: _plain(batch, source) for source in sources}
+                    columns = {name: self._column(held, name, row) for name in names}
                     yield table_block(key, one, columns, row, len(batch), str(self.path))
                     row += len(batch)
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def _column(self, held: Mapping[str, Any], name: str, first: int) -> Any:
+        if name not in self._lists:
+            return held[name]
+        source, place = self._lists[name]
+        size = sum(one == source for one, _ in self._lists.values())
+        numbers = np.full(len(held[source]), np.nan)
+        for row, entries in enumerate(held[source]):
+            if entries is None:
+                continue
+            flat = _flat(entries)
+            if flat.size != size:
+                raise ColumnError(
+                    f"{self.path}: column {source}: expected a list of {size} numbers, found "
+                    f"{flat.size} in row {first + row + 1}; mend or remove the row",
+                    name,
+                )
+            numbers[row] = flat[place]
+        return numbers
+
+
+def _flat(entries: Any) -> Array:
+    """Numbers of a list or of lists in it, (n,); NaN for entries that are none."""
+    if entries is None:
+        return np.empty(0)
+    array = np.asarray(entries)
+    if array.dtype.kind == "O":
+        return np.concatenate([_flat(one) if one is not None else [np.nan] for one in array])
+    return array.astype(float).ravel()
 
 
 def _plain(batch: Any, path: str) -> Any:
@@ -384,29 +662,37 @@ def _plain(batch: Any, path: str) -> Any:
     return column.to_numpy(zero_copy_only=False)
 
 
-def _leaves(schema: Any, types: Any) -> Iterator[tuple[str, Any, str]]:
+def _leaves(schema: Any) -> Iterator[tuple[str, Any, str]]:
     for field in schema:
-        yield from _leaf(field, field.name, types)
+        yield from _leaf(field, field.name)
 
 
-def _leaf(field: Any, path: str, types: Any) -> Iterator[tuple[str, Any, str]]:
+def _leaf(field: Any, path: str) -> Iterator[tuple[str, Any, str]]:
+    from pyarrow import types
+
     kind = field.type
     if types.is_struct(kind):
         for inner in kind:
-            yield from _leaf(inner, f"{path}.{inner.name}", types)
-    elif (
-        types.is_integer(kind)
-        or types.is_floating(kind)
-        or types.is_boolean(kind)
-        or types.is_decimal(kind)
-        or types.is_timestamp(kind)
-    ):
-        words = field.metadata or {}
-        unit = words.get(b"unit", words.get(b"units", b""))
-        yield path, kind, unit.decode("utf-8", "replace")
+            yield from _leaf(inner, f"{path}.{inner.name}")
+        return
+    words = field.metadata or {}
+    yield path, kind, words.get(b"unit", words.get(b"units", b"")).decode("utf-8", "replace")
 
 
-_MOST_COLUMNS = 64
+def _is_numeric_type(kind: Any) -> bool:
+    from pyarrow import types
+
+    tests = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
+    return any(test(kind) for test in tests)
+
+
+def _is_list_type(kind: Any) -> bool:
+    from pyarrow import types
+
+    if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
+        return False
+    inner = kind.value_type
+    return _is_numeric_type(inner) or _is_list_type(inner)
 
 
 class MatFile:
@@ -435,17 +721,22 @@ class MatFile:
 
             held = loadmat(path, squeeze_me=True, struct_as_record=False)
             self._columns: dict[str, Any] = {}
+            unplaced: dict[str, str] = {}
             for name, value in held.items():
                 if not name.startswith("__"):
-                    self._columns.update(_columns(name, value))
+                    _place(name, value, self._columns, unplaced)
         lengths = Counter(len(column) for column in self._columns.values())
         if not lengths:
-            raise LogError(f"{path}: expected arrays of numbers, found none")
+            raise LogError(f"{path}: expected arrays of numbers, found none{_some_of(unplaced)}")
         if len(lengths) > 1:
             described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
             self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
         types = {name: str(column.dtype) for name, column in self._columns.items()}
-        self.topics: dict[str, Topic] = {"": table_topic(types, lengths.most_common(1)[0][0])}
+        most = lengths.most_common(1)[0][0]
+        rows = {name: len(column) for name, column in self._columns.items()}
+        own = {name: count for name, count in rows.items() if len(lengths) > 1}
+        topic = table_topic(types, most, rows=own, unplaced=unplaced)
+        self.topics: dict[str, Topic] = {"": topic}
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one request after the other."""
@@ -457,21 +748,42 @@ class MatFile:
         self._columns = {}
 
 
-def _columns(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:
+    """Add the columns of a MATLAB value, or the reason why it has none.
+
+    The longest side of an array is that of the samples.
+    """
     fields = getattr(value, "_fieldnames", None)  # of SciPy's mat_struct
     if fields is not None:
         for inner in fields:
-            yield from _columns(f"{name}.{inner}", getattr(value, inner))
+            _place(f"{name}.{inner}", getattr(value, inner), columns, unplaced)
         return
     array = np.asarray(value)
-    if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or array.size < 2:
+    if array.dtype.kind not in "fiub":
+        kinds = {"U": "text", "S": "text", "c": "complex numbers", "O": "cells or an array of "
+                 "structures", "V": "an object of MATLAB, such as a timetable"}  # fmt: skip
+        unplaced[name] = f"{kinds.get(array.dtype.kind, array.dtype)}, no array of numbers"
+        return
+    if array.size < 2 or array.ndim > 3:
+        what = f"array of {array.ndim} dimensions" if array.ndim > 3 else f"{array.size} number(s)"
+        unplaced[name] = f"{what}, no samples"
         return
     if array.ndim == 1:
-        yield name, array
+        columns[name] = array
         return
-    tall = array if array.shape[0] >= array.shape[1] else array.T
-    for k in range(min(tall.shape[1], _MOST_COLUMNS)):
-        yield f"{name}[{k}]", np.ascontiguousarray(tall[:, k])
+    side = max(range(array.ndim), key=lambda axis: (array.shape[axis], -axis))
+    entries = np.moveaxis(array, side, 0)
+    places = list(np.ndindex(entries.shape[1:]))
+    for place in places[:_MOST_COLUMNS]:
+        ending = "".join(f"[{k}]" for k in place)
+        columns[name + ending] = np.ascontiguousarray(entries[(slice(None), *place)])
+    if len(places) > _MOST_COLUMNS:
+        unplaced[name] = f"{len(places)} columns, of which {_MOST_COLUMNS} are read"
+
+
+def _some_of(unplaced: Mapping[str, str]) -> str:
+    some = [f"{name} ({reason})" for name, reason in list(unplaced.items())[:6]]
+    return f", but {', '.join(some)}" if some else ""
 
 
 class UlogFile:

@@ -17,11 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, LogFile, Request, Stamps
+from patagium.sensing.logs.files.channels import (
+    NO_STAMP,
+    Array,
+    Block,
+    LogFile,
+    Request,
+    Stamps,
+)
 from patagium.sensing.logs.mapping import conversion
 
 Progress = Callable[[int, int], None]
-Keep = Callable[[int, Stamps, Array], None]
+Keep = Callable[[Block, NDArray[np.bool_]], Array]
 
 _WIDTH = 0.005
 _BINS = 7600  # to 3e16 ns, a year
@@ -126,6 +133,11 @@ class StampSurvey:
         return int(self._bins[: max(0, int(np.log(_NEAR * median * SECOND) / _WIDTH))].sum())
 
     @property
+    def rate(self) -> float:
+        """Rows over the time from the first to the latest stamp [Hz]; NaN without two stamps."""
+        return (self.rows - 1) / self.duration if self.duration > 0 else float("nan")
+
+    @property
     def duration(self) -> float:
         """Time from the first to the latest stamp [s]."""
         return 0.0 if self.first is None else (self.last - self.first) / SECOND
@@ -188,40 +200,42 @@ class StreamSurvey:
     values: ValueSurvey
 
 
+def new_survey(wanted: Request) -> StreamSurvey:
+    """Statistics of a requested stream before its first row."""
+    return StreamSurvey(StampSurvey(), ValueSurvey(len(wanted.fields)))
+
+
 def survey_streams(
     log: LogFile,
     wanted: tuple[Request, ...],
     total: int,
     *,
+    surveys: tuple[StreamSurvey, ...],
     keep: Keep | None = None,
     progress: Progress | None = None,
-) -> tuple[StreamSurvey, ...]:
+) -> None:
     """Statistics of the requested streams from one pass through a log.
 
     Args:
         log: The open log.
         wanted: Requests, one a stream.
         total: Number of rows of all streams, or an estimate, for `progress`.
-        keep: Called with the place of the stream, stamps (k,) [ns] and values (k, n) of the rows
-            whose stamps advance; statistics of the values are then of these rows alone.
+        surveys: Statistics of each stream, which the rows are added to.
+        keep: Called with each block and a bool for each row, whether its stamp advances; gives
+            the values of the rows that are kept, of which the statistics are then taken alone.
         progress: Called now and then with the rows read and the rows in all.
 
     Raises:
         LogError: If the log is damaged, or a column holds text.
     """
-    streams = tuple(StreamSurvey(StampSurvey(), ValueSurvey(len(one.fields))) for one in wanted)
     done = 0
     for block in log.blocks(wanted):
-        advances = streams[block.key].stamps.add(block.stamps)
-        values = block.values
-        if keep is not None:
-            values = values[advances]
-            keep(block.key, block.stamps[advances], values)
-        streams[block.key].values.add(values)
+        advances = surveys[block.key].stamps.add(block.stamps)
+        values = block.values if keep is None else keep(block, advances)
+        surveys[block.key].values.add(values)
         done += len(block.stamps)
         if progress is not None:
             progress(done, max(total, done))
-    return streams
 
 
 GRAVITY = 9.80665
@@ -253,19 +267,31 @@ class Finding:
         return asdict(self)
 
 
-def stamp_findings(where: str, stamps: StampSurvey, gap: float, *, column: bool) -> list[Finding]:
+def stamp_findings(
+    where: str, stamps: StampSurvey, gap: float, *, written: bool, kept: str | None = None
+) -> list[Finding]:
     """Findings about the stamps of a stream.
 
     Args:
         where: Name of the stream.
         stamps: Statistics of its stamps.
         gap: Length from which a step is a gap, in median steps.
-        column: Whether the stamps come from a column, whose unit a person wrote down.
+        written: Whether the unit of the stamps is one that a person wrote down or a guess, and
+            not one that the format of the file states.
+        kept: Row that the mapping keeps of those with the same stamp; None if it does not say.
     """
     found = []
+    even = f"`restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
     for count, kind, what in (
         (stamps.missing, "missing stamps", "without a stamp; left out"),
-        (stamps.duplicates, "duplicate stamps", "with the stamp of the one before; left out"),
+        (
+            stamps.duplicates,
+            "duplicate stamps",
+            f"with the stamp of the one before; {kept}"
+            if kept
+            else "with the stamp of the one before; left out; say `duplicates: keep-last` to keep "
+            f"the last of them, or {even}",
+        ),
         (
             stamps.backwards,
             "backward stamps",
@@ -273,10 +299,11 @@ def stamp_findings(where: str, stamps: StampSurvey, gap: float, *, column: bool)
             "left out",
         ),
         (stamps.near_duplicates, "near-duplicate stamps", "less than a tenth of the median step "
-         "after the one before; kept"),
+         f"after the one before; kept; say {even}"),
     ):  # fmt: skip
         if count:
-            found.append(Finding("warning", where, kind, f"{count} of {stamps.rows} rows {what}"))
+            level = "note" if kept and kind == "duplicate stamps" else "warning"
+            found.append(Finding(level, where, kind, f"{count} of {stamps.rows} rows {what}"))
     gaps = stamps.gaps(gap)
     if gaps:
         at = (stamps.longest_at - (stamps.first or 0)) / SECOND
@@ -290,7 +317,7 @@ def stamp_findings(where: str, stamps: StampSurvey, gap: float, *, column: bool)
             )
         )
     median = stamps.median
-    if column and not 2e-6 <= median <= 5.0 and math.isfinite(median):
+    if written and not 2e-6 <= median <= 5.0 and math.isfinite(median):
         fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
                     if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
         text = f"a median step of {median:.4g} s; is its unit {fit}?"

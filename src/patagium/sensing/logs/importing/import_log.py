@@ -20,13 +20,16 @@ import numpy as np
 import pandas as pd
 
 from patagium.errors import LogError
+from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
+from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
     Progress,
+    StampSurvey,
     ValueSurvey,
     constant_findings,
     missing_findings,
@@ -197,14 +200,14 @@ def import_log(
     target = Path(out)
     if target.suffix.lower() not in (".nc", ".csv"):
         raise LogError(f"{target}: expected a name that ends in .nc or .csv")
-    with closing(open_log(paths)) as log:
+    with closing(open_log(paths, skip_rows=words.skip_rows)) as log:
         for path in _files(log.path):
             if target.exists() and target.samefile(path):
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            with Spool(log, plan, target.parent, _half(progress, 0)) as spool:
+            with Spool(log, plan, words.gap, target.parent, _half(progress, 0)) as spool:
                 return _written(log, words, source, spool, target, _half(progress, 1), tell)
         except OSError as problem:
             reason = problem.strerror or problem
@@ -221,11 +224,11 @@ def _written(
     tell: Tell | None,
 ) -> Imported:
     """Import of a log whose rows are read."""
-    _refuse_unusable(log, spool)
+    _refuse_unusable(log, spool, mapping)
     plan = spool.plan
     base = time_base(spool, mapping, source)
     relations, facts = consistency(spool, base, mapping.gap)
-    findings = (*_findings(log, spool, base, mapping.gap), *relations)
+    findings = (*_findings(log, spool, base, mapping), *relations)
     if tell is not None:
         tell(findings)
     attributes = {
@@ -267,7 +270,7 @@ def _written(
     )
 
 
-def _refuse_unusable(log: LogFile, spool: Spool) -> None:
+def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
     """Refuse streams without enough good stamps and quantities without numbers.
 
     Raises:
@@ -280,23 +283,39 @@ def _refuse_unusable(log: LogFile, spool: Spool) -> None:
                 f"{log.path}: {name}: expected at least two samples with stamps that "
                 f"advance, found {stamps.kept} in {stamps.rows} row(s)"
             )
-        lost = stamps.rows - stamps.kept
+        chosen = mapping.time.duplicates is not None
+        lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
         if lost > _MOST_LOST * stamps.rows:
+            back = stamps.rows - stamps.kept - stamps.duplicates > stamps.duplicates
             raise LogError(
-                f"{log.path}: {name}: expected time that advances, but {lost} of "
-                f"{stamps.rows} rows do not come after those before them (steps back of up to "
-                f"{stamps.furthest_back / SECOND:.4g} s); cut the log, or check its stamps"
+                f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
+                f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
+                f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
+                + ("cut the log, or check its stamps" if back else _duplicates_remedy(stamps))
             )
     for item in spool.plan.items:
         if not spool.surveys[item.stream].values.count[list(item.places)].all():
             raise LogError(f"{log.path}: {item.column.label}: expected finite numbers, found none")
 
 
-def _findings(log: LogFile, spool: Spool, base: TimeBase, gap: float) -> list[Finding]:
-    plan = spool.plan
+def _duplicates_remedy(stamps: StampSurvey) -> str:
+    """Remedy for rows that repeat a stamp, as a mapping states it."""
+    return (
+        "say under time `duplicates: keep-first` (or keep-last) if they repeat a sample, or "
+        f"`restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
+    )
+
+
+def _findings(log: LogFile, spool: Spool, base: TimeBase, mapping: TableMapping) -> list[Finding]:
+    plan, gap = spool.plan, mapping.gap
     found = [Finding("note", str(log.path), "file", note) for note in log.notes]
+    found += spool.findings
     for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
-        found += stamp_findings(name, survey.stamps, gap, column=wanted.base.kind == "column")
+        topic = log.topics[wanted.topic]
+        own = topic.kind != "table" and wanted.base == topic.base  # a unit of the format
+        written = wanted.base.kind == "column" and not own
+        kept = mapping.time.duplicates
+        found += stamp_findings(name, survey.stamps, gap, written=written, kept=kept)
         median = survey.stamps.median
         if base.step > 2.01 * median:
             text = (
@@ -306,6 +325,7 @@ def _findings(log: LogFile, spool: Spool, base: TimeBase, gap: float) -> list[Fi
             found.append(Finding("warning", name, "rate", text))
     for item in plan.items:
         found += _item_findings(item, spool.surveys[item.stream].values)
+        found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
     return found
 
@@ -313,14 +333,45 @@ def _findings(log: LogFile, spool: Spool, base: TimeBase, gap: float) -> list[Fi
 def _item_findings(item: Quantity, values: ValueSurvey) -> list[Finding]:
     name, places = item.column.label, list(item.places)
     found = missing_findings(name, values, places) + constant_findings(name, values, places)
-    if not item.is_quaternion:
+    if item.norm is None:
         sizes = sizes_of(values, places, item.column.unit, item.column.offset)
         return found + unit_findings(name, sizes)
     norm = float(np.sqrt((values.rms[places] ** 2).sum()))
-    if abs(norm - 1.0) > 0.01:
+    if item.order != "matrix" and abs(norm - 1.0) > 0.01:
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
         found.append(Finding("warning", name, "attitude", text))
     return found
+
+
+def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
+    """Finding about rows of an attitude that are no rotation matrices.
+
+    Raises:
+        LogError: If most rows are none.
+    """
+    if item.order != "matrix":
+        return []
+    name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))
+    count = spool.surveys[item.stream].stamps.kept
+    for begin in range(0, count, CHUNK):
+        end = min(begin + CHUNK, count)
+        matrices = spool.values_of(item.stream, begin, end)[:, list(item.places)]
+        matrices = matrices[np.isfinite(matrices).all(axis=1)]
+        lost = matrices[~is_rotation(matrices)]
+        rows, bad = rows + len(matrices), bad + len(lost)
+        worst = lost[:1] if not len(worst) else worst
+    if not bad:
+        return []
+    shown = ", ".join(f"{entry:.3g}" for entry in worst[0])
+    text = f"{bad} of {rows} rows are no rotation matrix, such as ({shown})"
+    if bad > _MOST_LOST * rows:
+        raise LogError(
+            f"{path}: {name}: expected rotation matrices, nine entries row by row, with rows of "
+            f"length 1 at right angles and determinant 1, but {text}, of determinant "
+            f"{np.linalg.det(worst[0].reshape(3, 3)):.3g}; check the order of the columns, and "
+            "that none is scaled or mirrored"
+        )
+    return [Finding("warning", name, "attitude", f"{text}; left out")]
 
 
 def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
@@ -328,7 +379,7 @@ def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
     wanted = plan.wanted[item.stream]
     path = wanted.fields[item.places[0]]
     stated = log.topics[wanted.topic].channels[path].unit
-    if not stated or item.is_quaternion:
+    if not stated or item.norm is not None:
         return []
     try:
         factor, si = conversion(stated, None, path)
@@ -408,19 +459,19 @@ def read_table(
     file = Path(path)
     words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
     if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
-        return table_from_frame(_frame(file), words, str(file))
+        return table_from_frame(_frame(file, words.skip_rows), words, str(file))
     with tempfile.TemporaryDirectory() as folder:
         found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
         with LogRecord(found.path) as record:
             return replace(record.table(), source=str(file))
 
 
-def _frame(file: Path) -> pd.DataFrame:
+def _frame(file: Path, skip_rows: int | None) -> pd.DataFrame:
+    if not file.exists():
+        raise LogError(f"{file}: no such file")
+    if file.suffix != ".parquet":
+        return CsvFile(file, skip_rows).frame()
     try:
-        if file.suffix == ".parquet":
-            return pd.read_parquet(file)
-        return pd.read_csv(file, encoding="utf-8-sig")
-    except FileNotFoundError as problem:
-        raise LogError(f"{file}: no such file") from problem
+        return pd.read_parquet(file)
     except (OSError, ValueError, ImportError) as problem:
-        raise LogError(f"{file}: expected a CSV or Parquet table, found: {problem}") from problem
+        raise LogError(f"{file}: expected a Parquet table, found: {problem}") from problem

@@ -9,15 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import Request, Topic
+from patagium.sensing.logs.files.channels import (
+    ColumnError,
+    LogFile,
+    Request,
+    StampSource,
+    Topic,
+)
 from patagium.sensing.logs.files.opening import open_log
+from patagium.sensing.logs.files.table_files import guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
@@ -26,6 +33,7 @@ from patagium.sensing.logs.importing.findings import (
     StreamSurvey,
     ValueSurvey,
     missing_findings,
+    new_survey,
     sizes_of,
     stamp_findings,
     survey_streams,
@@ -81,6 +89,7 @@ class TopicFacts:
         backwards: Number of stamps before an earlier one.
         channels: Facts about its numbers.
         problem: Reason why the topic cannot be read; empty if it can.
+        unplaced: Content that is not read, by path, with the reason.
     """
 
     name: str
@@ -97,6 +106,7 @@ class TopicFacts:
     backwards: int
     channels: tuple[ChannelFacts, ...]
     problem: str = ""
+    unplaced: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -123,51 +133,138 @@ class Inspection:
 
 
 def inspect_log(
-    paths: str | Path | Sequence[str | Path], *, progress: Progress | None = None
+    paths: str | Path | Sequence[str | Path],
+    *,
+    skip_rows: int | None = None,
+    progress: Progress | None = None,
 ) -> Inspection:
     """Content of a log: topics, rates, gaps, ranges, and suspicious facts.
 
+    What cannot be read as numbers is listed with the reason, and the rest is read without it.
+
     Args:
         paths: A log file of any format that `import_log` reads, or the parts of a recording.
+        skip_rows: Number of lines before the line of names of a CSV file; found if None.
         progress: Called now and then with the rows read and the rows in all.
 
     Raises:
-        LogError: If the log cannot be read, or holds no samples.
+        LogError: If no topic of the log can be read, or it holds nothing at all.
     """
-    with closing(open_log(paths)) as log:
-        readable = [topic for topic in log.topics.values() if not topic.problem]
+    with closing(open_log(paths, skip_rows=skip_rows)) as log:
         lost = [topic for topic in log.topics.values() if topic.problem]
-        wanted = tuple(Request(one.name, one.base, tuple(_fields(one))) for one in readable)
-        total = sum(topic.count or topic.about for topic in readable)
-        surveys = survey_streams(log, wanted, total, progress=progress)
+        readable = [
+            part for topic in log.topics.values() if not topic.problem for part in _parts(topic)
+        ]
+        readable, surveys, broken = _surveyed(log, readable, progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
         origin = min(starts, default=0)
         facts, found = [], []
-        for topic, survey in zip(readable, surveys, strict=True):
-            facts.append(_topic_facts(topic, survey, origin))
-            found += _findings(topic, survey)
+        for part, survey in zip(readable, surveys, strict=True):
+            facts.append(_topic_facts(part, survey, origin))
+            found += _findings(part, survey)
         facts += [_unreadable(topic) for topic in lost]
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
             for topic in lost
             if topic.count
         ]
-        if not any(topic.rows for topic in facts):
-            raise LogError(f"{log.path}: expected samples, found none in {log.format}")
-        guesses = [topic.guess for topic in readable if topic.guess]
+        if broken:
+            found.append(Finding("warning", str(log.path), "breaks off", broken))
+        if not any(topic.rows or topic.unplaced for topic in facts):
+            reason = f": {broken}" if broken else ""
+            raise LogError(f"{log.path}: expected samples, found none in {log.format}{reason}")
+        guesses = [part.topic.guess for part in readable if part.topic.guess]
         notes = tuple(dict.fromkeys([*log.notes, *guesses]))
         return Inspection(str(log.path), log.format, tuple(facts), tuple(found), notes)
 
 
-def _fields(topic: Topic) -> list[str]:
-    return [name for name, channel in topic.channels.items() if channel.dtype != "timestamp"]
+@dataclass(frozen=True)
+class _Part:
+    """Numbers of a topic that have the same number of rows.
+
+    Attributes:
+        topic: The topic with these numbers alone.
+        label: Its name in results.
+    """
+
+    topic: Topic
+    label: str
+
+    @property
+    def fields(self) -> list[str]:
+        """Paths of the numbers."""
+        channels = self.topic.channels.items()
+        return [name for name, channel in channels if channel.dtype != "timestamp"]
+
+    @property
+    def request(self) -> Request:
+        """Request for the numbers."""
+        return Request(self.topic.name, self.topic.base, tuple(self.fields))
+
+    def without(self, column: str, reason: str) -> _Part:
+        """Part without a column, or the entries of a list, which are listed as not read."""
+        held = self.topic.channels
+        own = column in held
+        gone = {n for n in held if n == column or (not own and n.startswith(f"{column}["))}
+        if not gone:
+            return self
+        base = self.topic.base
+        topic = replace(
+            self.topic,
+            channels={name: channel for name, channel in held.items() if name not in gone},
+            unplaced={**self.topic.unplaced, column: reason},
+            base=StampSource("rows") if base.column in gone else base,
+        )
+        return replace(self, topic=topic)
 
 
-def _topic_facts(topic: Topic, survey: StreamSurvey, origin: int) -> TopicFacts:
-    stamps, counted = survey.stamps, topic.base.kind == "rows"
+def _parts(topic: Topic) -> list[_Part]:
+    lengths = sorted({c.rows for c in topic.channels.values() if c.rows is not None}, reverse=True)
+    if not lengths:
+        return [_Part(topic, topic.name)]
+    parts = []
+    for place, rows in enumerate(lengths):
+        held = {name: c for name, c in topic.channels.items() if c.rows == rows}
+        base, guess = guessed_base(held, {})
+        unplaced = topic.unplaced if place == 0 else {}
+        part = replace(topic, channels=held, count=rows, base=base, guess=guess, unplaced=unplaced)
+        parts.append(_Part(part, f"{topic.name or 'table'} of {rows} rows"))
+    return parts
+
+
+def _surveyed(
+    log: LogFile, parts: list[_Part], progress: Progress | None
+) -> tuple[list[_Part], tuple[StreamSurvey, ...], str]:
+    """Statistics of parts, which lose the columns that hold no numbers.
+
+    Returns:
+        The parts, their statistics, and the reason why the file breaks off; empty if it does not.
+    """
+    while True:
+        surveys = tuple(new_survey(part.request) for part in parts)
+        total = sum(part.topic.count or part.topic.about for part in parts)
+        try:
+            requests = tuple(part.request for part in parts)
+            survey_streams(log, requests, total, surveys=surveys, progress=progress)
+            return parts, surveys, ""
+        except ColumnError as problem:
+            fewer = [part.without(problem.column, _reason(log, problem)) for part in parts]
+            if fewer == parts:
+                return parts, surveys, _reason(log, problem)
+            parts = fewer
+        except LogError as problem:
+            return parts, surveys, _reason(log, problem)
+
+
+def _reason(log: LogFile, problem: LogError) -> str:
+    return str(problem).removeprefix(f"{log.path}: ")
+
+
+def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
+    topic, stamps, counted = part.topic, survey.stamps, part.topic.base.kind == "rows"
     median = stamps.median
     return TopicFacts(
-        name=topic.name,
+        name=part.label,
         kind=topic.kind,
         rows=stamps.rows,
         stamps=topic.base.column or topic.base.kind,
@@ -179,12 +276,13 @@ def _topic_facts(topic: Topic, survey: StreamSurvey, origin: int) -> TopicFacts:
         duplicates=stamps.duplicates,
         near_duplicates=0 if counted else stamps.near_duplicates,
         backwards=stamps.backwards,
-        channels=_channel_facts(topic, survey),
+        channels=_channel_facts(part, survey),
+        unplaced=dict(topic.unplaced),
     )
 
 
-def _channel_facts(topic: Topic, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:
-    values = survey.values
+def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...]:
+    values, topic = survey.values, part.topic
     present, mean, rms = values.count > 0, values.mean, values.rms
     low, high = (np.where(present, ends, np.nan) for ends in (values.low, values.high))
     return tuple(
@@ -198,12 +296,13 @@ def _channel_facts(topic: Topic, survey: StreamSurvey) -> tuple[ChannelFacts, ..
             rms=float(rms[k]),
             missing=int(values.missing[k]),
         )
-        for k, name in enumerate(_fields(topic))
+        for k, name in enumerate(part.fields)
     )
 
 
 def _unreadable(topic: Topic) -> TopicFacts:
-    empty = _topic_facts(topic, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
+    part = _Part(topic, topic.name)
+    empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
     nothing = math.nan
     return replace(
         empty, rows=topic.count or 0, stamps="", begin=nothing, duration=nothing, rate=nothing,
@@ -211,9 +310,11 @@ def _unreadable(topic: Topic) -> TopicFacts:
     )  # fmt: skip
 
 
-def _findings(topic: Topic, survey: StreamSurvey) -> list[Finding]:
-    where, values, fields = topic.name or "table", survey.values, _fields(topic)
-    found = stamp_findings(where, survey.stamps, GAP, column=topic.base.kind == "column")
+def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
+    topic, values, fields = part.topic, survey.values, part.fields
+    where = part.label or "table"
+    written = topic.base.kind == "column" and topic.kind == "table"
+    found = stamp_findings(where, survey.stamps, GAP, written=written)
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
     if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))

@@ -63,9 +63,9 @@ class Quantity:
         return self.order is not None
 
     @property
-    def is_quaternion(self) -> bool:
-        """Whether the quantity is an attitude by four plain numbers."""
-        return self.order in ("wxyz", "xyzw")
+    def norm(self) -> float | None:
+        """Length of the components of an attitude by plain numbers; None for other quantities."""
+        return {"wxyz": 1.0, "xyzw": 1.0, "matrix": float(np.sqrt(3.0))}.get(self.order or "")
 
     def converted(self, raw: Array) -> Array:
         """Values in the unit that the model sees and in our axes.
@@ -105,12 +105,16 @@ class Plan:
         names: Name of each stream in messages.
         items: Quantities, in the order of the mapping.
         counts: Number of rows of each stream, or an estimate; 0 where unknown.
+        rates: Rate at which the rows of each stream are restamped [Hz]; None to keep stamps.
+        last: Whether the last row with a stamp is kept, not the first.
     """
 
     wanted: tuple[Request, ...]
     names: tuple[str, ...]
     items: tuple[Quantity, ...]
     counts: tuple[int, ...]
+    rates: tuple[float | None, ...]
+    last: bool = False
 
     def stream_of(self, topic: str) -> int | None:
         """First stream of a topic; None if the topic has no stream."""
@@ -157,7 +161,56 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     )
     wanted = tuple(Request(name, base, tuple(streams[name, base])) for name, base in keys)
     names = tuple((name or "table") + _suffix(base, keys, name) for name, base in keys)
-    return Plan(wanted, names, items, tuple(topics[n].count or topics[n].about for n, _ in keys))
+    counts = tuple(topics[name].count or topics[name].about for name, _ in keys)
+    rates = _restamp_rates(mapping, keys, source)
+    return Plan(wanted, names, items, counts, rates, mapping.time.duplicates == "keep-last")
+
+
+def rate_of(rate: str | float, where: str) -> float:
+    """Rate in hertz.
+
+    Args:
+        rate: Text such as "200 Hz", or a number [Hz].
+        where: Place in the mapping, for messages.
+
+    Raises:
+        LogError: If it is no rate above 0 and below 10 MHz.
+    """
+    from patagium.robot.units import UnitMismatch, in_si
+
+    try:
+        found = float(rate) if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
+    except UnitMismatch as problem:
+        raise LogError(f"{where}: {problem}") from None
+    if not 0 < found < 1e7:
+        raise LogError(f"{where}: expected a rate such as 200 Hz, found {rate!r}")
+    return found
+
+
+def _restamp_rates(
+    mapping: TableMapping, keys: list[tuple[str, StampSource]], source: str
+) -> tuple[float | None, ...]:
+    """Rate at which each stream is restamped [Hz]; None for those that keep their stamps.
+
+    Raises:
+        LogError: If a rate is none, or it is not clear which stream it is of.
+    """
+    given, where = mapping.time.restamp, f"{source}: time.restamp"
+    if given is None:
+        return (None,) * len(keys)
+    names = [name or base.column or "table" for name, base in keys]
+    if not isinstance(given, dict):
+        if len(keys) > 1:
+            example = ", ".join(f"{name}: {given}" for name in names)
+            raise LogError(f"{where}: expected a rate for each stream, such as {{{example}}}, "
+                           f"found {given!r} for {len(keys)} streams")  # fmt: skip
+        return (rate_of(given, where),)
+    unknown = [key for key in given if key not in names]
+    if unknown:
+        raise LogError(f"{where}: expected names of streams ({', '.join(names)}), found "
+                       f"{unknown[0]!r}")  # fmt: skip
+    rates = {name: rate_of(rate, where) for name, rate in given.items()}
+    return tuple(rates.get(name) for name in names)
 
 
 def variable_name(label: str) -> str:
@@ -209,8 +262,12 @@ def _base(
             )
         return StampSource(time.base)
     if topic.kind == "table":
-        raise LogError(f"{source}: time.column: expected the column with stamps of a table; it "
-                       f"holds {', '.join(list(topic.channels)[:12])}")  # fmt: skip
+        if time.restamp is not None:
+            return StampSource("rows")
+        raise LogError(
+            f"{source}: time.column: expected the column with stamps of a table (or, without one, "
+            f"`restamp: RATE`); it holds {', '.join(list(topic.channels)[:12])}"
+        )
     return topic.base
 
 

@@ -18,44 +18,64 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import continuous, slerp
-from patagium.sensing.logs.files.channels import Array, LogFile, Stamps
-from patagium.sensing.logs.importing.findings import SECOND, Progress, StreamSurvey, survey_streams
-from patagium.sensing.logs.importing.plan import Plan, Quantity
+from patagium.sensing.logs.files.channels import NO_STAMP, Array, Block, LogFile, Stamps
+from patagium.sensing.logs.importing.findings import (
+    SECOND,
+    Finding,
+    Progress,
+    StampSurvey,
+    StreamSurvey,
+    new_survey,
+    survey_streams,
+)
+from patagium.sensing.logs.importing.plan import Plan, Quantity, rate_of
+from patagium.sensing.logs.importing.restamp import restamped
 from patagium.sensing.logs.mapping import TableMapping
 
 
 class Spool:
-    """Streams of a log on disk, each with the rows whose stamps advance.
+    """Streams of a log on disk, each with the rows whose stamps advance, or restamped.
 
     Args:
         log: The open log; it is read once, from start to end.
         plan: Streams to read.
+        gap: Length from which a step is a gap, in median steps.
         folder: Folder whose disk takes the rows, eight bytes a number.
         progress: Called now and then with the rows read and the rows in all.
 
     Attributes:
         plan: Streams that were read.
-        surveys: Statistics of each stream.
+        surveys: Statistics of each stream, after it was restamped.
+        findings: Findings about the streams that were restamped.
 
     Raises:
-        LogError: If the log is damaged, or a column holds text.
+        LogError: If the log is damaged, a column holds text, or a stream was not sampled at the
+            rate that the mapping states.
         OSError: If the disk does not take the rows.
     """
 
     def __init__(
-        self, log: LogFile, plan: Plan, folder: Path, progress: Progress | None = None
+        self, log: LogFile, plan: Plan, gap: float, folder: Path, progress: Progress | None = None
     ) -> None:
         self.plan = plan
+        self.findings: list[Finding] = []
         with ExitStack() as stack:
             self._stamps, self._values = (
                 [stack.enter_context(TemporaryFile(dir=folder)) for _ in plan.wanted]
                 for _ in ("stamps", "values")
             )
-            self.surveys: tuple[StreamSurvey, ...] = survey_streams(
-                log, plan.wanted, sum(plan.counts), keep=self._keep, progress=progress
-            )
+            surveys = tuple(map(new_survey, plan.wanted))
+            self._latest = [NO_STAMP for _ in plan.wanted]
+            survey_streams(
+                log, plan.wanted, sum(plan.counts), surveys=surveys, keep=self._keep,
+                progress=progress,
+            )  # fmt: skip
             for file in (*self._stamps, *self._values):
                 file.flush()
+            self.surveys: tuple[StreamSurvey, ...] = tuple(
+                self._restamped(stream, survey, gap, str(log.path))
+                for stream, survey in enumerate(surveys)
+            )
             self._files = stack.pop_all()
 
     def __enter__(self) -> Spool:
@@ -75,9 +95,41 @@ class Spool:
         content = np.fromfile(file, float, (end - begin) * columns)
         return content.reshape(-1, columns)
 
-    def _keep(self, stream: int, stamps: Stamps, values: Array) -> None:
-        self._stamps[stream].write(stamps.tobytes())
-        self._values[stream].write(values.tobytes())
+    def _keep(self, block: Block, advances: NDArray[np.bool_]) -> Array:
+        """Rows of a block that are kept, which go to the files."""
+        stream, stamps, values = block.key, block.stamps, block.values
+        if self.plan.rates[stream] is not None:
+            advances = np.ones(len(stamps), np.bool_)
+        kept = values[advances]
+        if self.plan.last and len(stamps):
+            latest = np.maximum.accumulate(np.concatenate([[self._latest[stream]], stamps]))[1:]
+            group = np.cumsum(advances) - 1
+            same = (stamps == latest) & (stamps != NO_STAMP)
+            inside = same & (group >= 0)
+            kept[group[inside]] = values[inside]  # of equal indices, the last one counts
+            before = np.flatnonzero(same & (group < 0))
+            if len(before):
+                file = self._values[stream]
+                file.seek(-8 * values.shape[1], 2)
+                file.write(values[before[-1]].tobytes())
+            self._latest[stream] = int(latest[-1])
+        self._stamps[stream].write(stamps[advances].tobytes())
+        self._values[stream].write(kept.tobytes())
+        return kept
+
+    def _restamped(self, stream: int, survey: StreamSurvey, gap: float, path: str) -> StreamSurvey:
+        rate, name = self.plan.rates[stream], self.plan.names[stream]
+        if rate is None or survey.stamps.rows < 2:
+            return survey
+        counted = self.plan.wanted[stream].base.kind == "rows"
+        held = np.memmap(self._stamps[stream], np.int64, "r+")
+        stamps = np.full(len(held), NO_STAMP) if counted else np.array(held)
+        held[:], text = restamped(stamps, rate, gap, f"{path}: {name}")
+        held.flush()
+        self.findings.append(Finding("note", name, "restamped", text))
+        after = StampSurvey()
+        after.add(np.array(held))
+        return StreamSurvey(after, survey.values)
 
 
 CHUNK = 1 << 16
@@ -140,7 +192,7 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
         end = min(end, origin + round(time.end * SECOND))
     stream = _stream(plan, mapping, used, source, spool)
     if stream is None:
-        rate = _rate(time.rate, source)
+        rate = rate_of(time.rate or 0, f"{source}: time.rate")
         count = int((end - begin) / SECOND * rate * (1 + 1e-12)) + 1
         _enough(count if end > begin else 0, source, (end - begin) / SECOND)
         return TimeBase(begin, count, 1.0 / rate, None, 0)
@@ -231,18 +283,6 @@ def _stream(
         f"{source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with stamps "
         f"of their own: {rates}"
     )
-
-
-def _rate(rate: str | float | None, source: str) -> float:
-    from patagium.robot.units import UnitMismatch, in_si
-
-    try:
-        found = float(rate) if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
-    except UnitMismatch as problem:
-        raise LogError(f"{source}: time.rate: {problem}") from None
-    if not 0 < found < 1e7:
-        raise LogError(f"{source}: time.rate: expected a rate such as 200 Hz, found {rate!r}")
-    return found
 
 
 def _enough(count: int, source: str, duration: float) -> None:

@@ -1,0 +1,101 @@
+"""Stamps of rows that were sampled evenly, whatever their stamps in the file say.
+
+A mapping that says `restamp: 100 Hz` states that the sensor took the rows at this rate, and that
+their stamps tell when they were written. Row k is then at t_0 + (k + l) / rate. t_0 is the median
+difference to the stamps in the file, and l the number of rows that were lost before row k: after a
+gap, stamps go on later by whole steps. A rate that the stamps contradict is refused.
+Neglected: a sensor whose rate changes; single rows that were lost within the jitter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from patagium.errors import LogError
+from patagium.sensing.logs.files.channels import NO_STAMP, Array, Stamps
+
+_WINDOW = 50
+"""Rows beside a gap whose stamps tell how many rows were lost in it."""
+_SPREAD = (0.1, 0.9)
+"""Quantiles between which most stamps beside a gap lie; rows lost move them by more."""
+_MOST_GAPS = 0.1
+"""Share of the steps that may be gaps."""
+_ENDS = 10
+"""Share of the rows, as 1 / 10, whose median stamps at both ends tell a drift."""
+
+
+def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stamps, str]:
+    """Evenly spaced stamps of rows, and the assumption in one sentence.
+
+    Args:
+        stamps: Stamps of the file, (N,) [ns]; `NO_STAMP` where a row has none.
+        rate: Rate at which the rows were sampled [Hz].
+        gap: Length from which a step is a gap, in steps.
+        where: File and stream, for messages.
+
+    Returns:
+        Increasing stamps, (N,) [ns], and what was assumed and found.
+
+    Raises:
+        LogError: If the rows were not sampled at this rate; the message states the one found.
+    """
+    step, rows = 1e9 / rate, np.arange(len(stamps))
+    known = np.flatnonzero(stamps != NO_STAMP)
+    words = f"rows are taken as sampled at {rate:g} Hz without a change of rate"
+    if len(known) < 2:
+        return np.rint(rows * step).astype(np.int64), f"{words}; they have no stamps of their own"
+    origin = int(stamps[known[0]])
+    late = (stamps[known] - origin).astype(float) - known * step
+    lost, gaps = _lost(late, step, gap)
+    if len(gaps) > _MOST_GAPS * len(late):
+        lost, gaps = np.zeros(len(late)), gaps[:0]  # the rate is another one
+    late -= lost * step
+    _refuse_other_rate(late, known, step, gap, where)
+    start = float(np.median(late))
+    shift = np.zeros(len(stamps))
+    shift[known[gaps]] = np.diff(np.concatenate([[0.0], lost]))[gaps]
+    grid = rows + np.cumsum(shift)
+    off = late - start
+    text = f"{words}, and {int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)" if len(gaps) else (
+        f"{words}, and none as lost"
+    )  # fmt: skip
+    text += (
+        f"; the stamps in the file differ from this by {np.sqrt(np.mean(off**2)) / 1e9:.3g} s "
+        f"(rms), at most {np.abs(off).max() / 1e9:.3g} s"
+    )
+    return np.rint(grid * step + start).astype(np.int64) + origin, text
+
+
+def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
+    """Number of rows lost before each row, (k,), and the rows after a gap."""
+    after = np.flatnonzero(np.diff(late) > (gap - 1.0) * step) + 1
+    lost, found = np.zeros(len(late)), []
+    ends = [0, *after.tolist(), len(late)]
+    for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
+        earlier = late[max(before, place - _WINDOW) : place]
+        later = late[place : min(following, place + _WINDOW)]
+        spread = max(float(np.ptp(np.quantile(one, _SPREAD))) for one in (earlier, later))
+        change = float(np.median(later) - np.median(earlier))
+        if change > max(spread, step / 2):  # else the rows only waited to be written
+            lost[place:] += np.rint(change / step)
+            found.append(place)
+    return lost, np.array(found, np.int64)
+
+
+def _refuse_other_rate(late: Array, known: Stamps, step: float, gap: float, where: str) -> None:
+    """Refuse a rate from which the stamps drift away.
+
+    Raises:
+        LogError: If they do.
+    """
+    share = max(1, len(late) // _ENDS)
+    drift = float(np.median(late[-share:]) - np.median(late[:share]))
+    span = float(np.median(known[-share:]) - np.median(known[:share]))
+    if abs(drift) <= gap * step:
+        return
+    found = step + drift / span
+    raise LogError(
+        f"{where}: restamp: expected rows {step / 1e9:.6g} s apart, but their stamps are "
+        f"{found / 1e9:.6g} s apart on average; say `restamp: {1e9 / found:.6g} Hz`, or leave "
+        "restamp out if the rate changes"
+    )

@@ -1,0 +1,417 @@
+"""Logs as laboratories write them: the right numbers, or a refusal that names item and remedy."""
+
+import csv
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from numpy.typing import NDArray
+from scipy.io import savemat
+from scipy.spatial.transform import Rotation
+
+from patagium.errors import LogError
+from patagium.sensing.logs.importing.import_log import import_log, read_table
+from patagium.sensing.logs.importing.inspection import inspect_log
+from patagium.sensing.logs.mapping import parse_mapping
+from patagium.sensing.logs.record import LogRecord
+
+Array = NDArray[np.float64]
+Words = dict[str, Any]
+Draw = np.random.Generator
+
+
+def turn(t: Array) -> Rotation:
+    """Attitude of a body that yaws and rolls."""
+    zero = np.zeros_like(t)
+    return Rotation.from_euler("ZYX", np.column_stack([0.5 * t, zero, 0.4 * np.sin(2 * t)]))
+
+
+def quaternion(t: Array) -> Array:
+    found = turn(t).as_quat()[:, [3, 0, 1, 2]]
+    return np.asarray(found * np.where(found[:, :1] < 0, -1, 1))
+
+
+def rate(t: Array) -> Array:
+    return np.column_stack([np.sin(5 * t), 2 * np.cos(3 * t), 0.5 + 0 * t])
+
+
+def lift(t: Array) -> Array:
+    return np.asarray(3 + np.sin(4 * t))[:, None]
+
+
+class Case(NamedTuple):
+    """A log, its mapping, and what an import must say.
+
+    Attributes:
+        log: The file.
+        words: The mapping.
+        right: Truth of each quantity as a function of time.
+        error: Largest difference from it.
+        refused: Words of the refusal: the item and the remedy.
+        warned: Words of the only kind of warning.
+    """
+
+    log: Path
+    words: Words
+    right: dict[str, Callable[[Array], Array]] = {}
+    error: float = 2e-8  # stamps are whole nanoseconds, changes up to 10 a second
+    refused: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
+
+
+Make = Callable[[Path, Draw], Case]
+ATTITUDE: Words = {"column": "R", "order": "matrix", "frame": "nwu", "body": "flu", "name": "a"}
+RATE: Words = {"column": "g", "unit": "rad/s", "frame": "flu", "name": "rate"}
+LIFT: Words = {"column": "f", "unit": "N", "name": "lift"}
+COLUMN: Words = {"column": "t", "unit": "s"}
+
+
+def mapped(*columns: Words, **time: Any) -> Words:
+    return {"time": {**COLUMN, **time}, "channels": list(columns)}
+
+
+def clock(draw: Draw, count: int = 300, step: float = 0.01) -> Array:
+    return float(draw.uniform(0, 5)) + step * np.arange(count)
+
+
+# ---------------------------------------------------------------- arrays of unequal length (MAT)
+
+
+def unequal(own: str, rated: bool, folder: Path, draw: Draw) -> Case:
+    """A structure at 100 Hz and one at another rate, which names its stamps or not."""
+    t, other = clock(draw), clock(draw, 700, 1 / 230)
+    other += t[0] - other[0]
+    cell = {"t": other, "f": lift(other)}
+    held = {"imu": {"t": t, "g": rate(t)}, "cell": cell, "note": "wing 3", "gain": 2.0}
+    savemat(folder / "log.mat", held)
+    forces = {**LIFT, "column": "cell.f", **({"stamp": own} if own else {})}
+    words = mapped({**RATE, "column": "imu.g"}, forces, column="imu.t")
+    if rated:
+        words["time"]["rate"] = "230 Hz"
+    case = Case(folder / "log.mat", words, {"rate": rate, "lift": lift}, error=1e-3)  # linear
+    if not own:
+        return case._replace(refused=("cell.f", "stamp: cell.t", "rate"))
+    return case if rated else case._replace(refused=("time: expected rate", "imu.t", "cell.t"))
+
+
+def alone(folder: Path, draw: Draw) -> Case:
+    """The shorter of two arrays alone, with its own stamps."""
+    t, other = clock(draw), clock(draw, 120, 0.02)
+    savemat(folder / "log.mat", {"t": t, "g": rate(t), "tf": other, "f": lift(other)})
+    words = mapped(LIFT, column="tf")
+    return Case(folder / "log.mat", words, {"lift": lift})
+
+
+# ------------------------------------------------------------------------- rotation matrices
+
+
+def matrices(layout: str, folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    held = turn(t).as_matrix()
+    words = dict(ATTITUDE)
+    if layout == "(3,3,N)":
+        held = np.moveaxis(held, 0, 2)
+    elif layout == "(N,9)":
+        held = held.reshape(-1, 9)
+    elif layout == "(N,9) by columns":
+        held, words["inverted"] = held.transpose(0, 2, 1).reshape(-1, 9), True
+    elif layout == "world in body":
+        held, words["inverted"] = held.transpose(0, 2, 1), True
+    case = Case(folder / "log.mat", mapped(words), {"a": quaternion})
+    if layout == "scaled":
+        held = 1.1 * held
+    elif layout == "mirrored":
+        held = held * np.array([1, 1, -1])
+    if layout in ("scaled", "mirrored"):
+        remedy = ("a: expected rotation matrices", "determinant", "scaled or mirrored")
+        case = case._replace(refused=remedy)
+    if layout == "rounded":
+        case, held = case._replace(error=0.01), held.round(2)
+    if layout == "some broken":
+        held[draw.choice(len(t), 20, replace=False)] = 7.0
+        case = case._replace(warned=("20 of 300 rows are no rotation matrix", "left out"))
+        case = case._replace(error=2e-3)  # between the rows beside those left out
+    savemat(folder / "log.mat", {"t": t, "R": held})
+    return case
+
+
+def nine_columns(pattern: str, first: int, folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    table: dict[str, Array] = {"t": t}
+    for i in range(3):
+        for j in range(3):
+            table[pattern.format(i + first, j + first, k=3 * i + j)] = turn(t).as_matrix()[:, i, j]
+    pd.DataFrame(table).to_csv(folder / "log.csv", index=False)
+    return Case(folder / "log.csv", mapped(ATTITUDE), {"a": quaternion})
+
+
+# ----------------------------------------------------------------------------- text lists
+
+
+def lists(pattern: str, folder: Path, draw: Draw, *, damage: str = "") -> Case:
+    """A column of lists beside a column of numbers."""
+    t = clock(draw)
+    cells = [pattern.format(*row) for row in rate(t).tolist()]
+    if damage == "ragged":
+        cells[200] = "[1.0, 2.0]"
+    elif damage == "text":
+        cells[250] = "[1.0, lost, 2.0]"
+    elif damage == "empty":
+        cells[40:60] = [""] * 20
+    with (folder / "log.csv").open("w", newline="") as file:
+        if damage == "bare":
+            rows = zip(t.tolist(), cells, lift(t)[:, 0].tolist(), strict=True)
+            file.write("t,g,f\n" + "".join(f"{a!r},{b},{c!r}\n" for a, b, c in rows))
+        else:
+            writer = csv.writer(file, delimiter=";" if damage == "semicolons" else ",")
+            writer.writerow(["t", "g [rad/s]", "f"])
+            writer.writerows(zip(t.tolist(), cells, lift(t)[:, 0].tolist(), strict=True))
+    case = Case(folder / "log.csv", mapped(RATE, LIFT), {"rate": rate, "lift": lift})
+    remedies = {
+        "ragged": ("column g", "expected a list of 3 numbers", "row 201", "mend or remove"),
+        "text": ("column g", "expected a list of 3 numbers", "row 251", "mend or remove"),
+        "bare": ("expected 3 entries a line", "in quotes"),
+    }
+    case = case._replace(refused=remedies.get(damage, ()))
+    return case._replace(warned=("20 of 300 rows",)) if damage == "empty" else case
+
+
+def list_of_lists(folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    cells = [str(row) for row in turn(t).as_matrix().tolist()]
+    pd.DataFrame({"t": t, "R": cells}).to_csv(folder / "log.csv", index=False)
+    return Case(folder / "log.csv", mapped(ATTITUDE), {"a": quaternion})
+
+
+def parquet_lists(nested: bool, folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    held = turn(t).as_matrix().tolist() if nested else rate(t).tolist()
+    pytest.importorskip("pyarrow")
+    pd.DataFrame({"t": t, "x": held, "who": "me"}).to_parquet(folder / "log.parquet")
+    words = {**(ATTITUDE if nested else RATE), "column": [f"x[{k}]" for k in range(9)] if nested
+             else "x"}  # fmt: skip
+    right: dict[str, Callable[[Array], Array]] = {"a": quaternion} if nested else {"rate": rate}
+    return Case(folder / "log.parquet", mapped(words), right)
+
+
+# ------------------------------------------------------------------------------ preambles
+
+
+def preamble(lines: list[str], folder: Path, draw: Draw, *, skip: int | None = None,
+             units: str = "", mark: str = ",", head: str = "") -> Case:  # fmt: skip
+    """Lines before the names, and perhaps a line of units below them."""
+    t = clock(draw)
+    rows = np.column_stack([t, rate(t), lift(t)]).tolist()
+    text = "".join(f"{line}\n" for line in lines)
+    text += head + mark.join(["t", "gx", "gy", "gz", "f"]) + "\n" + (f"{units}\n" if units else "")
+    text += "".join(mark.join(map(repr, row)) + "\n" for row in rows)
+    (folder / "log.csv").write_text(text)
+    words = mapped({**RATE, "column": ["gx", "gy", "gz"]}, LIFT)
+    if skip is not None:
+        words["skip_rows"] = skip
+    case = Case(folder / "log.csv", words, {"rate": rate, "lift": lift})
+    return (
+        case if skip in (None, len(lines)) else case._replace(refused=("more in row", "skip_rows"))
+    )
+
+
+LABVIEW = ["LabVIEW Measurement", "Operator,me", "Date,2024-01-01", "Channels,5", "", "Test,7"]
+
+
+# -------------------------------------------------------------------- duplicates and jitter
+
+
+def repeated(share: float, key: str | None, folder: Path, draw: Draw) -> Case:
+    """Rows that repeat a stamp with other numbers, the right ones first or last."""
+    t = clock(draw)
+    table = pd.DataFrame({"t": t, "f": lift(t)[:, 0]})
+    again = table.sample(frac=share, replace=share > 1, random_state=1)
+    again["f"] = 99.0
+    wrong_first = key == "keep-last"
+    both = [again, table] if wrong_first else [table, again]
+    both = pd.concat(both).sort_values("t", kind="stable")
+    both.to_csv(folder / "log.csv", index=False)
+    words = mapped(LIFT, **({"duplicates": key} if key else {}))
+    case = Case(folder / "log.csv", words, {"lift": lift})
+    if key is None:
+        if share > 1:
+            return case._replace(refused=("repeat a stamp", "duplicates: keep-first", "restamp"))
+        return case._replace(warned=("with the stamp of the one before", "keep-last", "restamp"))
+    return case
+
+
+def jittered(kind: str, folder: Path, draw: Draw) -> Case:
+    """Rows sampled at 100 Hz whose stamps tell when they were written."""
+    sampled = clock(draw, 600)
+    late = draw.uniform(-0.004, 0.004, 600)
+    if kind == "burst":
+        late[300:310] += np.linspace(0.2, 0.11, 10)  # the logger waited, then wrote ten rows
+    given: Any = "100 Hz"
+    stamps, kept = sampled + late, np.ones(600, bool)
+    if kind == "lost rows":
+        kept[200:217] = False
+    elif kind == "rounded":
+        stamps = np.round(sampled, 1)
+    elif kind == "another rate":
+        given = "90 Hz"
+    elif kind == "far off":
+        given = "1 kHz"
+    elif kind == "with duplicates":
+        stamps[1::2] = stamps[::2]
+    pd.DataFrame({"t": stamps, "f": lift(sampled)[:, 0]})[kept].to_csv(
+        folder / "log.csv", index=False, float_format="%.9f"
+    )
+    words = mapped(LIFT, restamp=given)
+    if kind == "no stamps":
+        words = mapped(LIFT, restamp=given, column="")
+        return Case(folder / "log.csv", words, {"lift": lambda t: lift(t + sampled[0])})
+    # the first stamp is known as well as the median of the jitter, 4 ms at most, and steps
+    # of 0.1 s are known to half of that
+    error = 4 * (0.051 if kind == "rounded" else 0.0051 if kind == "with duplicates" else 0.001)
+    case = Case(folder / "log.csv", words, {"lift": lift}, error=error)
+    if kind in ("another rate", "far off"):
+        return case._replace(refused=("expected rows", "apart on average; say `restamp: ", "leave"))
+    if kind == "lost rows":
+        return case._replace(warned=("1 step(s) longer", "the longest 0.18 s", "not bridged"))
+    return case
+
+
+def two_streams(named: bool, folder: Path, draw: Draw) -> Case:
+    t, other = clock(draw), clock(draw, 700, 1 / 230)
+    other += t[0] - other[0]
+    jitter = draw.uniform(-0.001, 0.001, 700)
+    savemat(folder / "log.mat", {"t": t, "g": rate(t), "tf": other + jitter, "f": lift(other)})
+    words = mapped(RATE, {**LIFT, "stamp": "tf"}, rate="230 Hz",
+                   restamp={"tf": 230.0} if named else "230 Hz")  # fmt: skip
+    case = Case(folder / "log.mat", words, {"rate": rate, "lift": lift}, error=2e-3)
+    return case if named else case._replace(refused=("restamp", "a rate for each stream", "tf"))
+
+
+CASES: dict[str, Make] = {
+    "mat unequal, own stamps": partial(unequal, "cell.t", True),
+    "mat unequal, no own stamps": partial(unequal, "", True),
+    "mat unequal, no rate": partial(unequal, "cell.t", False),
+    "mat unequal, the shorter alone": alone,
+    **{f"mat matrices {layout}": partial(matrices, layout) for layout in (
+        "(N,3,3)", "(3,3,N)", "(N,9)", "(N,9) by columns", "world in body", "scaled", "mirrored",
+        "rounded", "some broken",
+    )},
+    **{f"csv matrix {pattern.format(first, first, k=0)}": partial(nine_columns, pattern, first)
+       for pattern, first in (("R{}{}", 1), ("R{}{}", 0), ("R_{}{}", 1), ("R.{}{}", 0),
+                              ("R[{}][{}]", 0), ("R[{k}]", 0), ("R_{k}", 0))},
+    **{f"csv lists {pattern}": partial(lists, pattern) for pattern in (
+        "[{}, {}, {}]", "({},{},{})", "[{} {} {}]", "{} {} {}", "[{}; {}; {}]",
+    )},
+    **{f"csv lists, {damage}": partial(lists, "[{}, {}, {}]", damage=damage) for damage in (
+        "ragged", "text", "empty", "bare", "semicolons",
+    )},
+    "csv list of lists": list_of_lists,
+    "parquet lists": partial(parquet_lists, False),
+    "parquet lists of lists": partial(parquet_lists, True),
+    "preamble found": partial(preamble, LABVIEW),
+    "preamble stated": partial(preamble, LABVIEW, skip=6),
+    "preamble misstated": partial(preamble, LABVIEW, skip=2),
+    "preamble of one line": partial(preamble, ["# written by me"]),
+    "preamble of numbers": partial(preamble, ["rate,500", "gain,2.5", "date,20240101", "1,2"]),
+    "preamble with tabs": partial(preamble, ["my file", "x\ty"], mark="\t"),
+    "names after a sign": partial(preamble, [], head="# "),
+    "line of units": partial(preamble, LABVIEW, units="s,rad/s,rad/s,rad/s,N"),
+    "line of units in brackets": partial(preamble, [], units="[s],[rad/s],[rad/s],[rad/s],[N]"),
+    **{f"duplicates {share} {key}": partial(repeated, share, key) for share, key in (
+        (0.3, None), (0.3, "keep-first"), (0.3, "keep-last"), (4.0, None), (4.0, "keep-first"),
+        (4.0, "keep-last"),
+    )},
+    **{f"restamp, {kind}": partial(jittered, kind) for kind in (
+        "jitter", "burst", "lost rows", "rounded", "another rate", "far off", "with duplicates",
+        "no stamps",
+    )},
+    "restamp of one of two streams": partial(two_streams, True),
+    "restamp of an unnamed stream": partial(two_streams, False),
+}  # fmt: skip
+
+
+def seeded(name: str) -> Draw:
+    return np.random.default_rng(sum(name.encode()))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_layouts(name: str, tmp_path: Path) -> None:
+    """The right numbers, or a refusal with the remedy; `inspect` lists what is there."""
+    case = CASES[name](tmp_path, seeded(name))
+    mapping, out = tmp_path / "map.yaml", tmp_path / "out.nc"
+    mapping.write_text(yaml.safe_dump(case.words), encoding="utf-8")
+    if "bare" not in name:
+        inspect_log(case.log)
+    if case.refused:
+        with pytest.raises(LogError) as refusal:
+            import_log(case.log, mapping, out)
+        missing = [words for words in case.refused if words not in str(refusal.value)]
+        assert not missing, str(refusal.value)
+        assert not out.exists()
+        return
+    found = import_log(case.log, mapping, out)
+    with LogRecord(out) as record:
+        time = record.time() + int(record._file.time_origin_ns) * 1e-9
+        for label, truth in case.right.items():
+            names = tuple(one for one in record.labels if one.rpartition(".")[0] == label)
+            values = record.values(names or (label,))
+            if label == "a":  # of either sign
+                values = values * np.sign((values * truth(time)).sum(axis=1))[:, None]
+            np.testing.assert_allclose(values, truth(time), atol=case.error, rtol=0)
+    warnings = [one.text for one in found.findings if one.level == "warning"]
+    assert bool(case.warned) == bool(warnings), warnings
+    assert all(words in text for text in warnings for words in case.warned), warnings
+
+
+def test_a_wrong_rate_is_answered_with_the_right_one(tmp_path: Path) -> None:
+    case = CASES["restamp, far off"](tmp_path, seeded("rate"))
+    with pytest.raises(LogError) as refusal:
+        import_log(case.log, parse_mapping(case.words), tmp_path / "out.nc")
+    said = re.search(r"restamp: ([0-9.]+) Hz", str(refusal.value))
+    assert said is not None and float(said[1]) == pytest.approx(100.0, rel=1e-3)
+    again = mapped(LIFT, restamp=f"{said[1]} Hz")
+    import_log(case.log, parse_mapping(again), tmp_path / "out.nc")
+
+
+def test_nothing_is_omitted_by_inspect(tmp_path: Path) -> None:
+    """Every entry of a file is a number with statistics, or is listed with a reason."""
+    t = np.arange(50) / 100
+    held = {"t": t, "z": t + 1j, "who": "me", "one": 1.0, "deep": np.zeros((2, 2, 2, 50)),
+            "wide": np.zeros((100, 70)), "short": t[:20]}  # fmt: skip
+    savemat(tmp_path / "log.mat", held)
+    found = inspect_log(tmp_path / "log.mat")
+    placed = {one.name for topic in found.topics for one in topic.channels}
+    reasons = {name: why for topic in found.topics for name, why in topic.unplaced.items()}
+    assert {"t", "short", "wide[0]", "wide[63]"} <= placed
+    assert set(reasons) == {"z", "who", "one", "deep", "wide"}
+    assert "complex" in reasons["z"] and "70 columns" in reasons["wide"]
+
+
+def test_inspect_goes_on_without_a_column_that_turns_to_text(tmp_path: Path) -> None:
+    table = pd.DataFrame({"t": np.arange(400) / 100, "f": 1.0, "g": 2.0}).astype(object)
+    table.loc[350, "f"] = "lost"  # below the lines that are looked at first
+    table.to_csv(tmp_path / "log.csv", index=False)
+    (topic,) = inspect_log(tmp_path / "log.csv").topics
+    assert [one.name for one in topic.channels] == ["t", "g"] and topic.rows == 400
+    assert "found 'lost' in row 351" in topic.unplaced["f"]
+
+
+def test_a_message_lists_what_is_no_number(recordings: Any, tmp_path: Path) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    topics = {one.name: one for one in inspect_log(bag).topics}
+    assert topics["/joints"].unplaced["effort"] == "a list that is empty in the first message"
+    assert set(topics["/joints"].unplaced) == {"effort", "name[left_plunge]", "name[right_plunge]"}
+
+
+def test_a_preamble_is_no_matter_for_a_plain_table(tmp_path: Path) -> None:
+    case = CASES["preamble found"](tmp_path, seeded("plain"))
+    words: Words = {"time": COLUMN, "inputs": [{"column": "gx", "unit": "rad/s"}],
+                    "outputs": [LIFT]}  # fmt: skip
+    table = read_table(case.log, parse_mapping(words))
+    assert table.x.shape == (300, 1) and not len(table.gaps)
