@@ -212,17 +212,17 @@ def write_protobuf(file: Path) -> Path:
     return file
 
 
-def write_ulog(file: Path, count: int = 300) -> Path:
-    """A ULog file with a topic `imu` at 200 Hz: the body's rates and specific force, z down."""
+def write_ulog(file: Path, count: int = 300, step: int = STEP) -> Path:
+    """A ULog file with a topic `imu`, at 200 Hz: the body's rates and specific force, z down."""
     fields = b"imu:uint64_t timestamp;float[3] gyro;float[3] accel;"
     content = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)]
     content.append(_part("B", bytes(40)))
     content.append(_part("F", fields))
     content.append(_part("A", struct.pack("<BH", 0, 0) + b"imu"))
     for k in range(count):
-        t = k * STEP * 1e-9
+        t = k * step * 1e-9
         x, y, z = specific_force(t)
-        row = struct.pack("<HQ6f", 0, k * STEP // 1000, rolling(t), 0.0, 0.0, x, -y, -z)
+        row = struct.pack("<HQ6f", 0, k * step // 1000, rolling(t), 0.0, 0.0, x, -y, -z)
         content.append(_part("D", row))
     file.write_bytes(b"".join(content))
     return file

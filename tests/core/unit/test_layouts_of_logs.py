@@ -293,6 +293,110 @@ def two_streams(named: bool, folder: Path, draw: Draw) -> Case:
     return case if named else case._replace(refused=("restamp", "a rate for each stream", "tf"))
 
 
+# ------------------------------------------------------------- axes, ranges, wrenches, robots
+
+
+def hover(t: Array, down: bool, size: float) -> Array:
+    """Specific force of a body that hovers, z up or down."""
+    sway = 0.05 * np.column_stack([np.sin(9 * t), np.cos(7 * t), np.sin(11 * t)])
+    up = size * (sway + np.array([0.0, 0.0, 1.0]))
+    return np.asarray(up * np.array([1, -1, -1]) if down else up)
+
+
+def labelled(down: bool, frame: str, unit: str, folder: Path, draw: Draw) -> Case:
+    """Specific force of a hover with z up or down, and a frame that says either."""
+    t, size = clock(draw), 9.80665 if unit == "m/s^2" else 1.0
+    force = hover(t, down, size)
+    pd.DataFrame({"t": t, "a.x": force[:, 0], "a.y": force[:, 1], "a.z": force[:, 2]}).to_csv(
+        folder / "log.csv", index=False
+    )
+    words = mapped({"column": "a", "unit": unit, "frame": frame, "name": "force"})
+    case = Case(folder / "log.csv", words)
+    if down == (frame == "frd"):
+        return case._replace(right={"force": lambda t: hover(t, False, 9.80665)}, error=1e-7)
+    return case._replace(warned=("feels 1 g up", "frd", "upside down"))
+
+
+def ranged(reach: float, vector: bool, folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    savemat(folder / "log.mat", {"t": t, "g": rate(t), "f": lift(t)})
+    words = {**RATE, "range": [-reach, reach]} if vector else {**LIFT, "range": [0, reach]}
+    case = Case(folder / "log.mat", mapped(words), {"rate": rate} if vector else {"lift": lift})
+    beyond = reach < (2 if vector else 4)
+    remedy = ("leave the stated range", "what the quantity can reach")
+    return case._replace(warned=remedy) if beyond else case
+
+
+def wrench(zero: bool, folder: Path, draw: Draw) -> Case:
+    """A load cell under the robot, its zero not at zero, with the force of the robot on it."""
+    t, tare = clock(draw), np.array([0.4, -1.2, 8.0]) if zero else np.zeros(3)
+    shown = -rate(t) * np.array([1, -1, -1]) + tare
+    names = ["Fx (N)", "Fy (N)", "Fz (N)"]
+    table = pd.DataFrame(shown, columns=names).assign(**{"Time (s)": t})
+    moments = 1e3 * (rate(t) * np.array([1, -1, -1]) + tare)
+    table = table.assign(**dict(zip(("Tx", "Ty", "Tz"), moments.T, strict=True)))
+    table.to_csv(folder / "log.csv", index=False)
+    force = {"column": ["Fx", "Fy", "Fz"], "unit": "N", "frame": "frd", "negated": True,
+             "name": "cell.force", "range": [-10, 10]}  # fmt: skip
+    moment = {"column": ["Tx", "Ty", "Tz"], "unit": "N mm", "frame": "frd", "name": "cell.moment"}
+    if zero:
+        force["offset"], moment["offset"] = tare.tolist(), (1e3 * tare).tolist()
+    words = mapped(force, moment, column="Time")
+    return Case(folder / "log.csv", words, {"cell.force": rate, "cell.moment": rate}, error=2e-8)
+
+
+WING = """
+name: one-wing
+gravity: 9.81 m/s^2
+bodies:
+  body:
+    floating: true
+    mass: 20 g
+    inertia: {xx: 4e-5 kg m^2, yy: 4e-5 kg m^2, zz: 4e-5 kg m^2}
+  wing:
+    parent: body
+    joints: [{name: flap, axis: x}]
+    mass: 1 g
+    inertia: {xx: 1e-6 kg m^2, yy: 1e-6 kg m^2, zz: 1e-6 kg m^2}
+wings:
+  - name: left
+    segments:
+      - body: wing
+        strips: 2
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -2 cm}
+          - {span: 20 cm, leading: 2 cm, trailing: -2 cm}
+"""
+DOFS = ("x", "y", "z", "roll", "pitch", "yaw", "flap")
+
+
+def flown(kind: str, folder: Path, draw: Draw) -> Case:
+    """A flight of a robot in a file beside the mapping."""
+    t = clock(draw)
+    (folder / "robots").mkdir()
+    (folder / "robots" / "wing.yaml").write_text(WING)
+    table, columns = {"t": t}, []
+    for part in ("q", "v", "a", "u1"):
+        for k, dof in enumerate(DOFS):
+            if kind == "no joint" and (part, dof) == ("q", "flap"):
+                continue
+            length = "m" if k < 3 else "rad"
+            unit = {"q": "", "v": "/s", "a": "/s^2"}.get(part)
+            written = ("N" if k < 3 else "N m") if unit is None else length + unit
+            still = kind == "joint at rest" and dof == "flap"
+            table[f"{part}_{dof}"] = 0 * t if still else np.sin((k + 1) * t)
+            columns.append({"column": f"{part}_{dof}", "unit": written, "name": f"{part}.{dof}"})
+    pd.DataFrame(table).to_csv(folder / "log.csv", index=False)
+    words = {**mapped(*columns), "robot": "robots/wing.yaml"}
+    case = Case(folder / "log.csv", words, {"q.roll": lambda t: np.sin(4 * t)[:, None]})
+    if kind == "no file":
+        words["robot"] = "robots/wings.yaml"
+        return case._replace(refused=("robot", "path from the mapping file", "wings.yaml"))
+    if kind != "measured":
+        return case._replace(warned=("flap", "strips are pointless", "--network dense"))
+    return case
+
+
 CASES: dict[str, Make] = {
     "mat unequal, own stamps": partial(unequal, "cell.t", True),
     "mat unequal, no own stamps": partial(unequal, "", True),
@@ -331,6 +435,17 @@ CASES: dict[str, Make] = {
         "jitter", "burst", "lost rows", "rounded", "another rate", "far off", "with duplicates",
         "no stamps",
     )},
+    **{f"z {'down' if down else 'up'}, labelled {frame} [{unit}]": partial(
+        labelled, down, frame, unit) for down, frame, unit in (
+        (True, "flu", "m/s^2"), (True, "frd", "m/s^2"), (False, "frd", "g_0"),
+        (False, "flu", "g_0"), (True, "nwu", "g_0"),
+    )},
+    **{f"range {reach} of a {'vector' if vector else 'number'}": partial(ranged, reach, vector)
+       for reach, vector in ((2.0, True), (1.5, True), (4.0, False), (3.5, False))},
+    "wrench": partial(wrench, False),
+    "wrench with its zero": partial(wrench, True),
+    **{f"flight, {kind}": partial(flown, kind)
+       for kind in ("measured", "no joint", "joint at rest", "no file")},
     "restamp of one of two streams": partial(two_streams, True),
     "restamp of an unnamed stream": partial(two_streams, False),
 }  # fmt: skip
@@ -415,3 +530,26 @@ def test_a_preamble_is_no_matter_for_a_plain_table(tmp_path: Path) -> None:
                     "outputs": [LIFT]}  # fmt: skip
     table = read_table(case.log, parse_mapping(words))
     assert table.x.shape == (300, 1) and not len(table.gaps)
+
+
+def test_microseconds_of_a_slow_ulog_topic_are_no_alarm(recordings: Any, tmp_path: Path) -> None:
+    """Topics every ten seconds: the format, and no person, says that stamps are microseconds."""
+    log = recordings.ulog(tmp_path / "log.ulg", 60, 10_000_000_000)
+    assert not [one for one in inspect_log(log).findings if one.level == "warning"]
+    words: Words = {"channels": [{"topic": "imu", "field": "gyro", "frame": "frd",
+                                  "unit": "rad/s"}]}  # fmt: skip
+    assert not import_log(log, parse_mapping(words), tmp_path / "out.nc").findings
+    words["time"] = {"column": "timestamp", "unit": "s"}  # of a person, and wrong
+    found = import_log(log, parse_mapping(words), tmp_path / "out.nc").findings
+    assert {one.kind for one in found} == {"unit of time"}
+
+
+@pytest.mark.parametrize(("unit", "kinds"), [("m/s^2", set()), ("m/s", set()), ("N", {"unit"})])
+def test_a_twist_may_hold_accelerations(
+    unit: str, kinds: set[str], recordings: Any, tmp_path: Path
+) -> None:
+    bag = recordings.ros2(tmp_path / "bag")
+    words = {"channels": [{"topic": "/velocity", "field": "twist.linear", "frame": "nwu",
+                           "unit": unit}]}  # fmt: skip
+    found = import_log(bag, parse_mapping(words), tmp_path / "out.nc").findings
+    assert {one.kind for one in found} == kinds

@@ -83,7 +83,10 @@ class ValueColumn(_Words):
         name: Name in results; the name of the column or field if left out.
         unit: Unit of the numbers in the log; "1" for plain numbers.
         as_unit: Unit that the model sees (key `as`); SI if left out.
-        offset: Zero of the sensor, subtracted first, in the unit of the log.
+        offset: Zero of the sensor, subtracted first, in the unit of the log; one number, or one
+            for each component of a vector.
+        negated: Whether the numbers have the opposite sign, such as the force of a robot on its
+            load cell for that of the cell on the robot.
         range: Lowest and highest expected value, in the unit of the log. The network scales its
             inputs and outputs by it.
         frame: Axes of a vector, or world axes of an attitude: flu, nwu (ours), frd, ned, enu,
@@ -101,7 +104,8 @@ class ValueColumn(_Words):
     name: str = ""
     unit: str
     as_unit: str | None = Field(default=None, alias="as")
-    offset: float = 0.0
+    offset: float | tuple[float, float, float] = 0.0
+    negated: bool = False
     range: tuple[float, float] | None = None
     frame: str | None = None
     body: str | None = None
@@ -128,8 +132,10 @@ class ValueColumn(_Words):
                 raise ValueError(f"{word}: expected {AXES_WORDS}")
         if self.order and not (self.frame and self.body):
             raise ValueError("order: expected frame (the world's axes) and body to go with it")
-        if self.order and (self.as_unit or self.offset or self.range):
-            raise ValueError("order: an attitude has no as, offset or range")
+        if self.order and (self.as_unit or self.offset or self.range or self.negated):
+            raise ValueError("order: an attitude has no as, offset, negated or range")
+        if not self.frame and not isinstance(self.offset, float):
+            raise ValueError("offset: expected one number; a vector (with frame) may have three")
         if not self.order and (self.body or self.inverted):
             raise ValueError("body, inverted: expected order to go with it: they are of attitudes")
         if not isinstance(self.source, str) and len(self.source) != self.size:
@@ -190,7 +196,8 @@ class TableMapping(_Words):
         outputs: Outputs of the network, in order.
         channels: Further quantities to keep; `q.roll`, `v.roll`, `a.roll`, `u1.roll` ... of every
             coordinate make the log a flight of the robot.
-        robot: Robot of a flight, a preset or a file.
+        robot: Robot of a flight, a preset or a file; the path of a file is relative to the mapping
+            file, else to the working folder.
         air: Air of a flight.
         gap: Length from which a time step is a gap, in median steps.
         skip_rows: Number of lines before the line of names of a CSV file; found if left out.
@@ -228,7 +235,9 @@ class TableMapping(_Words):
         time = self.time
         extras = (time.base, time.rate, time.like, time.start, time.end, time.duplicates,
                   time.restamp, self.robot)  # fmt: skip
-        plain = all(c.column and c.size == 1 and not c.stamp for c in self.columns)
+        plain = all(
+            c.column and c.size == 1 and not c.stamp and not c.negated for c in self.columns
+        )
         taken = any(one is not None for one in extras)
         return plain and bool(time.column) and not taken and not self.channels
 
@@ -249,7 +258,9 @@ def load_mapping(path: str | Path) -> TableMapping:
         raise LogError(f"{file}: cannot be read: {problem.strerror}") from problem
     except yaml.YAMLError as problem:
         raise LogError(f"{file}: expected YAML, found: {problem}") from problem
-    return parse_mapping(words, str(file))
+    mapping = parse_mapping(words, str(file))
+    beside = file.parent / (mapping.robot or "")
+    return mapping.model_copy(update={"robot": str(beside)}) if beside.is_file() else mapping
 
 
 def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:

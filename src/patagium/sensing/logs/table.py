@@ -188,8 +188,8 @@ def _scaled(
     raw = _column(frame, found, str(column.column), column.unit, source)
     factor, unit = conversion(column.unit, column.as_unit, f"{source}: {column.column}")
     low, high = column.range if column.range is not None else (np.nan, np.nan)
-    bounds = ((low - column.offset) * factor, (high - column.offset) * factor)
-    return (raw - column.offset) * factor, unit, bounds
+    zero = float(np.asarray(column.offset))  # one number: a plain column is no vector
+    return (raw - zero) * factor, unit, ((low - zero) * factor, (high - zero) * factor)
 
 
 def _advancing(time: Array, name: str, source: str) -> None:

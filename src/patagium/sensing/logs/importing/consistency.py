@@ -25,6 +25,10 @@ _SPAN = 0.05  # s
 _WORLDS = ("ned", "enu", "nwu")
 _SURE = 0.6
 """Correlation from which two rates are taken as the same motion."""
+_LEAST = 0.7
+"""Least mean specific force in g, and inverse of the largest, that is taken for that of hover."""
+_ALONG = 0.8
+"""Share of the mean specific force that points down where z was mistaken."""
 _LEVEL = 0.5
 """Share of the mean specific force that may be horizontal."""
 
@@ -108,6 +112,10 @@ def _looked_at(
             facts += fact
     if places and speeds:
         found += _compare(looked, places[0], speeds[0], turning=False)
+    told = {one.where.partition(" and ")[0] for one in found if one.kind == "axes"}
+    for force in forces:
+        if force.column.label not in told:
+            found += _down_findings(force, spool)
     return found, facts
 
 
@@ -246,6 +254,23 @@ def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
         text = f"the mean in the world is ({components}) m/s^2, far from upright"
         return [Finding("warning", where, "axes", f"{text}: check frame, body, order, inverted")]
     return []
+
+
+def _down_findings(force: Quantity, spool: Spool) -> list[Finding]:
+    """Finding that a specific force points down in its own axes, as one with z down would."""
+    values = spool.surveys[force.stream].values
+    mean = force.converted(values.mean[None, list(force.places)])[0]
+    mean = mean * (force.si_factor / force.factor)
+    size = float(np.linalg.norm(mean))
+    if not _LEAST * GRAVITY < size < GRAVITY / _LEAST or mean[2] > -_ALONG * size:
+        return []
+    components = ", ".join(f"{value:.3g}" for value in mean)
+    text = (
+        f"the mean is ({components}) m/s^2 in x forward, y left, z up; a body that hovers, flies "
+        "level or rests feels 1 g up: is z down in the log (frame: frd or ned), or the sensor "
+        "mounted upside down?"
+    )
+    return [Finding("warning", force.column.label, "axes", text)]
 
 
 def _of_world(item: Quantity) -> bool:

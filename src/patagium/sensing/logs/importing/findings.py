@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from patagium.sensing.logs.files.channels import (
     NO_STAMP,
@@ -346,26 +346,29 @@ class Sizes:
     largest: float
 
 
-def sizes_of(values: ValueSurvey, places: Sequence[int], unit: str, offset: float = 0.0) -> Sizes:
+def sizes_of(
+    values: ValueSurvey, places: Sequence[int], unit: str, offset: ArrayLike = 0.0
+) -> Sizes:
     """Size of a quantity.
 
     Args:
         values: Statistics of the stream that holds it.
         places: Its components among the numbers of the stream.
         unit: Unit of the numbers.
-        offset: Zero of the sensor, in that unit.
+        offset: Zero of the sensor, a number or one for each component, (n,) [unit].
 
     Raises:
         LogError: If the unit is unknown, or does not only scale.
     """
     factor, si = conversion(unit, None, "unit")
     chosen = list(places)
-    ends = np.array([values.low[chosen], values.high[chosen]]) - offset
+    zero = np.asarray(offset, float)
+    ends = np.array([values.low[chosen], values.high[chosen]]) - zero
     return Sizes(
         unit,
         si,
         factor,
-        (values.mean[chosen] - offset) * factor,
+        (values.mean[chosen] - zero) * factor,
         values.rms[chosen] * abs(factor),
         float(np.abs(ends).max()) * abs(factor),
     )

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from patagium.errors import LogError
-from patagium.sensing.logs.axes import is_rotation
+from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import CsvFile
@@ -30,14 +30,9 @@ from patagium.sensing.logs.importing.findings import (
     Finding,
     Progress,
     StampSurvey,
-    ValueSurvey,
-    constant_findings,
-    missing_findings,
-    sizes_of,
-    stamp_findings,
-    unit_findings,
 )
-from patagium.sensing.logs.importing.plan import Plan, Quantity, plan_import, variable_name
+from patagium.sensing.logs.importing.log_findings import log_findings
+from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
     Spool,
@@ -46,7 +41,7 @@ from patagium.sensing.logs.importing.resample import (
     stamps_in,
     time_base,
 )
-from patagium.sensing.logs.mapping import TableMapping, conversion, load_mapping
+from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.record import FORMAT, LogRecord
 from patagium.sensing.logs.table import LogTable, table_from_frame
 from patagium.version import __version__
@@ -205,10 +200,11 @@ def import_log(
             if target.exists() and target.samefile(path):
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
+        robot = _robot(words, source)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             with Spool(log, plan, words.gap, target.parent, _half(progress, 0)) as spool:
-                return _written(log, words, source, spool, target, _half(progress, 1), tell)
+                return _written(log, words, source, robot, spool, target, _half(progress, 1), tell)
         except OSError as problem:
             reason = problem.strerror or problem
             raise LogError(f"{target}: cannot be written: {reason}") from problem
@@ -218,6 +214,7 @@ def _written(
     log: LogFile,
     mapping: TableMapping,
     source: str,
+    robot: Robot | None,
     spool: Spool,
     target: Path,
     progress: Progress | None,
@@ -228,14 +225,14 @@ def _written(
     plan = spool.plan
     base = time_base(spool, mapping, source)
     relations, facts = consistency(spool, base, mapping.gap)
-    findings = (*_findings(log, spool, base, mapping), *relations)
+    findings = (*log_findings(log, spool, base, mapping, robot), *relations)
     if tell is not None:
         tell(findings)
     attributes = {
         "patagium_version": __version__,
         "source": log.path.name,
         "source_format": log.format,
-        "mapping": mapping.model_dump_json(by_alias=True, exclude_defaults=True),
+        "mapping": _without_folders(mapping).model_dump_json(by_alias=True, exclude_defaults=True),
         "findings": json.dumps([one.plain() for one in findings], ensure_ascii=False),
         "consistency": json.dumps(facts),
         "time_base": base.describe(plan),
@@ -243,7 +240,7 @@ def _written(
         "resampling": "numbers and vectors linear, attitudes by slerp, angles the short way",
         "axes": "x forward, y left, z up; attitudes w, x, y, z, body to world",
         "gap": mapping.gap,
-        **_robot_attributes(mapping),
+        **_robot_attributes(robot, mapping),
     }
     with whole_file(target) as draft:
         writer: Writer = (
@@ -306,91 +303,6 @@ def _duplicates_remedy(stamps: StampSurvey) -> str:
     )
 
 
-def _findings(log: LogFile, spool: Spool, base: TimeBase, mapping: TableMapping) -> list[Finding]:
-    plan, gap = spool.plan, mapping.gap
-    found = [Finding("note", str(log.path), "file", note) for note in log.notes]
-    found += spool.findings
-    for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
-        topic = log.topics[wanted.topic]
-        own = topic.kind != "table" and wanted.base == topic.base  # a unit of the format
-        written = wanted.base.kind == "column" and not own
-        kept = mapping.time.duplicates
-        found += stamp_findings(name, survey.stamps, gap, written=written, kept=kept)
-        median = survey.stamps.median
-        if base.step > 2.01 * median:
-            text = (
-                f"every {median:.4g} s, brought to every {base.step:.4g} s without a filter: "
-                "what is faster folds"
-            )
-            found.append(Finding("warning", name, "rate", text))
-    for item in plan.items:
-        found += _item_findings(item, spool.surveys[item.stream].values)
-        found += _matrix_findings(item, spool, log.path)
-        found += _stated_unit(item, plan, log)
-    return found
-
-
-def _item_findings(item: Quantity, values: ValueSurvey) -> list[Finding]:
-    name, places = item.column.label, list(item.places)
-    found = missing_findings(name, values, places) + constant_findings(name, values, places)
-    if item.norm is None:
-        sizes = sizes_of(values, places, item.column.unit, item.column.offset)
-        return found + unit_findings(name, sizes)
-    norm = float(np.sqrt((values.rms[places] ** 2).sum()))
-    if item.order != "matrix" and abs(norm - 1.0) > 0.01:
-        text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
-        found.append(Finding("warning", name, "attitude", text))
-    return found
-
-
-def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
-    """Finding about rows of an attitude that are no rotation matrices.
-
-    Raises:
-        LogError: If most rows are none.
-    """
-    if item.order != "matrix":
-        return []
-    name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))
-    count = spool.surveys[item.stream].stamps.kept
-    for begin in range(0, count, CHUNK):
-        end = min(begin + CHUNK, count)
-        matrices = spool.values_of(item.stream, begin, end)[:, list(item.places)]
-        matrices = matrices[np.isfinite(matrices).all(axis=1)]
-        lost = matrices[~is_rotation(matrices)]
-        rows, bad = rows + len(matrices), bad + len(lost)
-        worst = lost[:1] if not len(worst) else worst
-    if not bad:
-        return []
-    shown = ", ".join(f"{entry:.3g}" for entry in worst[0])
-    text = f"{bad} of {rows} rows are no rotation matrix, such as ({shown})"
-    if bad > _MOST_LOST * rows:
-        raise LogError(
-            f"{path}: {name}: expected rotation matrices, nine entries row by row, with rows of "
-            f"length 1 at right angles and determinant 1, but {text}, of determinant "
-            f"{np.linalg.det(worst[0].reshape(3, 3)):.3g}; check the order of the columns, and "
-            "that none is scaled or mirrored"
-        )
-    return [Finding("warning", name, "attitude", f"{text}; left out")]
-
-
-def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
-    """Finding that the file states another unit than the mapping."""
-    wanted = plan.wanted[item.stream]
-    path = wanted.fields[item.places[0]]
-    stated = log.topics[wanted.topic].channels[path].unit
-    if not stated or item.norm is not None:
-        return []
-    try:
-        factor, si = conversion(stated, None, path)
-    except LogError:
-        return []
-    if si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
-        return []
-    text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
-    return [Finding("warning", item.column.label, "unit", text)]
-
-
 def _write(
     writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
 ) -> tuple[int, float]:
@@ -413,12 +325,32 @@ def _write(
     return samples, last - first
 
 
-def _robot_attributes(mapping: TableMapping) -> dict[str, str]:
-    if mapping.robot is None:
-        return {}
-    from patagium.robot import load_robot
+def _robot(mapping: TableMapping, source: str) -> Robot | None:
+    """Robot that a mapping names.
 
-    robot = load_robot(mapping.robot)
+    Raises:
+        LogError: If there is no such robot.
+        RobotFileError: If the file describes no robot.
+    """
+    if mapping.robot is None:
+        return None
+    if mapping.robot not in preset_names() and not Path(mapping.robot).exists():
+        raise LogError(
+            f"{source}: robot: expected a preset ({', '.join(preset_names())}) or a robot file, by "
+            f"its path from the mapping file or the working folder, found {mapping.robot!r}"
+        )
+    return load_robot(mapping.robot)
+
+
+def _without_folders(mapping: TableMapping) -> TableMapping:
+    if mapping.robot is None:
+        return mapping
+    return mapping.model_copy(update={"robot": Path(mapping.robot).name})
+
+
+def _robot_attributes(robot: Robot | None, mapping: TableMapping) -> dict[str, str]:
+    if robot is None:
+        return {}
     air = mapping.air.model_dump_json()
     return {"robot": robot.source, "robot_name": robot.name, "air": air}
 

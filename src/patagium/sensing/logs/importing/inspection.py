@@ -329,8 +329,14 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
         with suppress(LogError):  # a unit that the file states need not be one that we know
             sizes = sizes_of(values, [k], unit)
             places = _vector(fields, k) if sizes.si == "m/s^2" else [k]
-            found += unit_findings(own, sizes_of(values, places, unit)) if places else []
+            guesses = unit_findings(own, sizes_of(values, places, unit)) if places else []
+            found += [_doubted(one) for one in guesses] if "Twist" in topic.kind else guesses
     return found
+
+
+def _doubted(one: Finding) -> Finding:
+    """Finding about a unit that a message has by custom alone."""
+    return replace(one, level="note", text=f"{one.text} Or is it an acceleration?")
 
 
 def _vector(fields: list[str], k: int) -> list[int]:

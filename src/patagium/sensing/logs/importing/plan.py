@@ -82,7 +82,7 @@ class Quantity:
             return attitude_in_ours(
                 scaled, self.order, _axes(words.frame), _axes(words.body), inverted=words.inverted
             )
-        values = (raw - words.offset) * self.factor
+        values = (raw - words.offset) * (-self.factor if words.negated else self.factor)
         return values if words.frame is None else values @ _axes(words.frame).T
 
     def bounds(self) -> list[tuple[float, float]]:
@@ -90,8 +90,9 @@ class Quantity:
         words = self.column
         if words.range is None:
             return [(np.nan, np.nan)] * len(words.labels)
-        low, high = ((bound - words.offset) * self.factor for bound in words.range)
-        ends = np.array([[low] * 3, [high] * 3]) @ _axes(words.frame).T
+        factor = -self.factor if words.negated else self.factor
+        bounds = (np.array(words.range)[:, None] - words.offset) * factor  # (2, 1) or (2, 3)
+        ends = np.broadcast_to(bounds, (2, 3)) @ _axes(words.frame).T
         rows = np.sort(ends, axis=0).T.tolist()
         return [(row[0], row[1]) for row in rows[: len(words.labels)]]
 

@@ -1,0 +1,67 @@
+"""Findings about a log of a robot's flight: which of its coordinates were measured at all.
+
+Networks of strips compute the flow at each wing from the joints. Where no joint was measured, or
+none of them ever moves in the log, all that flow follows from the body, and a strip knows nothing
+about the wings.
+"""
+
+from __future__ import annotations
+
+from patagium.robot import Robot
+from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.logs.importing.findings import Finding, StreamSurvey
+from patagium.sensing.logs.importing.plan import Plan
+
+_DENSE = (
+    "networks of strips are pointless without them: map measured angles, or learn a dense network "
+    "of inputs and outputs (`--network dense`)"
+)
+_SHOWN = 6
+
+
+def flight_labels(robot: Robot | None) -> frozenset[str]:
+    """Names of the numbers that make a log a flight of a robot; none without a robot."""
+    return frozenset() if robot is None else frozenset(c.name for c in packet_columns(robot)[1:])
+
+
+def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
+    """Findings about coordinates that were not measured, or that never change.
+
+    Args:
+        robot: Robot that the mapping names.
+        plan: Streams and quantities of the log.
+        surveys: Statistics of each stream.
+    """
+    wanted = flight_labels(robot)
+    held = {item.column.label: item for item in plan.items if item.column.label in wanted}
+    if not held:
+        text = f"names no q, v, a, u1 of {robot.name!r}: the log is no flight of it yet"
+        return [Finding("note", "mapping", "flight", text)]
+    still = [
+        name
+        for name, item in held.items()
+        if (values := surveys[item.stream].values).low[item.places[0]]
+        == values.high[item.places[0]]
+    ]
+    found = []
+    if still:
+        found.append(Finding("note", "flight", "constant", f"never change: {', '.join(still)}"))
+    based = {dof for body in robot.bodies for dof in body.floating_dofs or ()}
+    joints = [name for k, name in enumerate(robot.dof_names) if k not in based]
+    unmeasured = [name for name in joints if f"q.{name}" not in held]
+    if robot.strips and joints and unmeasured:
+        text = f"no q of {_some(unmeasured)}, joints of {robot.name!r}; {_DENSE}"
+        found.append(Finding("warning", "flight", "joints", text))
+    elif robot.strips and joints and {f"q.{name}" for name in joints} <= set(still):
+        text = f"no joint moves in the whole log ({_some(joints)}): were they measured? {_DENSE}"
+        found.append(Finding("warning", "flight", "joints", text))
+    missing = sorted(wanted - set(held) - {f"q.{name}" for name in joints})
+    if missing:
+        text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
+        found.append(Finding("note", "flight", "missing", text))
+    return found
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more

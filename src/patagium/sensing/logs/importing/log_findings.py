@@ -1,0 +1,156 @@
+"""Findings about a log with a mapping: its stamps, sizes, units, ranges and attitudes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from patagium.errors import LogError
+from patagium.robot import Robot
+from patagium.sensing.logs.axes import is_rotation
+from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.importing.findings import (
+    Finding,
+    ValueSurvey,
+    constant_findings,
+    missing_findings,
+    sizes_of,
+    stamp_findings,
+    unit_findings,
+)
+from patagium.sensing.logs.importing.flight_findings import flight_findings, flight_labels
+from patagium.sensing.logs.importing.plan import Plan, Quantity
+from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
+from patagium.sensing.logs.mapping import TableMapping, conversion
+
+
+def log_findings(
+    log: LogFile, spool: Spool, base: TimeBase, mapping: TableMapping, robot: Robot | None
+) -> list[Finding]:
+    """Findings about the stamps and numbers of a log, before it is resampled.
+
+    Args:
+        log: The open log.
+        spool: Its rows.
+        base: The common time base.
+        mapping: Meaning of its columns or fields.
+        robot: Robot that the mapping names; None if it names none.
+
+    Raises:
+        LogError: If most rows of an attitude are no rotation matrices.
+    """
+    plan, gap, flown = spool.plan, mapping.gap, flight_labels(robot)
+    found = [Finding("note", str(log.path), "file", note) for note in log.notes]
+    found += spool.findings
+    for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
+        topic = log.topics[wanted.topic]
+        own = topic.kind != "table" and wanted.base == topic.base  # a unit of the format
+        written = wanted.base.kind == "column" and not own
+        kept = mapping.time.duplicates
+        found += stamp_findings(name, survey.stamps, gap, written=written, kept=kept)
+        median = survey.stamps.median
+        if base.step > 2.01 * median:
+            text = (
+                f"every {median:.4g} s, brought to every {base.step:.4g} s without a filter: "
+                "what is faster folds"
+            )
+            found.append(Finding("warning", name, "rate", text))
+    for item in plan.items:
+        known = item.column.label in flown  # a coordinate of the robot, not of a sensor
+        found += _item_findings(item, spool.surveys[item.stream].values, known=known)
+        found += _range_findings(item, spool)
+        found += _matrix_findings(item, spool, log.path)
+        found += _stated_unit(item, plan, log)
+    if robot is not None:
+        found += flight_findings(robot, plan, spool.surveys)
+    return found
+
+
+def _item_findings(item: Quantity, values: ValueSurvey, *, known: bool) -> list[Finding]:
+    name, places = item.column.label, list(item.places)
+    found = missing_findings(name, values, places)
+    if not known:
+        found += constant_findings(name, values, places)
+    elif item.si == "m/s^2":  # of a coordinate, which need not show gravity
+        return found
+    if item.norm is None:
+        sizes = sizes_of(values, places, item.column.unit, item.column.offset)
+        return found + unit_findings(name, sizes)
+    norm = float(np.sqrt((values.rms[places] ** 2).sum()))
+    if item.order != "matrix" and abs(norm - 1.0) > 0.01:
+        text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
+        found.append(Finding("warning", name, "attitude", text))
+    return found
+
+
+def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
+    """Finding about rows of an attitude that are no rotation matrices.
+
+    Raises:
+        LogError: If most rows are none.
+    """
+    if item.order != "matrix":
+        return []
+    name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))
+    count = spool.surveys[item.stream].stamps.kept
+    for begin in range(0, count, CHUNK):
+        end = min(begin + CHUNK, count)
+        matrices = spool.values_of(item.stream, begin, end)[:, list(item.places)]
+        matrices = matrices[np.isfinite(matrices).all(axis=1)]
+        lost = matrices[~is_rotation(matrices)]
+        rows, bad = rows + len(matrices), bad + len(lost)
+        worst = lost[:1] if not len(worst) else worst
+    if not bad:
+        return []
+    shown = ", ".join(f"{entry:.3g}" for entry in worst[0])
+    text = f"{bad} of {rows} rows are no rotation matrix, such as ({shown})"
+    if 2 * bad > rows:
+        raise LogError(
+            f"{path}: {name}: expected rotation matrices, nine entries row by row, with rows of "
+            f"length 1 at right angles and determinant 1, but {text}, of determinant "
+            f"{np.linalg.det(worst[0].reshape(3, 3)):.3g}; check the order of the columns, and "
+            "that none is scaled or mirrored"
+        )
+    return [Finding("warning", name, "attitude", f"{text}; left out")]
+
+
+def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
+    """Finding that numbers leave the range that the mapping states."""
+    words, places, values = item.column, list(item.places), spool.surveys[item.stream].values
+    if words.range is None:
+        return []
+    low, high = words.range
+    margin = 1e-9 * (high - low)  # of rounding
+    ends = float(values.low[places].min()), float(values.high[places].max())
+    if ends[0] >= low - margin and ends[1] <= high + margin:
+        return []
+    count, outside = spool.surveys[item.stream].stamps.kept, 0
+    for begin in range(0, count, CHUNK):
+        rows = spool.values_of(item.stream, begin, min(begin + CHUNK, count))[:, places]
+        outside += int(((rows < low - margin) | (rows > high + margin)).any(axis=1).sum())
+    text = (
+        f"{outside} of {count} rows leave the stated range [{low:g}, {high:g}] {words.unit}: they "
+        f"reach from {ends[0]:.6g} to {ends[1]:.6g}; networks are scaled by it: state what the "
+        "quantity can reach, or check its unit"
+    )
+    return [Finding("warning", words.label, "range", text)]
+
+
+def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
+    """Finding that the file states another unit than the mapping."""
+    wanted = plan.wanted[item.stream]
+    path = wanted.fields[item.places[0]]
+    stated = log.topics[wanted.topic].channels[path].unit
+    if not stated or item.norm is not None:
+        return []
+    try:
+        factor, si = conversion(stated, None, path)
+    except LogError:
+        return []
+    if si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
+        return []
+    if "Twist" in log.topics[wanted.topic].kind and item.si == f"{si}^2":
+        return []  # an acceleration, for which ROS has no widely used message of its own
+    text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
+    return [Finding("warning", item.column.label, "unit", text)]
