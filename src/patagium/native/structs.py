@@ -192,6 +192,13 @@ PANEL_FILTER = struct(
     REAL *points: 2 x items x widest x PANEL: the perceptron at the points
     REAL *at_mean: 2 x layers x padded: sums and activations at the mean
     REAL *weighting: items widths[layers] x stride: readout, transposed
+    double decay: P <- decay P + diag(drift) before a sample, where P is kept
+    double *drift: rows: variances added before a sample
+    double *kept: P by blocks, in panels as S; NULL: S is kept
+    double *factor: S in double, where P is kept
+    double *sensed: rows x stride: covariance of the weights with y, in double
+    double *whitened: rows x stride: the same times a root of P_yy^-1
+    double *turned: rows x PANEL: rows of a panel of S, transposed
     """,
     base=WEIGHT_FILTER,
 )

@@ -45,7 +45,7 @@ def start(network, rng):
     return network.initial(0), rng.uniform(0.2, 0.6, network.size)
 
 
-def root_of(one):
+def kept_of(one):
     return scattered(one.kept(), blocks_in(one.numbers))
 
 
@@ -89,8 +89,8 @@ def test_kernel_is_its_twin(activation, inputs, hidden, outputs, options, rng):
         outcome, guess = fast.update(x, y)
         assert (outcome, 0) == (plain.update(x, y)[0], outcome)
         np.testing.assert_allclose(fast.mean, plain.mean, rtol=AGREEMENT, atol=AGREEMENT)
-        np.testing.assert_allclose(root_of(fast), root_of(plain), rtol=AGREEMENT, atol=AGREEMENT)
-        assert (np.triu(root_of(fast), 1) == 0).all()
+        np.testing.assert_allclose(kept_of(fast), kept_of(plain), rtol=AGREEMENT, atol=AGREEMENT)
+        assert "process" in options or (np.triu(kept_of(fast), 1) == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_single_precision_is_its_twin_to_single_rounding(inputs, hidden, outputs
         plain.update(x, y)
     # 6e-8 a number, times gains of ten and sums of some hundred of them
     np.testing.assert_allclose(fast.mean, plain.mean, atol=1e-4)
-    np.testing.assert_allclose(root_of(fast), root_of(plain), atol=1e-4)
+    np.testing.assert_allclose(kept_of(fast), kept_of(plain), atol=1e-4)
 
 
 def test_kernel_calls_the_compiled_encoder_of_a_strip_network(rng):
@@ -124,7 +124,7 @@ def test_kernel_calls_the_compiled_encoder_of_a_strip_network(rng):
         fast.update(x, y)
         plain.update(x, y)
     np.testing.assert_allclose(fast.mean, plain.mean, rtol=1e-9, atol=1e-9)  # five samples on
-    np.testing.assert_allclose(root_of(fast), root_of(plain), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(kept_of(fast), kept_of(plain), rtol=1e-9, atol=1e-9)
 
 
 def test_single_precision_follows_double(rng):

@@ -1,21 +1,23 @@
 """Kernel that learns a whole sample in one call of C, for a covariance of blocks.
 
-The memory of one filter lies in arrays that the kernel shares by address. Two layouts of the
-square roots exist: panels of columns of a block (`cubature.c`, `extended.c`; full or one block a
-layer), and neurons side by side (`node.c`; one block a neuron). Two threads must not use one
+The memory of one filter lies in arrays that the kernel shares by address. Two layouts exist:
+panels of columns of a block (`cubature.c`, `extended.c`; full or one block a layer), of its square
+root or, where noise is added between samples, of the covariance itself; and neurons side by side
+(`node.c`; one block a neuron), of square roots. Two threads must not use one
 filter at the same time.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.errors import Outcome
 from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in, lower_roots
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
@@ -30,7 +32,9 @@ from patagium.learning.filters.kernel_memory import (
 from patagium.learning.filters.low_rank import LOW_RANK
 from patagium.learning.filters.low_rank_kernel import compiled_low_rank
 from patagium.learning.filters.numbers import FilterNumbers
+from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
@@ -63,7 +67,13 @@ def structure_and_kernel(
         return WHOLE, None
     if isinstance(numbers.structure, LowRank):
         return (compiled_low_rank(numbers) if compiled else None) or LOW_RANK, None
-    return BLOCKS, _kernel_for(numbers) if compiled else None
+    structure = WHOLE if _keeps_covariance(numbers) else BLOCKS
+    return structure, _kernel_for(numbers) if compiled else None
+
+
+def _keeps_covariance(numbers: FilterNumbers) -> bool:
+    """Whether P itself is kept, and no square root: where noise is added to large blocks."""
+    return numbers.has_process_noise and numbers.structure != "node"
 
 
 def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
@@ -82,25 +92,26 @@ class BlockKernel:
 
     With b weights a block, a sample costs about the sum of b^2 (n_y + 8) multiplications and
     additions by panels. By neurons of k weights it costs about 2 n k where at most one linear
-    layer follows, n n_y (k + 2 n_y) further from the outputs, and noise adds n k^2 / 3.
+    layer follows, n n_y (k + 2 n_y) further from the outputs, and noise adds n k^2 / 3. Noise adds
+    nothing to a linear filter by panels, and the sum of b^3 / 6 to one by points.
 
     Args:
         name: Name of the kernel: cubature, extended or node.
         numbers: Numbers of the filter.
 
     Attributes:
-        drifts: Whether the kernel adds process noise itself.
         mean: Weights W, (n,) [1], moved by the kernel.
         screen: Screening of the samples, whose arrays are shared.
     """
 
     def __init__(self, name: str, numbers: FilterNumbers) -> None:
         library: Any = _library(name, numbers.dtype)
-        self.drifts, self._numbers = name == "node", numbers
+        self._neurons, self._numbers = name == "node", numbers
         self.screen = Screen(numbers.noise, numbers.settings)
         self._blocks, self._lanes = blocks_in(numbers), int(getattr(library, f"{name}_lanes")())
-        layout = _neuron_arrays if self.drifts else _panel_arrays
+        layout = _neuron_arrays if self._neurons else _panel_arrays
         self._arrays = layout(numbers, self._lanes) | _sample_arrays(numbers)
+        self._covariance = "kept" in self._arrays
         self._whole = _TYPES[name]()
         self._struct = self._whole.filter if name == "extended" else self._whole
         self._screening = screening_memory(self.screen)
@@ -125,9 +136,13 @@ class BlockKernel:
 
         Args:
             x: Input, (n_x,) [units of x].
+
+        Raises:
+            MatrixLost: If the covariance is no longer positive definite.
         """
         self._take(x)
-        self._predict(self._address)
+        if self._predict(self._address) == Outcome.COVARIANCE_LOST:
+            raise MatrixLost(Outcome.COVARIANCE_LOST)
         mean, covariance = self._results
         return mean.copy(), covariance.copy()
 
@@ -166,76 +181,78 @@ class BlockKernel:
             weights=self.mean,
         )
 
-    def place(self, mean: Array, nis: float, roots: Roots) -> None:
-        """Go on from weights and square roots.
+    def place(self, mean: Array, nis: float, parts: Roots) -> None:
+        """Go on from weights and what is kept of their covariance.
 
         Args:
             mean: Weights W, (n,) [1].
             nis: Normalized innovation squared of the last sample.
-            roots: Square root of each block, (k, k) [1].
+            parts: Square root of each block, or its covariance, (k, k) [1].
         """
         self.mean[:], self._struct.nis = mean, nis
-        lower = lower_roots(roots)
-        if self.drifts:
+        parts = parts if self._covariance else lower_roots(parts)
+        if self._neurons:
             self._struct.largest, self._struct.drifted = 0.0, 0
-            flat = np.concatenate([np.asarray(root, float).ravel() for root in lower])
+            flat = np.concatenate([np.asarray(part, float).ravel() for part in parts])
             self._library.node_pack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
             return
         for number, first, panel in self._panels():
-            part = lower[number][first:, first : first + panel.shape[1]]
+            part = parts[number][first:, first : first + panel.shape[1]]
             panel[: part.shape[0], : part.shape[1]] = part
-        longest = max(float(np.linalg.norm(root, axis=1).max()) for root in lower)
+        longest = max(float(np.linalg.norm(part, axis=1).max()) for part in parts)
         self._struct.largest = longest
 
-    def roots(self) -> list[Array]:
-        """Square root of each block after the last sample, lower triangular, (k, k) each."""
+    def kept(self) -> list[Array]:
+        """State after the last sample: of each block its root, lower triangular, or covariance."""
         sizes = [len(block) for block in self._blocks]
-        if self.drifts:
+        if self._neurons:
             flat = np.zeros(sum(size**2 for size in sizes))
             self._library.node_unpack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
             ends = np.cumsum([size**2 for size in sizes])[:-1]
-            parts = zip(np.split(flat, ends), sizes, strict=True)
-            return [part.reshape(size, size) for part, size in parts]
-        roots = [np.zeros((size, size)) for size in sizes]
+            each = zip(np.split(flat, ends), sizes, strict=True)
+            return [part.reshape(size, size) for part, size in each]
+        parts = [np.zeros((size, size)) for size in sizes]
         for number, first, panel in self._panels():
-            part = roots[number][first:, first : first + panel.shape[1]]
+            part = parts[number][first:, first : first + panel.shape[1]]
             part[:] = panel[: part.shape[0], : part.shape[1]]
-        return roots
+        return [symmetric(np.tril(part)) for part in parts] if self._covariance else parts
 
     def _panels(self) -> Iterator[tuple[int, int, Array]]:
         """Every panel: number of its block, its first column in it, its rows from there on."""
         width, start = 2 * self._lanes, 0
+        entries = self._arrays["kept" if self._covariance else "root"]
         for number, block in enumerate(self._blocks):
             rows = rounded_up(len(block), width)
             for first in range(0, rows, width):
                 end = start + (rows - first) * width
-                yield number, first, self._arrays["root"][start:end].reshape(-1, width)
+                yield number, first, entries[start:end].reshape(-1, width)
                 start = end
 
     def _fill(self, screening: int) -> None:
         """Numbers of the filter and addresses of its arrays, for the kernel."""
         numbers, struct = self._numbers, self._struct
         network = evaluated(numbers.network)
-        forgets = self.drifts or not numbers.has_process_noise
+        factor = 1.0 if self._covariance else numbers.forgetting_factor
         scalars = {
             "weights": network.size,
             "outputs": network.outputs,
             "items": network.items,
             "layers": len(network.perceptron.widths) - 1,
             "activation": ACTIVATION_CODES[network.perceptron.activation],
-            "growth": 1.0 / np.sqrt(numbers.forgetting_factor if forgets else 1.0),
+            "growth": 1.0 / np.sqrt(factor),
             "screen": screening,
             "nis": float("nan"),
             **numbers.rule._asdict(),
             **addresses(self._arrays),
         }
-        if self.drifts:
+        if self._neurons:
             scalars["stride"] = self._arrays["centers"].shape[1]
             scalars["drifts"] = numbers.has_process_noise
         else:
             scalars["stride"] = self._arrays["slopes"].shape[1]
             scalars["rows"] = len(self._arrays["near"])
             scalars["blocks"] = len(self._blocks)
+            scalars["decay"] = 1.0 / numbers.forgetting_factor
         for name, value in scalars.items():
             setattr(struct, name, value)
 
@@ -247,7 +264,7 @@ class BlockKernel:
             inner, stride = evaluated(network), self._struct.stride
             room = 2 * inner.items * max(inner.perceptron.widths)
             keep = {
-                "derivative": aligned((inner.size, stride), np.dtype(float)),
+                "derivative": aligned((inner.size + 2 * self._lanes, stride), np.dtype(float)),
                 "seeds": aligned((room, stride), np.dtype(float)),
             }
             for key, address in addresses(keep).items():
@@ -328,7 +345,25 @@ def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     arrays["small"] = aligned((5 + len(counts), stride, stride), np.dtype(float))
     arrays["counts"] = np.array(counts, np.int32)
     arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
-    return arrays
+    return arrays | (_covariance_arrays(numbers, arrays) if _keeps_covariance(numbers) else {})
+
+
+def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """Arrays of panels that hold the covariance itself, all in double."""
+    real, (rows, stride) = np.dtype(float), arrays["slopes"].shape
+    panel, root = arrays["points"].shape[-1], arrays["root"]
+    found = {
+        "drift": aligned((rows,), real),
+        "kept": aligned(root.shape, real),
+        "sensed": aligned((rows, stride), real),
+        "whitened": aligned((rows, stride), real),
+        "turned": aligned((max(rows, stride), panel), real),
+    }
+    if not numbers.linear:
+        found["factor"] = root if root.dtype == real else aligned(root.shape, real)
+    for block, start in zip(blocks_in(numbers), arrays["starts"], strict=False):
+        found["drift"][start : start + len(block)] = numbers.process_noise[block]
+    return found
 
 
 def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:

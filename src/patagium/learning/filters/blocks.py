@@ -4,8 +4,8 @@
 
 is the block of the posterior over all weights; what lies between blocks is forgotten after
 each sample. One block of all weights is the full filter. The readable form of the kernels
-`node.c`, `cubature.c` and `extended.c`. `WHOLE` carries P itself and factorizes it at every
-sample: Algorithm 1 of the paper.
+`node.c`, `cubature.c` and `extended.c`. `WHOLE` carries P_b itself and factorizes it at every
+sample: Algorithm 1 of the paper, and what the kernels do where noise is added between samples.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from patagium.errors import Outcome
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import (
     MatrixLost,
+    inverse_root,
     lower_factor,
     measured_root,
     transformed_root,
@@ -148,46 +149,66 @@ def lower_roots(roots: Roots) -> Roots:
 
 
 def _whole_drifted(
-    numbers: FilterNumbers, covariance: Array, growth: float, noise: Array | None
-) -> Array:
-    grown: Array = growth * covariance.astype(float)
+    numbers: FilterNumbers, parts: Sequence[Array], growth: float, noise: Array | None
+) -> Sequence[Array]:
+    grown = [growth * part for part in parts]
     if noise is not None:
-        grown[np.diag_indices_from(grown)] += noise
-    return grown.astype(numbers.dtype)
+        for part, block in zip(grown, blocks_in(numbers), strict=True):
+            part[np.diag_indices_from(part)] += noise[block]
+    return grown
 
 
-def _whole_moments(covariance: Array, look: Look) -> tuple[Moments, Array]:
-    root = lower_factor(covariance.astype(float)).astype(covariance.dtype)
-    return point_moments(look, root), root
+def _whole_moments(parts: Sequence[Array], look: Look) -> tuple[Moments, Array]:
+    dtype = look.numbers.dtype
+    roots = [np.ascontiguousarray(lower_factor(part), dtype) for part in parts]
+    return _moments(roots, look)
 
 
 def _whole_learned(
-    covariance: Array, look: Look, root: Array, moments: Moments, gain: Array
-) -> tuple[Array, Array]:
-    total, cross = moments.covariance, root.astype(float) @ moments.slopes
-    kalman_gain = np.linalg.solve(total, cross.T).T
-    smaller = covariance.astype(float) - kalman_gain @ total @ kalman_gain.T
-    return look.mean + cross @ gain, ((smaller + smaller.T) / 2).astype(covariance.dtype)
+    parts: Sequence[Array], look: Look, root: Array, moments: Moments, gain: Array
+) -> tuple[Array, Sequence[Array]]:
+    inverse = inverse_root(moments.covariance)
+    cross = root.astype(float) @ moments.slopes
+    whitened = cross @ inverse
+    blocks = blocks_in(look.numbers)
+    smaller = [
+        part - whitened[block] @ whitened[block].T
+        for part, block in zip(parts, blocks, strict=True)
+    ]
+    return look.mean + cross @ gain, [(part + part.T) / 2 for part in smaller]
 
 
-def _whole_unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Array:
-    lower = np.asarray(state["covariance"], numbers.dtype)
-    return symmetric(unpacked(lower, [numbers.network.size])[0])
+def _whole_unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Sequence[Array]:
+    if "covariance" not in state:  # of a version that kept square roots here too
+        return [root.astype(float) @ root.astype(float).T for root in _unpacked(numbers, state)]
+    lower = np.asarray(state["covariance"], float)
+    sizes = [len(block) for block in blocks_in(numbers)]
+    return [symmetric(part) for part in unpacked(lower, sizes)]
+
+
+def _whole_variances(numbers: FilterNumbers, parts: Sequence[Array]) -> Array:
+    found = np.empty(numbers.network.size)
+    for block, part in zip(blocks_in(numbers), parts, strict=True):
+        found[block] = np.diagonal(part)
+    return found
 
 
 WHOLE = Structure(
-    start=lambda numbers, std: np.diag(std**2).astype(numbers.dtype),
+    start=lambda numbers, std: [np.diag(std[block] ** 2) for block in blocks_in(numbers)],
     drifted=_whole_drifted,
     moments=_whole_moments,
     learned=_whole_learned,
-    covariance=lambda numbers, covariance: block_covariance(
-        numbers.network, "full", [covariance.astype(float)]
+    covariance=lambda numbers, parts: block_covariance(
+        numbers.network, str(numbers.structure), [part.copy() for part in parts]
     ),
-    variances=lambda numbers, covariance: np.diagonal(covariance).astype(float),
-    packed=lambda numbers, covariance: {"covariance": packed([covariance])},
+    variances=_whole_variances,
+    packed=lambda numbers, parts: {"covariance": packed(parts)},
     unpacked=_whole_unpacked,
 )
-"""Covariance of all weights, factorized before every sample; the state is P, (n, n)."""
+"""Covariances of blocks themselves, in double, factorized before every sample.
+
+What is added between two samples costs n additions here, and order n^3 to a square root.
+"""
 
 
 def point_moments(look: Look, root: Array) -> Moments:

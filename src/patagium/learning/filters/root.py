@@ -37,6 +37,17 @@ def lower_factor(matrix: Array) -> Array:
         raise MatrixLost(Outcome.COVARIANCE_LOST) from None
 
 
+def inverse_root(matrix: Array) -> Array:
+    """G with G G' = matrix^-1, upper triangular, (m, m).
+
+    Raises:
+        MatrixLost: If the matrix is not finite or not positive definite.
+    """
+    lower = lower_factor(matrix)
+    inverse = solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+    return np.asarray(inverse.T)
+
+
 def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
     """S after a measurement whose covariance is P_yy = Z' Z + M, S Z that with the weights.
 
@@ -58,9 +69,9 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     References:
         Andrews (1968), A square root formulation of the Kalman covariance equations.
     """
-    lower, noise = lower_factor(slopes.T @ slopes + remainder), lower_factor(remainder)
+    total = slopes.T @ slopes + remainder
+    lower, noise, inverse = lower_factor(total), lower_factor(remainder), inverse_root(total)
     identity, cross = np.eye(len(lower)), root @ slopes
-    inverse = solve_triangular(lower, identity, lower=True, check_finite=False).T
     both = solve_triangular(lower + noise, identity, lower=True, check_finite=False)
     return root - (cross @ (inverse @ both)) @ slopes.T, cross, inverse
 

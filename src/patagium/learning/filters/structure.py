@@ -1,7 +1,7 @@
 """Covariance structure of a weight filter: functions with equal signatures over a state.
 
 A structure keeps as much of the covariance P of the weights as its state holds: square roots of
-blocks (`blocks`), P itself (`blocks.WHOLE`), or the inverse of a diagonal and few columns
+blocks (`blocks`), blocks of P itself (`blocks.WHOLE`), or the inverse of a diagonal and few columns
 (`low_rank`). The state is that between two samples, or that before the next one, forgetting and
 process noise done.
 """

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from patagium.errors import Outcome
 from patagium.learning.filters.block_kernel import BlockKernel, structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import FilterNumbers
-from patagium.learning.filters.root import MatrixLost, lower_factor
+from patagium.learning.filters.root import MatrixLost, inverse_root
 from patagium.learning.filters.screening import Screen, Screened
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
@@ -68,8 +67,6 @@ class WeightFilter:
         self._kernel, self._mean, self._nis = kernel, np.zeros(len(mean)), float("nan")
         self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
-        drifts_itself = kernel is None or kernel.drifts
-        self._drifts = self._noise is not None and not drifts_itself
         start = np.sqrt(numbers.prior_variance) if std is None else std
         self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
 
@@ -89,9 +86,7 @@ class WeightFilter:
     @property
     def compiled(self) -> Compiled | None:
         """Filter as C code meets it; None where a sample takes Python as well."""
-        if self._kernel is None or self._drifts:
-            return None
-        return self._kernel.compiled
+        return None if self._kernel is None else self._kernel.compiled
 
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, x: Array) -> Prediction:
@@ -104,8 +99,6 @@ class WeightFilter:
             MatrixLost: If the covariance is no longer positive definite.
         """
         if self._kernel is not None:
-            if self._drifts:
-                self._advance_kernel(self._kernel)
             return Prediction(*self._kernel.predict(x))
         look = self._look(self.numbers.network.encode_one(x))
         found, _ = self._structure.moments(self._advanced(), look)
@@ -123,11 +116,7 @@ class WeightFilter:
         """
         if self._kernel is None:
             return self._update(x, y)
-        if self._drifts:
-            self._advance_kernel(self._kernel)
         outcome, mean, covariance = self._kernel.update(x, y)
-        if outcome == 0:
-            self._before = None
         return Outcome(outcome), Prediction(mean, covariance)
 
     def drift(self, growth: float, noise: Array) -> None:
@@ -145,9 +134,7 @@ class WeightFilter:
 
     def kept(self) -> Any:
         """State of the covariance structure after the last sample."""
-        if self._kernel is None:
-            return self._kept
-        return self._kernel.roots() if self._before is None else self._before
+        return self._kept if self._kernel is None else self._kernel.kept()
 
     def covariance(self) -> WeightCovariance:
         """P after the last sample."""
@@ -183,17 +170,6 @@ class WeightFilter:
         else:
             self._kernel.place(mean, nis, kept)
             self._mean = self._kernel.mean
-
-    def _advance_kernel(self, kernel: BlockKernel) -> None:
-        """Process noise, where the kernel does not add it itself; once a sample."""
-        if self._before is not None:
-            return
-        before, numbers = kernel.roots(), self.numbers
-        grown = self._structure.drifted(
-            numbers, before, 1.0 / numbers.forgetting_factor, self._noise
-        )
-        kernel.place(self._mean, kernel.nis, grown)
-        self._before = before
 
     def _advanced(self) -> Any:
         """State of the covariance before the next sample, forgetting and process noise done."""
@@ -242,8 +218,7 @@ class WeightFilter:
         self, before: Any, look: Look, directions: Any, moments: Moments, innovation: Array
     ) -> Outcome:
         """Mean and covariance after the sample; MatrixLost if they would not be finite."""
-        lower = lower_factor(moments.covariance)
-        inverse = solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+        inverse = inverse_root(moments.covariance).T
         whitened = inverse @ innovation
         gain, nis = inverse.T @ whitened, float(whitened @ whitened)
         if not np.isfinite(nis):

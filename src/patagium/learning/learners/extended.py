@@ -10,13 +10,14 @@ from patagium.learning.learners.filter_learner import FilterLearner
 
 
 class ExtendedLearner(FilterLearner, kind="extended"):
-    """Extended Kalman filter over the weights of a network, in square-root form.
+    """Extended Kalman filter over the weights of a network.
 
     Before each sample P <- (1 - prior_share) P / forgetting_factor + prior_share P0 + Q; then
     with H = dy/dW at W, P_yy = H P H' + R, W <- W + P H' P_yy^-1 (y - y(W)),
-    P <- P - P H' P_yy^-1 H P; of that, what `covariance` keeps. Compiled for networks of a
-    perceptron and for `HiddenStripNetwork`, others are in NumPy. Cost and memory of "full" are of
-    order n^2, of "layer" of the sum of its blocks' squares, of "node", in NumPy, as of "full";
+    P <- P - P H' P_yy^-1 H P; of that, what `covariance` keeps. Its square root is carried; with
+    noise between samples, "full" and "layer" carry P itself, in as much time. Compiled for networks
+    of a perceptron and for `HiddenStripNetwork`, others are in NumPy. Cost and memory of "full" are
+    of order n^2, of "layer" of the sum of its blocks' squares, of "node", in NumPy, as of "full";
     `LowRank(r)` takes n (r + n_y)^2 and n (r + 2 n_y), and is the low-rank filter of Chang et al.
 
     Args:

@@ -18,12 +18,13 @@
  * S is stored by panels of two vectors of columns, each from its first row on. It may be of
  * one block a layer: then each block sees M and what the others add to it, as if they were
  * noise, and what the posterior has between blocks is forgotten. The small
- * algebra (n_y x n_y) is in double. What a sample is worth, and how noisy it is, is found on the
+ * algebra (n_y x n_y) is in double. Where something is added to the covariance between samples, P
+ * is kept and S is its Cholesky factor at each: covariance.h. What a sample is worth, and how noisy it is, is found on the
  * way: screening.h. Nothing is allocated, nothing is raised: the returned integer is an Outcome,
  * and whatever is not COMPLETED leaves mean and S as they were.
  */
 #include "points.h"
-#include "panels.h"
+#include "covariance.h"
 
 /* Slopes and curvatures of y over WIDTH columns, from the mlp's outputs at their points. */
 static void read_out(const panel_filter *f, int first, REAL *outputs) {
@@ -97,6 +98,7 @@ static void moments(panel_filter *f, double *remainder, double *work) {
 /* Mean and covariance of y (noise included) before it is measured. */
 int cubature_predict(void *memory) {
   panel_filter *f = memory;
+  if (f->kept && !(find_largest(f) && factor_covariance(f))) return COVARIANCE_LOST;
   visit(f);
   moments(f, f->small, f->small + f->stride * f->stride);
   return predicted(&f->base);

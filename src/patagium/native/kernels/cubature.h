@@ -17,15 +17,20 @@ static inline ptrdiff_t rows_before(ptrdiff_t rows, ptrdiff_t panel) {
   return panel * rows - PANEL * panel * (panel - 1) / 2;
 }
 
-/* Row 0 of a panel of a block, as if all rows of all blocks were stored. */
-static REAL *panel_of(const panel_filter *f, int block, int panel) {
+/* Number where row 0 of a panel of a block stands, as if all rows of all blocks were stored. */
+static ptrdiff_t panel_at(const panel_filter *f, int block, int panel) {
   ptrdiff_t before = 0;
   for (int b = 0; b < block; b++) {
     const int rows = f->starts[b + 1] - f->starts[b];
     before += rows_before(rows, rows / PANEL);
   }
   before += rows_before(f->starts[block + 1] - f->starts[block], panel);
-  return f->root + (before - f->starts[block] - (ptrdiff_t)panel * PANEL) * PANEL;
+  return (before - f->starts[block] - (ptrdiff_t)panel * PANEL) * PANEL;
+}
+
+/* Row 0 of a panel of S. */
+static REAL *panel_of(const panel_filter *f, int block, int panel) {
+  return f->root + panel_at(f, block, panel);
 }
 
 #endif

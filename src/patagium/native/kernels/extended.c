@@ -2,12 +2,13 @@
  *
  * The network is y = offset + readout . mlp(features; W) and linear around the mean: H = dy/dW by
  * reverse accumulation through the mlp, Z = S' H', M = R. What a sample then does to mean and
- * root is the cubature filter's: panels.h. Where the network remembers, the first weights are
+ * root is the cubature filter's: panels.h; where something is added to the covariance between
+ * samples, P is kept: covariance.h. Where the network remembers, the first weights are
  * numbers of the air: features, readout and lags depend on them, and their columns of H come
  * from derivatives along each (lags).
  */
 #include "points.h"
-#include "panels.h"
+#include "covariance.h"
 
 #include "lags_struct.h"
 #include "extended_filter_struct.h"
@@ -127,7 +128,7 @@ static void lag_slopes(extended_filter *e, const double *through) {
   }
 }
 
-/* y at the mean in `predicted`, and Z. */
+/* y at the mean in `predicted`, and H'. */
 static void visit(extended_filter *e) {
   panel_filter *f = &e->filter;
   const int own = e->lags ? e->lags->own : 0, m = f->outputs, stride = f->stride;
@@ -144,6 +145,12 @@ static void visit(extended_filter *e) {
   }
   const double *through = perceptron_slopes(e);
   if (own) lag_slopes(e, through);
+}
+
+/* Z = S' H' where the root is kept, and Z'Z of every block. */
+static void see_by_root(extended_filter *e) {
+  panel_filter *f = &e->filter;
+  const int stride = f->stride;
   for (int b = 0, before = 0; b < f->blocks; before += f->counts[b++])
     for (int first = 0; first < f->counts[b]; first += FEW) {
       const int panel = first / PANEL, start = panel * PANEL, at = f->starts[b];
@@ -153,15 +160,28 @@ static void visit(extended_filter *e) {
                    e->derivative + (ptrdiff_t)(before + start) * stride, stride, z, stride);
       for (int k = 0; f->growth != 1 && k < FEW * stride; k++) z[k] *= f->growth;
     }
+  for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));
+}
+
+/* P H' where P is kept, and H P H' of every block. */
+static void see_by_covariance(extended_filter *e) {
+  panel_filter *f = &e->filter;
+  const double *x = e->derivative;
+  for (int b = 0; b < f->blocks; x += (ptrdiff_t)f->counts[b++] * f->stride) {
+    sense_block(f, b, x);
+    sensed_gram(f, b, x, gram_of(f, b));
+  }
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
 static int predict(void *memory) {
   panel_filter *f = memory;
   const int m = f->outputs, stride = f->stride;
+  if (f->kept && !find_largest(f)) return COVARIANCE_LOST;
   visit(memory);
+  if (f->kept) see_by_covariance(memory);
+  else see_by_root(memory);
   memset(f->small, 0, sizeof(double) * stride * stride);
-  for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));
   for (int k = 0; k < m; k++) {
     f->small[k * stride + k] = f->screen->noise[k];
     for (int l = 0; l < m; l++) {

@@ -110,10 +110,4 @@ static void learn_panels(void *memory, const double *gain, const double *g) {
   }
 }
 
-/* Learn one sample, which `predict` predicts: moments of y and slopes. */
-static int learn_by_panels(panel_filter *f, int (*predict)(void *)) {
-  const structure panels = {predict, panels_in_range, screen_panels, invert_panels, learn_panels};
-  return learn_sample(&f->base, f, &panels);
-}
-
 #endif

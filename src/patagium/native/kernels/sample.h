@@ -14,7 +14,7 @@
 #include "weight_filter_struct.h"
 
 typedef struct {
-  int (*predict)(void *);  /* moments of y, in `predicted` and `covariance`; slopes */
+  int (*predict)(void *);  /* moments of y, in `predicted` and `covariance`; slopes; an Outcome */
   int (*in_range)(void *); /* whether what the sample makes of the root stays a number */
   void (*screen)(void *);  /* slopes and moments without the channels left out */
   /* g with g g' = P_yy^-1, turned its transpose, (stride, stride); 0: not positive definite */
@@ -45,7 +45,8 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
   const int refused = admit(f->screen);
   if (refused) return refused;
-  if (s->predict(memory) != COMPLETED) return unpredicted(f);
+  const int lost = s->predict(memory);
+  if (lost) return lost == NOT_FINITE ? unpredicted(f) : lost;
   if (!s->in_range(memory)) return NOT_FINITE;
   const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
   if (!kept) return BLIND;
