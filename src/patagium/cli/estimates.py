@@ -129,7 +129,7 @@ def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
     """Model of the air: that of the flight if none is chosen, or none for a log."""
     from patagium.simulation import aero_of, air_of, robot_of
 
-    own = aero_of(flight) if "aero" in flight.attrs else None
+    own = None if "air" in flight.attrs else aero_of(flight)
     if own is not None and (aero is None or isinstance(own, air_class(aero))):
         return own
     if aero is None:

@@ -1,0 +1,171 @@
+"""Contestants of the study: every network, and what needs no network.
+
+A contestant makes a learner for a flight. It may look at the robot, the air, and the first
+wingbeat, which scales inputs, outputs and noise; nobody sees more before it is scored. The noise
+is a tenth of each output's standard deviation in that wingbeat, and no contestant has a setting of
+its own: what is compared is the form of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass, QuasiSteady
+from patagium.learning import (
+    DenseNetwork,
+    ExtendedLearner,
+    FlowNetwork,
+    GreyBox,
+    HiddenFlowNetwork,
+    HiddenStripNetwork,
+    LinearLearner,
+    Model,
+    Network,
+    StripNetwork,
+)
+from patagium.learning.learners.learner import Learner
+from patagium.learning.models.network import flight_terms
+from patagium.sensing import training_data
+from patagium.simulation import air_of, gait_period, robot_of
+
+Array = NDArray[np.float64]
+
+NOISE = 0.1
+"""Standard deviation of the measurement, over that of each output in the first wingbeat."""
+PRIOR = 0.3
+"""Standard deviation of a weight before any sample."""
+FEATURES = 100
+"""Number of random features of the recursive least squares."""
+NUMBERS = {"polar.lift_amplitude": 0.5, "polar.drag_offset": 0.5, "added_mass.factor": 0.3}
+"""Numbers of the physics that the grey box learns, with their standard deviations."""
+_LEAST = 1e-3  # of the largest output of the same unit: scale of outputs that hardly move
+
+Make = Callable[[xr.Dataset], Learner]
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A way to learn the air.
+
+    Attributes:
+        name: Key.
+        title: Name on the page.
+        make: Function that makes a new learner for a flight.
+    """
+
+    name: str
+    title: str
+    make: Make
+
+
+def physics(flight: xr.Dataset) -> Model:
+    """Blade elements with added mass as theory has them: nothing is learned.
+
+    Args:
+        flight: Flight, for its robot and air.
+    """
+    network = _grey(flight)
+    return Model(network, network.initial(0))
+
+
+def _filtered(make: Callable[[xr.Dataset], Network]) -> Make:
+    """Maker of an extended filter of a network."""
+
+    def learner(flight: xr.Dataset) -> Learner:
+        network = make(flight)
+        _, _, y = _first_beat(flight, flight_terms(network).added_mass)
+        return ExtendedLearner(network, prior_std=PRIOR, measurement_std=_noise(flight, y))
+
+    return learner
+
+
+def _winged(kind: Any, *arguments: Any, **options: Any) -> Make:
+    def network(flight: xr.Dataset) -> Network:
+        made: Network = kind(robot_of(flight), *arguments, air=air_of(flight), **options)
+        return made
+
+    return _filtered(network)
+
+
+def _grey(flight: xr.Dataset, residual: Network | None = None) -> GreyBox:
+    robot, air = robot_of(flight), air_of(flight)
+    return GreyBox(QuasiSteady(robot, air), NUMBERS, AddedMass(robot, air), residual)
+
+
+def _grey_with_flow(flight: xr.Dataset) -> Network:
+    return _grey(flight, FlowNetwork(robot_of(flight), (28,), air_of(flight)))
+
+
+def _dense(flight: xr.Dataset, hidden: tuple[int, ...] = (8, 8)) -> DenseNetwork:
+    _, x, y = _first_beat(flight)
+    (x_center, x_scale), (y_center, _) = _spans(x), _spans(y)
+    return DenseNetwork(
+        x.shape[1],
+        hidden,
+        robot_of(flight).dof_names,
+        input_center=x_center,
+        input_scale=x_scale,
+        output_center=y_center,
+        output_scale=_scales(flight, y),
+    )
+
+
+def _least_squares(features: int) -> Make:
+    def learner(flight: xr.Dataset) -> Learner:
+        _, _, y = _first_beat(flight)
+        linear = _dense(flight, ())
+        return LinearLearner(
+            linear, features=features, prior_std=1.0, measurement_std=_noise(flight, y)
+        )
+
+    return learner
+
+
+CONTESTANTS = {
+    one.name: one
+    for one in (
+        Contestant("linear", "linear least squares", _least_squares(0)),
+        Contestant("features", f"{FEATURES} random features", _least_squares(FEATURES)),
+        Contestant("dense", "dense network", _filtered(_dense)),
+        Contestant("strip", "strip network", _winged(StripNetwork)),
+        Contestant("turning", "strip network, rotation", _winged(StripNetwork, rotation=True)),
+        Contestant("hidden_strip", "hidden strip network", _winged(HiddenStripNetwork)),
+        Contestant("flow", "flow network", _winged(FlowNetwork)),
+        Contestant("hidden_flow", "hidden flow network", _winged(HiddenFlowNetwork)),
+        Contestant("grey", "grey box", _filtered(_grey)),
+        Contestant("grey_flow", "grey box with flow network", _filtered(_grey_with_flow)),
+    )
+}
+"""Contestants by name."""
+
+
+def _first_beat(flight: xr.Dataset, added_mass: bool = False) -> tuple[Array, Array, Array]:
+    """Time, state and force of the first wingbeat; see `training_data`."""
+    time, x, y = training_data(flight, with_added_mass=added_mass)
+    first = time <= time[0] + (gait_period(flight) or time[-1])
+    return time[first], x[first], y[first]
+
+
+def _scales(flight: xr.Dataset, y: Array) -> Array:
+    """Scale of each output, (n_y,): its standard deviation, of still ones a least one."""
+    turns = np.array([unit == "rad" for unit in robot_of(flight).dof_units])
+    std = y.std(axis=0)
+    least = np.where(turns, std[turns].max(), std[~turns].max() if (~turns).any() else 0.0)
+    return np.asarray(np.maximum(std, _LEAST * least))
+
+
+def _noise(flight: xr.Dataset, y: Array) -> Array:
+    return NOISE * _scales(flight, y)
+
+
+def _spans(values: Array) -> tuple[Array, Array]:
+    """Middle and half width of each column, one where it stands still."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    half = (high - low) / 2
+    return (low + high) / 2, np.where(half > _LEAST * half.max(), half, 1.0)

@@ -1,0 +1,324 @@
+"""Page of the study of foreign air: limits first, then every air, flight by flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from patagium.report import Block, Note, PageSection, Table, cell_text
+from patagium_lab.foreign.contestants import CONTESTANTS, NOISE, PRIOR
+from patagium_lab.foreign.flights import DURATION, GAITS, STEP
+from patagium_lab.foreign.subjects import DRAG, FREE, LATTICE, MOUNTED, TITLES
+from patagium_lab.foreign.trials import PHYSICS
+from patagium_lab.foreign.vortex_lattice import BEATS, PANELS, STEPS
+from patagium_lab.study import Columns, Metrics, Page, Results, Row, table_of
+from patagium_lab.targets import row_verdict
+
+TITLE = "Foreign air"
+SUMMARY = (
+    "Other programs make the air: MuJoCo's fluid and PteraSoftware's vortex lattice. Each "
+    "contestant learns a flight sample by sample, each predicted before it is used, and is then "
+    "scored on other wingbeats of the same robot with its weights frozen."
+)
+LIMITS = {LATTICE: (0.002, 0.02), MOUNTED: (0.03, 0.05), FREE: (0.1, 0.2), DRAG: (0.1, 0.2)}
+"""Largest error of the worst output, known and unseen, that the default learner may have."""
+COVERED = ((0.88, 0.99), (0.80, 0.995))
+"""Least and largest share of the truth in the 95 % interval, known and unseen."""
+DEFAULT = "default"
+"""Name of the contestant that needs no learner, once there is one."""
+HELD = "held"
+RIVALS = (HELD, PHYSICS, "linear", "features")
+"""Contestants that the default learner must beat on unseen gaits."""
+_HALVES = ("known", "unseen")
+_MISS = " *"  # behind a figure that misses its limit
+_TITLES = {
+    HELD: "held sample",
+    PHYSICS: "physics alone",
+    **{name: one.title for name, one in CONTESTANTS.items()},
+}
+_MADE = {
+    MOUNTED: "The body is carried forward at a steady speed and pitch, the joints follow sines. "
+    "The force is MuJoCo's `qfrc_fluid` at each q and v: drag, Kutta lift, Magnus force and "
+    "angular drag of an ellipsoid for each strip, and of its added mass the products of "
+    "velocities. MuJoCo leaves out the force that goes with acceleration, and so does this truth. "
+    "Bodies without strips have no air.",
+    FREE: "MuJoCo integrates the flight (Runge-Kutta, 0.1 ms) while torques drive the joints along "
+    "their sines. Nobody steers: many flights end in a fall, and a record ends at a pitch of 1.2 "
+    "rad, 15 m/s or 400 rad/s.",
+    DRAG: "The same flights, but bodies without strips have MuJoCo's drag of a box of the same "
+    "inertia, which no strip explains.",
+    LATTICE: f"A flat trapezium on a hinge, {PANELS[0]} by {PANELS[1]} panels, {STEPS} steps a "
+    f"wingbeat, {BEATS} wingbeats of which the first is left out, wake of constant shape. It has "
+    "added mass and the wake's memory, and no viscosity, stall or leading-edge vortex. Its "
+    "velocities are backward differences, which lag by half a step, so each force is ascribed to "
+    "half a step before its own time. Its added mass, a second difference, keeps a lag of about "
+    "half a step. Splines give samples 1 ms apart.",
+}
+
+
+def page(results: Results) -> Page:
+    """Whole page of the study.
+
+    Args:
+        results: Results of `run`.
+    """
+    metrics = results.metrics
+    rows = [*metrics["rows"], *held_rows(metrics["rows"])]
+    airs = [air for air in TITLES if any(row["air"] == air for row in rows)]
+    targets = target_rows(rows)
+    sections = [
+        PageSection("Targets", [_targets_note(rows, targets), _targets(targets)]),
+        *(_air(air, [row for row in rows if row["air"] == air]) for air in airs),
+        *results.sections,
+        PageSection("What was kept apart", _split(metrics)),
+        PageSection("How it is scored", [Note(text) for text in _notes(metrics)]),
+    ]
+    facts = {"made by": "`patagium foreign`", **metrics["environment"]}
+    return Page(TITLE, f"{SUMMARY} {_found(rows)}", facts, sections)
+
+
+def held_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Rows of the held sample, as those of a contestant, from the rows of physics alone.
+
+    Args:
+        rows: Rows of `run_trial`.
+    """
+    found = []
+    for row in rows:
+        if row["contestant"] == PHYSICS:
+            known, *unseen = (
+                {"worst": one["held"], "mean": None, "coverage": None, "held": one["held"]}
+                for one in (row["known"], *row["unseen"])
+            )
+            found.append({**row, "contestant": HELD, "known": known, "unseen": unseen})
+    return found
+
+
+def target_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Rows of the targets of the contestant that `shown` names; the worst flight counts.
+
+    Args:
+        rows: Rows of `run_trial` and `held_rows`.
+    """
+    name, found = shown(rows), []
+    for air in TITLES:
+        own = [row for row in rows if row["air"] == air and row["contestant"] == name]
+        for half, limit, covered in zip(_HALVES, LIMITS[air], COVERED, strict=True):
+            if not own:
+                continue
+            errors = figures(own, half, "worst")
+            shares = figures(own, half, "coverage")
+            inside = (shares >= covered[0]) & (shares <= covered[1])
+            found += [
+                _target(f"{TITLES[air]}: {half}, worst output", f"at most {limit:g}", errors,
+                        errors <= limit, float(np.max(errors))),
+                _target(f"{TITLES[air]}: {half}, coverage", f"{covered[0]:g} to {covered[1]:g}",
+                        shares, inside, float(shares[np.argmax(np.abs(shares - 0.95))])),
+            ]  # fmt: skip
+        better = _better(rows, air, name)
+        found += [better] if better else []
+    return found
+
+
+def shown(rows: Sequence[Row]) -> str:
+    """Contestant that the targets are held against: the default, or the best on unseen gaits.
+
+    Args:
+        rows: Rows of `run_trial`.
+    """
+    names = sorted({row["contestant"] for row in rows} - {HELD, PHYSICS})
+    if DEFAULT in names:
+        return DEFAULT
+    own = {name: [row for row in rows if row["contestant"] == name] for name in names}
+    medians = {name: float(np.median(figures(own[name], "unseen", "worst"))) for name in names}
+    return str(min(medians, key=medians.__getitem__))
+
+
+def figures(rows: Sequence[Row], half: str, key: str) -> Any:
+    """A figure of every flight, (k,); an error that is not finite is infinite.
+
+    Args:
+        rows: Rows of `run_trial`.
+        half: "known" or "unseen".
+        key: Such as "worst".
+    """
+    parts = [one for row in rows for one in ([row[half]] if half == "known" else row[half])]
+    lost = np.nan if key == "coverage" else np.inf
+    return np.array([lost if one[key] is None else one[key] for one in parts], float)
+
+
+def _target(name: str, limit: str, found: Any, met: Any, worst: float) -> dict[str, Any]:
+    return {
+        "target": name,
+        "limit": limit,
+        "found": worst,
+        "median": float(np.median(found)),
+        "flights": f"{int(np.sum(met))} of {len(met)}",
+        "met": bool(np.all(met)),
+    }
+
+
+def _better(rows: Sequence[Row], air: str, name: str) -> dict[str, Any] | None:
+    """Target: on unseen gaits better than all rivals that know no network, on every flight."""
+    ratios: list[float] = []
+    for row in rows:
+        if row["air"] == air and _is(row, name):
+            rivals = [one for one in rows if one["contestant"] in RIVALS and _same(one, row)]
+            best = [figures([one], "unseen", "worst") for one in rivals]
+            ratios += (figures([row], "unseen", "worst") / np.min(best, axis=0)).tolist()
+    if not ratios:
+        return None
+    title = f"{TITLES[air]}: unseen, over the best of held sample, physics and least squares"
+    return _target(title, "at most 1", np.array(ratios), np.array(ratios) <= 1, max(ratios))
+
+
+def _same(one: Row, other: Row) -> bool:
+    return all(one[key] == other[key] for key in ("air", "robot", "gait", "apart"))
+
+
+def _targets_note(rows: Sequence[Row], targets: Sequence[Row]) -> str:
+    name, met = shown(rows), sum(bool(row["met"]) for row in targets)
+    why = "" if name == DEFAULT else ", the best of all on unseen gaits"
+    return (
+        f"**{met} of {len(targets)} targets are met** by the {_title(name)}{why}. A target is met "
+        "if it is met on every flight."
+    )
+
+
+def _targets(rows: Sequence[Row]) -> Table:
+    columns: Columns = {
+        "target": "target",
+        "limit": "limit",
+        "worst flight": "found",
+        "median flight": "median",
+        "flights that meet it": "flights",
+        "met": row_verdict,
+    }
+    return table_of(columns, rows, "Errors are mean squares over the variance of the output [1].")
+
+
+def _air(air: str, rows: Sequence[Row]) -> PageSection:
+    names = [name for name in (HELD, PHYSICS, *CONTESTANTS) if any(_is(row, name) for row in rows)]
+    blocks: list[Block] = [_MADE[air]]
+    for apart, where in ((False, "for choosing"), (True, "kept apart")):
+        side = [row for row in rows if row["apart"] is apart]
+        if side:
+            blocks.append(_summary_table(air, side, names, where))
+    for half in _HALVES:
+        blocks.append(_flight_table(air, rows, names, half))
+    return PageSection(TITLES[air], blocks)
+
+
+def _summary_table(air: str, rows: Sequence[Row], names: Sequence[str], where: str) -> Table:
+    def figure(half: str, key: str, pick: Callable[[Any], Any]) -> Callable[[Row], str]:
+        def cell(row: Row) -> str:
+            own = figures([one for one in rows if _is(one, row["name"])], half, key)
+            value = float(pick(own))
+            return _marked(value, air, half, key)
+
+        return cell
+
+    columns: dict[str, Any] = {"contestant": lambda row: _title(row["name"])}
+    for half in _HALVES:
+        columns[f"{half}: worst output, median flight"] = figure(half, "worst", np.median)
+        columns[f"{half}: worst output, worst flight"] = figure(half, "worst", np.max)
+        columns[f"{half}: mean of outputs, median flight"] = figure(half, "mean", np.median)
+        columns[f"{half}: coverage, median flight"] = figure(half, "coverage", np.median)
+    caption = (
+        f"Flights {where}: errors over variances [1], share in the 95 % interval [1]; a star marks "
+        "a miss."
+    )
+    return table_of(columns, [{"name": name} for name in names], caption)
+
+
+def _flight_table(air: str, rows: Sequence[Row], names: Sequence[str], half: str) -> Table:
+    keys = sorted({(row["robot"], row["gait"], row["apart"]) for row in rows})
+    flights = [{"robot": robot, "gait": gait, "apart": apart} for robot, gait, apart in keys]
+
+    def figure(name: str) -> Callable[[Row], str]:
+        def cell(flight: Row) -> str:
+            own = [row for row in rows if _is(row, name) and flight.items() <= row.items()]
+            found = figures(own, half, "worst")
+            return _marked(float(np.max(found)), air, half, "worst") if len(found) else "–"
+
+        return cell
+
+    columns: dict[str, Any] = {
+        "robot": "robot",
+        "gait learned": "gait",
+        "side": lambda row: "kept apart" if row["apart"] else "for choosing",
+        **{_title(name): figure(name) for name in names},
+    }
+    what = "second half" if half == "known" else "the worst of the unseen flights"
+    return table_of(columns, flights, f"Worst output, {half} ({what}), flight by flight [1].")
+
+
+def _marked(value: float, air: str, half: str, key: str) -> str:
+    """A figure, with a star where it misses its limit."""
+    if np.isnan(value) or (key == "mean" and np.isinf(value)):
+        return "–"
+    place = _HALVES.index(half)
+    low, high = COVERED[place]
+    missed = {
+        "worst": value > LIMITS[air][place],
+        "coverage": not low <= value <= high,
+        "mean": False,
+    }
+    return cell_text(value) + _MISS * missed[key]
+
+
+def _is(row: Row, name: str) -> bool:
+    return bool(row["contestant"] == name)
+
+
+def _title(name: str) -> str:
+    return _TITLES.get(name, name)
+
+
+def _found(rows: Sequence[Row]) -> str:
+    name = shown(rows)
+    own = [row for row in rows if _is(row, name)]
+    known, unseen = (float(np.median(figures(own, half, "worst"))) for half in _HALVES)
+    return (
+        f"Over {len(own)} flights the worst output of the {_title(name)} errs by "
+        f"{cell_text(known)} of its variance in the median, and by {cell_text(unseen)} on "
+        "wingbeats never seen."
+    )
+
+
+def _split(metrics: Metrics) -> list[Block]:
+    split: Mapping[str, Mapping[str, Sequence[int]]] = metrics["split"]
+    lines = [
+        {"air": TITLES[air], "robot": robot, "gaits": ", ".join(map(str, gaits))}
+        for air, robots in split.items()
+        for robot, gaits in robots.items()
+    ]
+    columns: Columns = {"air": "air", "robot": "robot", "gaits kept apart": "gaits"}
+    text = (
+        f"{GAITS} wingbeats of each robot, numbered from 0, are drawn from a Latin hypercube over "
+        "frequency, speed, body pitch, and amplitude, phase and mean of each joint. The seed "
+        f"{metrics['plan']['seed']} alone says which are kept apart: settings may be chosen on the "
+        "others, and on none of these. A robot with all its gaits in the list is kept apart as a "
+        "whole."
+    )
+    absent = metrics["absent"]
+    more = [Note(f"{absent} flights were left out: their program is not installed.")]
+    return [text, *(more if absent else []), table_of(columns, lines, "Gaits kept apart.")]
+
+
+def _notes(metrics: Metrics) -> list[str]:
+    return [
+        f"One sample in {metrics['plan']['every']}, {1000 * STEP:g} ms apart, is used; flights by "
+        f"MuJoCo last up to {DURATION:g} s, those of the lattice {BEATS - 1} wingbeats.",
+        "Known: the second half of the learned flight, each sample predicted before it may be "
+        "used. Unseen: other wingbeats of the same robot and side of the split, weights frozen. "
+        "The held sample has the last used sample of the flight that is scored.",
+        f"Contestants have one rule for all settings: noise {NOISE:g} of each output's standard "
+        f"deviation in the first wingbeat, prior standard deviation {PRIOR:g}, extended filter. "
+        "The first wingbeat scales the dense network and least squares.",
+        "Physics alone: blade elements and added mass by theory, nothing learned.",
+        "The force is what inverse dynamics gives, without noise of sensors: added mass and "
+        "everything else that the other program lets the air do.",
+    ]

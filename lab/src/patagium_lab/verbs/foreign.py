@@ -1,0 +1,59 @@
+"""`patagium foreign`: every learner in air that other programs made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium foreign --out out/foreign --quick",
+    "patagium foreign --out out/foreign --log log16.csv.gz --page docs/foreign.md",
+)
+
+
+def foreign(
+    out: Annotated[Path, typer.Option(help="Folder of the report, its flights and trials.")],
+    learned: Annotated[
+        int, typer.Option(min=1, help="Flights that are learned, a robot and side of the split.")
+    ] = 2,
+    unseen: Annotated[
+        int, typer.Option(min=1, help="Unseen flights on which each learned model is scored.")
+    ] = 2,
+    every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 10,
+    flights: Annotated[
+        Path | None, typer.Option(help="Folder of the flights; flights of the study by default.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Crazyflie log (log16.csv.gz) to learn too.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Two robots and four learners, in about a minute.")
+    ] = False,
+    page: Annotated[
+        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
+    ] = None,
+) -> None:
+    """Learn air that other programs made: MuJoCo's fluid, PteraSoftware's vortex lattice.
+
+    Writes report.html, metrics.json, flights/ and trials/. What is there already is kept, so that
+    the same command goes on where it stopped. Without PteraSoftware a few of its wings, which the
+    laboratory carries, are flown.
+    """
+    from patagium.cli.words import existing, stage_bar
+    from patagium_lab.foreign import page as pages
+    from patagium_lab.foreign.plan import QUICK, ForeignPlan
+    from patagium_lab.foreign.run import run
+    from patagium_lab.study import write_study
+
+    found = None if log is None else existing(log)
+    plan = QUICK if quick else ForeignPlan(learned=learned, unseen=unseen, log=found)
+    plan = replace(plan, every=every, flights=flights, workers=jobs)
+    with stage_bar("Foreign air") as progress:
+        report, results = write_study(out, plan, run, pages.page, progress)
+        if page is not None:
+            results.write(page)
+    typer.echo(f"The report is in {report}")
