@@ -198,6 +198,7 @@ PANEL_FILTER = struct(
     double *factor: S in double, where P is kept
     double *sensed: rows x stride: covariance of the weights with y, in double
     double *whitened: rows x stride: the same times a root of P_yy^-1
+    double *linear: rows x stride: H' of the last layer's weights
     double *turned: rows x PANEL: rows of a panel of S, transposed
     """,
     base=WEIGHT_FILTER,

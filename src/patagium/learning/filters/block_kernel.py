@@ -93,7 +93,7 @@ class BlockKernel:
     With b weights a block, a sample costs about the sum of b^2 (n_y + 8) multiplications and
     additions by panels. By neurons of k weights it costs about 2 n k where at most one linear
     layer follows, n n_y (k + 2 n_y) further from the outputs, and noise adds n k^2 / 3. Noise adds
-    nothing to a linear filter by panels, and the sum of b^3 / 6 to one by points.
+    nothing to a linear filter by panels; by points see `covariance.h`.
 
     Args:
         name: Name of the kernel: cubature, extended or node.
@@ -356,6 +356,7 @@ def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> d
         "drift": aligned((rows,), real),
         "kept": aligned(root.shape, real),
         "sensed": aligned((rows, stride), real),
+        "linear": aligned((rows, stride), real),
         "whitened": aligned((rows, stride), real),
         "turned": aligned((max(rows, stride), panel), real),
     }

@@ -22,8 +22,9 @@ class CubatureLearner(FilterLearner, kind="cubature"):
     `covariance` says what is kept of P (cost of an update, memory in numbers; k weights a
     neuron, b a layer):
 
-    - "full": all of it; n^2 (n_y + 8), n^2 / 2. Noise between samples adds n^3 / 6, and P itself
-      is kept in place of S: definite to rounding.
+    - "full": all of it; n^2 (n_y + 8), n^2 / 2. Noise between samples adds h^3 / 6 +
+      h^2 (n - h) / 2 with h weights before the last layer, and P itself is kept in place of S:
+      definite to rounding.
     - "layer": one block a layer; the same with the sum of b^2 in place of n^2.
     - "node": one block a neuron; 2 n k, n k / 2 where at most one linear layer follows, about
       n n_y (k + 2 n_y) further from the outputs; noise between samples adds n k^2 / 3.

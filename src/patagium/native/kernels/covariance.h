@@ -2,8 +2,11 @@
  *
  * P <- decay P + diag(drift) takes n additions here, and n^3 / 3 to a square root. A sample costs
  * n^2 / 2 n_y more: P <- P - U U' with U = C G, C the covariance of the weights with y and
- * G G' = P_yy^-1. The linear filter needs P alone, C = P H'. Points need a root as well, which
- * is factorized at every sample: n^3 / 6. All is in double; a float filter has its points in float.
+ * G G' = P_yy^-1. The linear filter needs P alone, C = P H'. Points need columns of a root as well,
+ * the Cholesky factor's, found at every sample. y is linear in the weights of the last layer, and
+ * with H of these the columns of the others, S_1 with its rows below L, are enough: the last ones
+ * add (P_2 - L L') H' to C and no curvature. With h weights before the last layer of n that is
+ * h^3 / 6 + h^2 (n - h) / 2. All is in double; a float filter has its points in float.
  * A difference of matrices is definite up to rounding only. What is added at every sample lifts
  * P above that; a variance or pivot that is not positive makes the sample COVARIANCE_LOST.
  */
@@ -11,6 +14,7 @@
 #define PATAGIUM_COVARIANCE_H
 
 #include "panels.h"
+#include "points.h"
 
 #define SPAN (VECTORS * WIDE) /* columns of a tile of ROWS rows */
 
@@ -69,13 +73,14 @@ static int covariance_in_range(void *memory) {
   return f->largest * sqrt(reach) < 1e300;
 }
 
-/* sensed <- (decay P + diag(drift)) x for the rows x of a block, of `stride` numbers. */
-static void sense_block(panel_filter *f, int block, const double *x) {
-  const int start = f->starts[block], end = f->starts[block + 1], stride = f->stride;
+/* sensed <- (decay P + diag(drift)) x over the weights of a block from `from` on, a panel's first;
+ * x: their rows, of `stride` numbers. */
+static void sense_block(panel_filter *f, int block, int from, const double *x) {
+  const int start = f->starts[block] + from, end = f->starts[block + 1], stride = f->stride;
   double *sensed = f->sensed;
   memset(sensed + (ptrdiff_t)start * stride, 0, sizeof(double) * (end - start) * stride);
   for (int first = start; first < end; first += PANEL) {
-    const double *p = f->kept + panel_at(f, block, (first - start) / PANEL);
+    const double *p = f->kept + panel_at(f, block, (first - start + from) / PANEL);
     const double *here = x + (ptrdiff_t)(first - start) * stride;
     const int below = first + PANEL;
     for (int i = first; i < end; i += ROWS)
@@ -94,18 +99,28 @@ static void sense_block(panel_filter *f, int block, const double *x) {
     }
 }
 
-/* sum <- x' sensed of a block, (stride, stride): H P H' from the rows x of H'. */
-static void sensed_gram(const panel_filter *f, int block, const double *x, double *sum) {
-  const int stride = f->stride, count = f->counts[block];
-  const double *sensed = f->sensed + (ptrdiff_t)f->starts[block] * stride;
+/* sum <- sum + x' sensed over the weights of a block from `from` on, (stride, stride). */
+static void add_sensed_gram(const panel_filter *f, int block, int from, const double *x,
+                            double *sum) {
+  const int stride = f->stride, count = f->counts[block] - from;
+  const double *sensed = f->sensed + (ptrdiff_t)(f->starts[block] + from) * stride;
   double tile[ROWS * stride];
   for (int k = 0; k < stride; k += ROWS) {
-    const int first = k + ROWS <= stride ? k : stride - ROWS;
-    multiply_rows(0, stride, count, x + first, 1, stride, sensed, stride, tile, stride);
-    memcpy(sum + first * stride, tile, sizeof tile);
+    multiply_rows(0, stride, count, x + k, 1, stride, sensed, stride, tile, stride);
+    for (int l = 0; l < ROWS * stride; l++) sum[k * stride + l] += tile[l];
   }
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
+}
+
+/* Columns of S of a block that points need, in whole panels: those before the last layer. */
+static int pointed(const panel_filter *f, int block) {
+  const int last = f->widths[f->layers] * (f->widths[f->layers - 1] + 1);
+  int before = f->weights - last;
+  for (int b = 0; b < block; b++) before -= f->counts[b];
+  const int whole = before > 0 ? (before + PANEL - 1) / PANEL * PANEL : 0;
+  const int rows = f->starts[block + 1] - f->starts[block];
+  return whole < rows ? whole : rows;
 }
 
 /* Factor L of the tile on a diagonal, (PANEL, PANEL) in rows of s, of which `count` rows are
@@ -163,11 +178,12 @@ static void reduce_rows(const panel_filter *f, int block, int panel, int i, doub
     s[r * PANEL + i - first + r] += f->drift[i + r];
 }
 
-/* S of a block before the sample: the Cholesky factor, panel by panel. 0: not definite. */
+/* Columns of S of a block before the sample: the Cholesky factor's, panel by panel, as many as
+ * points need. 0: not definite. */
 static int factor_block(panel_filter *f, int block) {
   const int start = f->starts[block], end = f->starts[block + 1], count = f->counts[block];
   double inverse[PANEL * PANEL], rows[ROWS * PANEL];
-  for (int panel = 0; panel * PANEL < end - start; panel++) {
+  for (int panel = 0; panel * PANEL < pointed(f, block); panel++) {
     const int first = start + panel * PANEL, left = count - panel * PANEL;
     double *s = f->factor + panel_at(f, block, panel);
     for (int q = 0; q < panel; q++) {
@@ -200,14 +216,58 @@ static int factor_covariance(panel_filter *f) {
   return 1;
 }
 
-/* sensed <- S Z of a block, from the factor and the slopes of the points. */
+/* Rows of H' of the last layer's weights, from a weight of the network on. */
+static void linear_rows(const panel_filter *f, int from, int count, double *x) {
+  const int l = f->layers - 1, in = f->widths[l], out = f->widths[l + 1], stride = f->stride;
+  const REAL *below = inputs_of(f, l);
+  memset(x, 0, sizeof(double) * count * stride);
+  for (int r = 0, at = from - f->weights + out * (in + 1); r < count; r++, at++) {
+    const int bias = at >= out * in, o = bias ? at - out * in : at / in, j = at - o * in;
+    for (int t = 0; t < f->items; t++) {
+      const double share = bias ? 1 : (double)below[t * in + j];
+      const double *readout = f->readout + (ptrdiff_t)(t * out + o) * f->outputs;
+      for (int k = 0; k < f->outputs; k++) x[(ptrdiff_t)r * stride + k] += share * readout[k];
+    }
+  }
+}
+
+/* The weights of a block behind those that points need: sensed <- (P_2 - L L') H', and H times
+ * this added to the block's Z'Z. */
+static void sense_linear(panel_filter *f, int block) {
+  const int at = pointed(f, block), start = f->starts[block], end = f->starts[block + 1];
+  const int stride = f->stride, rows = end - start - at;
+  double *x = f->linear, *seen = f->whitened;
+  int before = at;
+  if (rows <= 0) return;
+  for (int b = 0; b < block; b++) before += f->counts[b];
+  memset(x, 0, sizeof(double) * rows * stride);
+  linear_rows(f, before, f->counts[block] - at, x);
+  sense_block(f, block, at, x);
+  for (int q = 0; q < at; q += ROWS)
+    multiply_rows(0, stride, rows,
+                  f->factor + panel_at(f, block, q / PANEL) + (ptrdiff_t)(start + at) * PANEL +
+                      q % PANEL,
+                  1, PANEL, x, stride, seen + (ptrdiff_t)q * stride, stride);
+  for (int k = 0; k < at * stride; k++) seen[k] = -seen[k];
+  for (int i = start + at; i < end; i += ROWS)
+    for (int q = 0; q < at; q += PANEL)
+      multiply_rows(1, stride, PANEL,
+                    f->factor + panel_at(f, block, q / PANEL) + (ptrdiff_t)i * PANEL, PANEL, 1,
+                    seen + (ptrdiff_t)q * stride, stride, f->sensed + (ptrdiff_t)i * stride,
+                    stride);
+  add_sensed_gram(f, block, at, x, gram_of(f, block));
+}
+
+/* sensed <- S Z of a block, from the factor and the slopes of the points, beside what the weights
+ * without points gave. */
 static void sense_points(panel_filter *f, int block) {
   const int start = f->starts[block], end = f->starts[block + 1], stride = f->stride;
+  const int last = start + pointed(f, block);
   double *slopes = f->whitened; /* in double, until it is needed itself */
-  for (int k = start * stride; k < end * stride; k++) slopes[k] = (double)f->slopes[k];
+  for (int k = start * stride; k < last * stride; k++) slopes[k] = (double)f->slopes[k];
   for (int i = start; i < end; i += ROWS)
-    for (int first = start; first <= i; first += PANEL)
-      multiply_rows(first > start, stride, PANEL,
+    for (int first = start; first <= i && first < last; first += PANEL)
+      multiply_rows(first > start || i >= last, stride, PANEL,
                     f->factor + panel_at(f, block, (first - start) / PANEL) + (ptrdiff_t)i * PANEL,
                     PANEL, 1, slopes + (ptrdiff_t)first * stride, stride,
                     f->sensed + (ptrdiff_t)i * stride, stride);

@@ -19,7 +19,7 @@
  * one block a layer: then each block sees M and what the others add to it, as if they were
  * noise, and what the posterior has between blocks is forgotten. The small
  * algebra (n_y x n_y) is in double. Where something is added to the covariance between samples, P
- * is kept and S is its Cholesky factor at each: covariance.h. What a sample is worth, and how noisy it is, is found on the
+ * is kept and columns of S are its Cholesky factor's at each: covariance.h. What a sample is worth, and how noisy it is, is found on the
  * way: screening.h. Nothing is allocated, nothing is raised: the returned integer is an Outcome,
  * and whatever is not COMPLETED leaves mean and S as they were.
  */
@@ -55,7 +55,7 @@ static void visit(panel_filter *f) {
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
   run_at_mean(f, 0);
   for (int b = 0; b < f->blocks; b++)
-    for (int first = 0; first < f->counts[b]; first += WIDTH)
+    for (int first = 0; first < (f->kept ? pointed(f, b) : f->counts[b]); first += WIDTH)
       read_out(f, f->starts[b] + first, run_at_points(f, b, first));
   const REAL *center = sums_of(f, f->layers - 1);
   for (int k = 0; k < m; k++) {
@@ -71,6 +71,10 @@ static void moments(panel_filter *f, double *remainder, double *work) {
   double shift[stride];
   memset(shift, 0, sizeof shift);
   memset(remainder, 0, sizeof(double) * size);
+  for (int b = 0; f->kept && b < f->blocks; b++) {
+    const ptrdiff_t linear = f->starts[b] + pointed(f, b);
+    memset(f->curvatures + linear * stride, 0, sizeof(REAL) * (f->starts[b + 1] - linear) * stride);
+  }
   for (int b = 0; b < f->blocks; b++)
     add_rows(stride, f->counts[b], f->curvatures + (ptrdiff_t)f->starts[b] * stride, shift);
   for (int k = 0; k < stride; k++) shift[k] /= f->spread * f->spread;
@@ -80,6 +84,7 @@ static void moments(panel_filter *f, double *remainder, double *work) {
                 f->curvatures + (ptrdiff_t)f->starts[b] * stride);
     gram(f, b, f->curvatures, work);
     gram(f, b, f->slopes, gram_of(f, b));
+    if (f->kept) sense_linear(f, b);
     for (int k = 0; k < size; k++) remainder[k] += work[k];
   }
   for (int k = 0; k < m; k++) {

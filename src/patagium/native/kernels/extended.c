@@ -168,8 +168,9 @@ static void see_by_covariance(extended_filter *e) {
   panel_filter *f = &e->filter;
   const double *x = e->derivative;
   for (int b = 0; b < f->blocks; x += (ptrdiff_t)f->counts[b++] * f->stride) {
-    sense_block(f, b, x);
-    sensed_gram(f, b, x, gram_of(f, b));
+    memset(gram_of(f, b), 0, sizeof(double) * f->stride * f->stride);
+    sense_block(f, b, 0, x);
+    add_sensed_gram(f, b, 0, x, gram_of(f, b));
   }
 }
 
