@@ -214,7 +214,7 @@ class _Search:
             state, turn = track.at(now + late[name])
             levels[:, :, list(track.part.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
-        expected = unit.model.frame.expected(levels, attitude)  # type: ignore[attr-defined]
+        expected, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
         variance = np.var(shown - expected, axis=0) + unit.model.variance  # type: ignore[attr-defined]
         return float(np.log(variance).sum())
 

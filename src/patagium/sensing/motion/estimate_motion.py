@@ -8,8 +8,10 @@ cameras.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,6 +20,13 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
+from patagium.sensing.motion.camera_faults import (
+    Stretch,
+    consistent_frames,
+    on_regular_clock,
+    open_gaps,
+)
+from patagium.sensing.motion.first_motion import first_motion, noise_correlation
 from patagium.sensing.motion.frame_model import (
     FrameModel,
     Motion,
@@ -25,21 +34,23 @@ from patagium.sensing.motion.frame_model import (
     floating_base,
     with_euler_angles,
 )
-from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter, Step
+from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
+from patagium.sensing.motion.motion_smoother import MotionFit, Samples
 from patagium.sensing.motion.sensor_streams import (
     CaptureModel,
     EncoderModel,
     ImuModel,
     Observation,
     Stream,
+    captured_motion,
     common_times,
     encoded_coordinates,
     first_camera,
-    noise_density,
+    given_density,
     streams_of,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother, merged_times, smooth_chain
-from patagium.sensing.sensors import SensorLog, from_quaternion
+from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother, merged_times
+from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 
 Array = NDArray[np.float64]
 
@@ -66,16 +77,211 @@ class SmoothedMotion:
     covariance: Array
 
 
-def kalman_motion(
-    robot: Robot,
-    streams: Sequence[Stream],
-    times: Array,
-    density: Array,
-    *,
-    order: int,
-    filtered: bool,
+_KNOWN = np.radians(3.0)
+"""Standard deviation of the attitude up to which it counts as known [rad]."""
+_CHUNK = 1000
+"""Times whose covariance is computed at once."""
+
+
+@dataclass(frozen=True)
+class MotionFits:
+    """Motion fitted to all samples of a log.
+
+    Attributes:
+        robot: The machine.
+        fits: Fits of coordinates that no sensor links.
+        stretches: Stretches of samples that were left out or could not be bridged.
+        notes: Assumptions about stamps, in words.
+    """
+
+    robot: Robot
+    fits: list[MotionFit]
+    stretches: list[Stretch]
+    notes: list[str]
+
+    def at(self, times: Array) -> SmoothedMotion:
+        """Motion at given times, (M,) [s]."""
+        n = self.robot.dof
+        levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
+        attitude = Rotation.identity(len(times))
+        for fit in self.fits:
+            place = np.concatenate([fit.columns + level * n for level in range(3)])
+            for begin in range(0, len(times), _CHUNK):
+                part = slice(begin, begin + _CHUNK)
+                found, spread, turned = fit.at(times[part])
+                levels[part][:, :, fit.columns] = found
+                covariance[part][:, place[:, None], place] = spread
+                if turned is not None:
+                    parts = attitude.as_quat()
+                    parts[part] = turned.as_quat()
+                    attitude = Rotation.from_quat(parts)
+        return SmoothedMotion(levels, attitude, covariance)
+
+    def density(self) -> Array:
+        """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)]."""
+        found = np.ones(self.robot.dof)
+        for fit in self.fits:
+            found[fit.columns] = fit.density
+        return found
+
+    def open_times(self, times: Array) -> NDArray[np.bool_]:
+        """Whether each time lies in a gap that cannot be bridged, or beyond the samples, (M,)."""
+        found = np.zeros(len(times), bool)
+        for fit in self.fits:
+            found |= (times < fit.span[0]) | (times > fit.span[1])
+            for begin, end in fit.gaps:
+                found |= (times > begin) & (times < end)
+        return found
+
+
+def fit_motion(
+    robot: Robot, streams: Sequence[Stream], density: Array | None, order: int, wanted: Array
+) -> MotionFits:
+    """Fit of the motion to all samples, with what the samples say about their noise.
+
+    Args:
+        robot: The machine.
+        streams: Measurements.
+        density: Density of the driving noise, (n,) [unit^2/s^(2 order - 1)]; None to learn it.
+        order: Order of the derivative that noise drives.
+        wanted: Times at which the motion is wanted, (M,) [s].
+
+    Raises:
+        LogError: If a coordinate is seen by no sensor.
+        FilterDiverged: If the information about the motion is singular.
+    """
+    columns = coupled(robot, streams)
+    base = floating_base(robot)
+    if base is not None and first_camera(streams) is None and density is None:
+        silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
+        raise LogError(
+            f"log: expected cameras that see {silent}, found none (with inertial units alone give "
+            "`density`)"
+        )
+    checked = _checked(streams)
+    guess = first_motion(robot, checked.streams, checked.used)
+    groups = [columns] if columns else []
+    groups += [alone for s in checked.streams if (alone := _alone(s, columns))]
+    fits, stretches = [], list(checked.stretches)
+    for group in groups:
+        found = [_samples(s, group, checked.used[s.name], order) for s in checked.streams]
+        samples = [one for one in found if one is not None]
+        begin, end = _extent(samples, wanted)
+        chosen = None if density is None else density[group]
+        fit = MotionFit(robot, group, samples, begin, end, order, chosen)
+        if base is not None and base.turn[0] in group and not fit.biases:
+            fit.gaps = checked.gaps
+        fit.run(guess)
+        fits.append(fit)
+        stretches += _unknown(fit, wanted)
+    stretches.sort(key=lambda one: one.begin)
+    return MotionFits(robot, fits, stretches, checked.notes)
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """Streams with mended stamps, and which samples count.
+
+    Attributes:
+        streams: The streams.
+        used: Whether each sample counts, by name of the sensor, (N,) each.
+        gaps: Gaps of the first cameras over which the way that the body turned is not known [s].
+        stretches: Stretches of samples left out.
+        notes: Assumptions about stamps, in words.
+    """
+
+    streams: list[Stream]
+    used: dict[str, NDArray[np.bool_]]
+    gaps: list[tuple[float, float]]
+    stretches: list[Stretch]
+    notes: list[str]
+
+
+def _checked(streams: Sequence[Stream]) -> _Checked:
+    """Streams on regular clocks where these fit better, without the frames that contradict."""
+    found = _Checked([], {}, [], [], [])
+    for s in streams:
+        regular = None if isinstance(s.model, ImuModel) else on_regular_clock(s)
+        if regular is not None:
+            late = 1e3 * float((s.time - regular.time).std())
+            found.notes.append(
+                f"{s.name}: stamps jitter by {late:.2g} ms about equal steps, which the motion "
+                "fits better: equal steps are taken"
+            )
+        stream = s if regular is None else regular
+        found.streams.append(stream)
+        found.used[s.name] = np.ones(len(s.time), bool)
+        if isinstance(s.model, CaptureModel):
+            found.used[s.name], stretches = consistent_frames(stream)
+            found.stretches.extend(stretches)
+    camera = first_camera(found.streams)
+    if camera is not None:
+        found.gaps.extend(open_gaps(camera, found.used[camera.name]))
+    return found
+
+
+def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:
+    """Stretches in which a fit does not know the motion."""
+    begin, end = fit.span
+    found = [Stretch(*gap, "no frame for too long to tell the turn", 0) for gap in fit.gaps]
+    ends = (float(wanted[0]), begin), (end, float(wanted[-1]))
+    found += [
+        Stretch(first, last, "no samples to tell the motion", 0)
+        for first, last in ends
+        if last > first
+    ]
+    return found
+
+
+def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
+    """Begin and end of the motion that samples show: a little beyond the first and the last [s]."""
+    times = [
+        one.stream.time[one.used & np.isfinite(one.stream.rows).any(axis=1)] for one in samples
+    ]
+    first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
+    step = max(float(np.median(np.diff(t))) for t in times)
+    begin = first if wanted[0] >= first else max(float(wanted[0]), first - 2 * step)
+    return begin, last if wanted[-1] <= last else min(float(wanted[-1]), last + 2 * step)
+
+
+def _alone(stream: Stream, columns: Sequence[int]) -> list[int]:
+    """Coordinates that this encoder alone sees, not among `columns`."""
+    model = stream.model
+    if not isinstance(model, EncoderModel):
+        return []
+    return sorted(set(model.columns) - set(columns))
+
+
+def _samples(
+    stream: Stream, group: Sequence[int], used: NDArray[np.bool_], order: int
+) -> Samples | None:
+    """Samples of a sensor for the fit of a group of coordinates; None if it sees none of them."""
+    if not isinstance(stream.model, EncoderModel):
+        base = floating_base(stream.model.frame.robot)  # type: ignore[attr-defined]
+        linked = base is None or base.turn[0] in group
+        return Samples(stream, used, _correlation(stream, used, order)) if linked else None
+    others = [k for k, i in enumerate(stream.model.columns) if i not in group]
+    if len(others) == len(stream.model.columns):
+        return None
+    rows = stream.rows.copy()
+    rows[:, others] = np.nan
+    return Samples(replace(stream, rows=rows), used, (0.0,))
+
+
+def _correlation(stream: Stream, used: NDArray[np.bool_], order: int) -> tuple[float, ...]:
+    """Correlation of the noise of cameras from frame to frame, by part; none for other sensors."""
+    if not isinstance(stream.model, CaptureModel):
+        return (0.0,) * len(stream.model.parts)
+    kept = used & np.isfinite(stream.rows).all(axis=1)
+    time, rows = stream.time[kept], stream.rows[kept]
+    place, turn = captured_motion(Stream(stream.name, stream.model, time, rows))
+    return noise_correlation(time, place, order), noise_correlation(time, turn, order)
+
+
+def filtered_motion(
+    robot: Robot, streams: Sequence[Stream], times: Array, density: Array, order: int
 ) -> SmoothedMotion:
-    """Motion by a Kalman filter and, unless `filtered`, a smoother.
+    """Motion for which only measurements before a time count, by a Kalman filter.
 
     Args:
         robot: The machine.
@@ -83,30 +289,17 @@ def kalman_motion(
         times: Times at which the motion is wanted, (M,) [s].
         density: Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
         order: Number of levels of each coordinate.
-        filtered: Whether to leave out the smoother.
 
     Raises:
         LogError: If a coordinate is seen by no sensor.
         FilterDiverged: If the estimate or its covariance is lost.
     """
+    coupled(robot, streams)
     n = robot.dof
-    columns = coupled(robot, streams)
-    levels, covariance = _smooth_alone(
-        robot, streams, times, density, columns, order=order, filtered=filtered
-    )
-    attitude = Rotation.identity(len(times))
-    if columns:
-        among = [s for s in streams if not _alone(s, columns)]
-        run = _Run(robot, among, times, columns, density[columns], order)
-        estimates = run.forwards(filtered) if filtered else run.smoothed()
-        attitude = Rotation.from_matrix(
-            np.array([estimate.motion.attitude for estimate in estimates])
-        )
-        places = np.concatenate([np.array(columns) + level * n for level in range(3)])
-        kept = 3 * len(columns)
-        for k, estimate in enumerate(estimates):
-            levels[k][:, columns] = estimate.motion.levels[:3][:, columns]
-            covariance[k][np.ix_(places, places)] = estimate.covariance[:kept, :kept]
+    estimates = _filtered(robot, streams, times, density, order)
+    levels = np.array([estimate.motion.levels[:3] for estimate in estimates])
+    attitude = Rotation.from_matrix(np.array([one.motion.attitude for one in estimates]))
+    covariance = np.array([one.covariance[: 3 * n, : 3 * n] for one in estimates])
     return SmoothedMotion(levels, attitude, covariance)
 
 
@@ -139,103 +332,31 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     return sorted(set(range(robot.dof)) - alone)
 
 
-def _alone(stream: Stream, columns: Sequence[int]) -> bool:
-    """Whether a stream sees none of the coupled coordinates."""
-    model = stream.model
-    return isinstance(model, EncoderModel) and not set(model.columns) & set(columns)
-
-
-def _smooth_alone(
-    robot: Robot,
-    streams: Sequence[Stream],
-    times: Array,
-    density: Array,
-    columns: Sequence[int],
-    *,
-    order: int,
-    filtered: bool,
-) -> tuple[Array, Array]:
-    """Levels, (M, 3, n), and covariance, (M, 3 n, 3 n), of the coordinates not in `columns`."""
-    n = robot.dof
-    levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
+def _filtered(
+    robot: Robot, streams: Sequence[Stream], times: Array, density: Array, order: int
+) -> list[MotionEstimate]:
+    """Estimates of the filter at given times, after the measurements of each."""
+    models = {s.name: s.model for s in streams}
+    motion_filter = MotionFilter(robot, range(robot.dof), density, order, models)
+    grid, wanted = merged_times(np.concatenate([s.time for s in streams]), times)
+    events: list[list[Observation]] = [[] for _ in grid]
     for s in streams:
-        if not isinstance(s.model, EncoderModel):
-            continue
-        alone = [(k, i) for k, i in enumerate(s.model.columns) if i not in columns]
-        if not alone:
-            continue
-        picked, place = [k for k, _ in alone], np.array([i for _, i in alone])
-        grid, rows = merged_times(s.time, times)
-        values = np.full((len(grid), len(alone)), np.nan)
-        values[np.searchsorted(grid, s.time)] = s.rows[:, picked]
-        std = s.model.std
-        found = smooth_chain(grid, values, std, density[place], order=order, filtered=filtered)
-        for i in range(3):
-            levels[:, i, place] = found.state[rows, :, i]
-            for j in range(3):
-                covariance[:, i * n + place, j * n + place] = found.covariance[rows, :, i, j]
-    return levels, covariance
-
-
-class _Run:
-    """Filter and smoother over all measurements of a log in order of time."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        streams: Sequence[Stream],
-        times: Array,
-        columns: Sequence[int],
-        density: Array,
-        order: int,
-    ) -> None:
-        self.streams, self.order, self.columns = streams, order, columns
-        models = {s.name: s.model for s in streams}
-        self.filter = MotionFilter(robot, columns, density, order, models)
-        grid, wanted = merged_times(np.concatenate([s.time for s in streams]), times)
-        self.time, self.wanted = grid, wanted
-        self.events: list[list[Observation]] = [[] for _ in grid]
-        for s in streams:
-            whole = not isinstance(s.model, EncoderModel)
-            seen = np.isfinite(s.rows)
-            usable = seen.all(axis=1) if whole else seen.any(axis=1)
-            places = np.searchsorted(grid, s.time - 1e-9)
-            for k in np.flatnonzero(usable).tolist():
-                self.events[places[k]].append(Observation(s.name, s.rows[k]))
-
-    def forwards(self, only_wanted: bool = False) -> list[MotionEstimate]:
-        """Estimates after each time of a measurement, or at the wanted times alone."""
-        estimate = initial_estimate(self.filter, self.streams)
-        kept: list[MotionEstimate] = []
-        self.steps: list[Step] = []
-        wanted = set(self.wanted.tolist()) if only_wanted else set()
-        found: dict[int, MotionEstimate] = {}
-        for k, observations in enumerate(self.events):
-            if k:
-                estimate, step = self.filter.predict(
-                    estimate, float(self.time[k] - self.time[k - 1])
-                )
-                self.steps.append(step)
-            if observations:
-                estimate, _ = self.filter.update(estimate, observations)
-            if not only_wanted:
-                kept.append(estimate)
-            elif k in wanted:
-                found[k] = estimate
-        return [found[k] for k in self.wanted.tolist()] if only_wanted else kept
-
-    def smoothed(self) -> list[MotionEstimate]:
-        """Estimates at the wanted times, given all measurements."""
-        estimates = self.forwards()
-        wanted = set(self.wanted.tolist())
-        after = estimates[-1]
-        found = {len(estimates) - 1: after}
-        for k in range(len(estimates) - 2, -1, -1):
-            after = self.filter.smooth_back(estimates[k], self.steps[k], after)
-            estimates.pop()
-            if k in wanted:
-                found[k] = after
-        return [found[k] for k in self.wanted.tolist()]
+        whole = not isinstance(s.model, EncoderModel)
+        seen = np.isfinite(s.rows)
+        usable = seen.all(axis=1) if whole else seen.any(axis=1)
+        places = np.searchsorted(grid, s.time - 1e-9)
+        for k in np.flatnonzero(usable).tolist():
+            events[places[k]].append(Observation(s.name, s.rows[k]))
+    estimate = initial_estimate(motion_filter, streams)
+    kept, found = set(wanted.tolist()), {}
+    for k, observations in enumerate(events):
+        if k:
+            estimate = motion_filter.predict(estimate, float(grid[k] - grid[k - 1]))
+        if observations:
+            estimate, _ = motion_filter.update(estimate, observations)
+        if k in kept:
+            found[k] = estimate
+    return [found[k] for k in wanted.tolist()]
 
 
 def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> MotionEstimate:
@@ -427,11 +548,19 @@ def estimate_motion(
     wanted = common_times(streams) if times is None else np.asarray(times, float)
     if smoother is not None:
         found = smoothed_motion(machine, streams, wanted, smoother)
-    else:
-        drive = noise_density(machine, streams, density, order)
-        found = kalman_motion(machine, streams, wanted, drive, filtered=filtered, order=order)
-    levels, covariance = in_coordinates(machine, found)
-    return _dataset(machine, wanted, levels, covariance, log)
+        return _dataset(machine, wanted, found, log)
+    drive = given_density(machine, density)
+    if filtered and drive is not None:
+        return _dataset(
+            machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log
+        )
+    fitted = fit_motion(machine, streams, drive, order, wanted)
+    if filtered:
+        drive = fitted.density()
+        return _dataset(
+            machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log
+        )
+    return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
 
 
 def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
@@ -465,8 +594,13 @@ def euler_angles(attitude: Rotation) -> Array:
 
 
 def _dataset(
-    robot: Robot, times: Array, levels: Array, covariance: Array, log: SensorLog
+    robot: Robot,
+    times: Array,
+    found: SmoothedMotion,
+    log: SensorLog,
+    fitted: MotionFits | None = None,
 ) -> xr.Dataset:
+    levels, covariance = in_coordinates(robot, found)
     parts = [f"{part}.{name}" for part in "qva" for name in robot.dof_names]
     variables: dict[str, object] = {
         name: (("time", "dof"), levels[:, k], {"units": units})
@@ -475,13 +609,52 @@ def _dataset(
         )
     }
     variables["covariance"] = (("time", "part", "other_part"), covariance, {})
-    return xr.Dataset(
-        variables,
-        coords={
-            "time": ("time", times, {"units": "s"}),
-            "dof": list(robot.dof_names),
-            "part": parts,
-            "other_part": parts,
-        },
-        attrs={"robot": robot.source, "robot_name": robot.name, "mount": log.mount},
-    )
+    coordinates: dict[str, object] = {
+        "time": ("time", times, {"units": "s"}),
+        "dof": list(robot.dof_names),
+        "part": parts,
+        "other_part": parts,
+    }
+    known, base = np.ones(len(times), bool), floating_base(robot)
+    if base is not None:
+        turn = list(base.turn)
+        std = np.sqrt(found.covariance[:, turn, turn])
+        known &= np.sqrt((std**2).mean(axis=1)) < _KNOWN
+        variables["attitude"] = (
+            ("time", "quaternion"),
+            as_quaternion(found.attitude),
+            {"units": "1"},
+        )
+        variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
+        coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
+    attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
+    if fitted is not None:
+        known &= ~fitted.open_times(times)
+        attributes["findings"] = json.dumps(motion_findings(fitted))
+    variables["known"] = ("time", known, {})
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def motion_findings(fitted: MotionFits) -> dict[str, Any]:
+    """Noise of the sensors and stretches without a motion, JSON-able.
+
+    Args:
+        fitted: The fitted motion.
+
+    Returns:
+        `noise`: for each sensor and part its standard deviation, correlation from sample to
+        sample, jitter of stamps [s], share of samples with little weight, and mean square of
+        the residuals over what is expected; `stretches`: times left out or not known, with
+        reasons; `notes`: assumptions about stamps.
+    """
+    noise = [
+        {"sensor": one.stream.name, **facts}
+        for fit in fitted.fits
+        for one in fit.samples
+        for facts in one.describe()
+    ]
+    return {
+        "noise": noise,
+        "stretches": [asdict(one) for one in fitted.stretches],
+        "notes": list(fitted.notes),
+    }

@@ -151,8 +151,8 @@ class FrameModel:
         jacobian = self._to_world(slope.reshape(6, 3, n), turn)
         return self._both @ value, np.tensordot(self._both, jacobian, axes=1)
 
-    def expected(self, levels: Array, attitude: Rotation) -> Array:
-        """Specific force and angular rate in the frame's axes at many instants, (N, 6).
+    def inertials(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
+        """Specific force and angular rate in the frame's axes at many instants, and the slopes.
 
         Args:
             levels: Position, velocity, acceleration of each coordinate, (N, 3, n) [m, rad, per s,
@@ -160,16 +160,49 @@ class FrameModel:
             attitude: Rotations from body to world axes, N.
 
         Returns:
-            Both, (N, 6) [m/s^2, rad/s].
+            Both, (N, 6) [m/s^2, rad/s], and the derivatives with respect to the levels,
+            (N, 6, 3, n).
         """
+        seen, turn = self._in_reference(levels, attitude)
+        parts = [seen[:, k] for k in range(3)]
+        found = self._inertial.batch(*parts, turn[:, 2], self.offset, self._parameters)
+        value, slope = (np.array(part) for part in found)
+        shown = value.reshape(-1, 2, 3) @ self.mount
+        both = (self._both @ slope).reshape(len(value), 6, 3, self.robot.dof)
+        return shown.reshape(-1, 6), self._slopes_to_world(both, turn)
+
+    def poses(self, levels: Array, attitude: Rotation) -> tuple[Array, Rotation, Array]:
+        """Poses of the frame in the world at many instants, and the slopes.
+
+        Args:
+            levels: Position, velocity, acceleration of each coordinate, (N, 3, n) [m, rad, per s,
+                per s^2].
+            attitude: Rotations from body to world axes, N.
+
+        Returns:
+            Positions (N, 3) [m]; rotations from the frame's axes to world axes, N; derivatives
+            of position in world axes and of attitude in the frame's axes, (N, 6, n).
+        """
+        seen, turn = self._in_reference(levels, attitude)
+        found = self._pose.batch(seen[:, 0], self.offset, self._parameters)
+        position, rotation, moved, turned = (np.array(part) for part in found)
+        slope = np.concatenate([turn @ moved, self.mount.T @ turned], axis=1)
+        world = (turn @ position.reshape(-1, 3, 1))[:, :, 0]
+        jacobian = self._slopes_to_world(slope[:, :, None], turn)[:, :, 0]
+        return world, Rotation.from_matrix(turn @ rotation @ self.mount), jacobian
+
+    def _in_reference(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
         seen, turn = levels.copy(), attitude.as_matrix()
         if self.base is not None:
             place = list(self.base.place)
             seen[:, :, place] = levels[:, :, place] @ turn
-        parts = [seen[:, k] for k in range(3)]
-        value, _ = self._inertial.batch(*parts, turn[:, 2], self.offset, self._parameters)
-        shown = np.array(value).reshape(-1, 2, 3) @ self.mount
-        return np.asarray(shown.reshape(-1, 6))
+        return seen, turn
+
+    def _slopes_to_world(self, slope: Array, turn: Array) -> Array:
+        if self.base is not None:
+            place = list(self.base.place)
+            slope[..., place] = slope[..., place] @ np.swapaxes(turn, 1, 2)[:, None]
+        return slope
 
     def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Pose of the frame in the world, and its derivative with respect to the coordinates.

@@ -1,16 +1,14 @@
-"""Extended Kalman filter and smoother of a robot's motion from encoders, cameras and IMUs.
+"""Extended Kalman filter of a robot's motion from encoders, cameras and IMUs.
 
 Each coordinate is a chain of integrators driven by white noise. Attitude is an error-state about a
 rotation (a rotation vector in body axes, reset after each measurement). Biases of inertial units
-are part of the state. The filter is iterated where a measurement moves it far; the smoother is
-that of Rauch, Tung and Striebel. Both work on square roots of the covariance, which stays positive
-definite however exact the sensors are. Neglected: the effect of resets on the covariance, which is
-of second order.
+are part of the state. The filter is iterated where a measurement moves it far. It works on square
+roots of the covariance, which stays positive definite however exact the sensors are. Neglected: the
+effect of resets on the covariance, which is of second order.
 
 References:
-    Markley (2003), Attitude error representations for Kalman filtering; Rauch (1965),
-    Maximum likelihood estimates of linear dynamic systems; Kailath, Sayed & Hassibi (2000), Linear
-    Estimation, ch. 12 (array algorithms).
+    Markley (2003), Attitude error representations for Kalman filtering; Kailath, Sayed & Hassibi
+    (2000), Linear Estimation, ch. 12 (array algorithms).
 """
 
 from __future__ import annotations
@@ -29,7 +27,6 @@ from patagium.sensing.motion.frame_model import (
     Motion,
     floating_base,
     rotation_matrix,
-    rotation_vector,
 )
 from patagium.sensing.motion.sensor_streams import MeasurementModel, Observation
 from patagium.sensing.motion.smoothers import added_covariance, transition
@@ -60,19 +57,6 @@ class MotionEstimate:
     def covariance(self) -> Array:
         """Covariance S S^T of the error-state, (s, s), in products of its units."""
         return np.asarray(self.root @ self.root.T)
-
-
-@dataclass(frozen=True)
-class Step:
-    """Prediction over a span of time, kept for the smoother.
-
-    Attributes:
-        span: Length of the span [s].
-        turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
-    """
-
-    span: float
-    turned: Array
 
 
 class MotionFilter:
@@ -119,16 +103,16 @@ class MotionFilter:
         k = self._units.index(name)
         return estimate.biases[6 * k : 6 * k + 6]
 
-    def predict(self, estimate: MotionEstimate, span: float) -> tuple[MotionEstimate, Step]:
-        """Estimate after a span of time, and the step for the smoother.
+    def predict(self, estimate: MotionEstimate, span: float) -> MotionEstimate:
+        """Estimate after a span of time.
 
         Args:
             estimate: Estimate at the beginning.
             span: Length of the span, zero or more [s].
         """
-        motion, step = self._predicted_motion(estimate.motion, span)
-        root = _lower_triangle(self._predicted_root(estimate.root, step))
-        return MotionEstimate(motion, estimate.biases, root), step
+        motion, turned = self._predicted_motion(estimate.motion, span)
+        root = _lower_triangle(self._predicted_root(estimate.root, span, turned))
+        return MotionEstimate(motion, estimate.biases, root)
 
     def update(
         self, estimate: MotionEstimate, observations: Sequence[Observation]
@@ -201,66 +185,32 @@ class MotionFilter:
         biases = estimate.biases + change[self.order * n :]
         return MotionEstimate(Motion(levels, attitude), biases, estimate.root)
 
-    def difference(self, one: MotionEstimate, other: MotionEstimate) -> Array:
-        """Error-state that moves the mean of `other` to that of `one`, (s,)."""
-        levels = one.motion.levels[:, self.columns] - other.motion.levels[:, self.columns]
-        if self._turn is not None:
-            levels[0, self._turn] = rotation_vector(other.motion.attitude.T @ one.motion.attitude)
-        return np.concatenate([levels.ravel(), one.biases - other.biases])
-
-    def advance(self, matrix: Array, step: Step) -> Array:
-        """Product F M of the transition matrix of a step with error-states M, (s, k)."""
+    def _advanced(self, matrix: Array, span: float, turned: Array) -> Array:
+        """Product F M of the transition matrix of a span with error-states M, (s, k)."""
         n = len(self.columns)
         moved = np.array(matrix)
         half = None
         if self._turn is not None:
-            half = rotation_matrix(-0.5 * step.turned)
+            half = rotation_matrix(-0.5 * turned)
             moved[self._turn] = half @ moved[self._turn]
-        move, _ = self._blocks(step.span)
+        move, _ = self._blocks(span)
         main = moved[: self.order * n].reshape(self.order, -1)
         moved[: self.order * n] = (move @ main).reshape(self.order * n, -1)
         if half is not None:
             moved[self._turn] = half @ moved[self._turn]
         return moved
 
-    def smooth_back(
-        self, estimate: MotionEstimate, step: Step, after: MotionEstimate
-    ) -> MotionEstimate:
-        """Estimate given also the later measurements: one step of the smoother.
-
-        Args:
-            estimate: Estimate of the filter.
-            step: Prediction from there to the next time.
-            after: Smoothed estimate of the next time.
-
-        Raises:
-            FilterDiverged: If the covariance is lost.
-        """
-        ahead, _ = self.predict(estimate, step.span)
-        forth = self._predicted_root(estimate.root, step)
-        still = np.zeros((self.size, forth.shape[1] - self.size))
-        corner = _lower_triangle(np.vstack([forth, np.hstack([estimate.root, still])]))
-        first, across = corner[: self.size, : self.size], corner[self.size :, : self.size]
-        gain = solve_triangular(first.T, across.T, check_finite=False).T
-        root = _lower_triangle(np.hstack([corner[self.size :, self.size :], gain @ after.root]))
-        if not np.isfinite(root).all():
-            raise FilterDiverged(
-                "motion smoother: the covariance was lost; raise the density or lower the order",
-                Outcome.COVARIANCE_LOST,
-            )
-        moved = self.corrected(estimate, gain @ self.difference(after, ahead))
-        return replace(moved, root=root)
-
-    def _predicted_root(self, root: Array, step: Step) -> Array:
+    def _predicted_root(self, root: Array, span: float, turned: Array) -> Array:
         """Wide root of the predicted covariance, [F S, root of the process noise]."""
         main = self.order * len(self.columns)
         added = np.zeros((self.size, self.size))
-        added[:main, :main] = self._blocks(step.span)[1]
+        added[:main, :main] = self._blocks(span)[1]
         rows = main + np.arange(len(self._walk))
-        added[rows, rows] = np.sqrt(self._walk * step.span)
-        return np.hstack([self.advance(root, step), added])
+        added[rows, rows] = np.sqrt(self._walk * span)
+        return np.hstack([self._advanced(root, span, turned), added])
 
-    def _predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Step]:
+    def _predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Array]:
+        """Motion after a span, and the rotation vector of the attitude over it, body axes."""
         move, _ = self._blocks(span)
         levels = move @ motion.levels
         turned, attitude = np.zeros(3), motion.attitude
@@ -272,7 +222,7 @@ class MotionFilter:
                 turned += span**3 / 12 * np.cross(spin, spin_rate)
             attitude = attitude @ rotation_matrix(turned)
             levels[0, columns] = 0.0
-        return Motion(levels, attitude), Step(span, turned)
+        return Motion(levels, attitude), turned
 
     def _in_error_state(self, slope: Array, name: str) -> Array:
         """Jacobian with respect to the error-state, (k, s), from that to all levels, (k, m', n)."""

@@ -148,7 +148,7 @@ class MotionTracker:
         span = 0.0 if time is None else time - last.time
         if span < 0:
             raise LogError(f"time: expected {last.time:.6g} s or later, found {time:.6g} s")
-        estimate, _ = self._filter.predict(last.after, span)
+        estimate = self._filter.predict(last.after, span)
         n = self._filter.robot.dof
         found = SmoothedMotion(
             estimate.motion.levels[None, :3],
@@ -171,7 +171,7 @@ class MotionTracker:
         first = ordered[0][1][0]
         for name, (time, row) in ordered:
             past = self._events[-1].time if self._events else first
-            estimate, _ = self._filter.predict(estimate, time - past)
+            estimate = self._filter.predict(estimate, time - past)
             observation = Observation(name, row)
             estimate, _ = self._filter.update(estimate, [observation])
             self._events.append(_Event(time, observation, estimate))
@@ -186,7 +186,7 @@ class MotionTracker:
         del self._events[place:]
         for moment, seen in again:
             before = self._events[-1]
-            estimate, _ = self._filter.predict(before.after, moment - before.time)
+            estimate = self._filter.predict(before.after, moment - before.time)
             estimate, _ = self._filter.update(estimate, [seen])
             self._events.append(_Event(moment, seen, estimate))
         oldest = self._events[-1].time - self.memory

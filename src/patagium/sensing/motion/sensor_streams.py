@@ -1,25 +1,23 @@
 """Measurement models of sensors, and their samples on one time axis.
 
-A model gives residual, Jacobian and noise of encoders, inertial units and cameras. The
-density of the noise that drives each coordinate is the one for which encoders and cameras are most
-likely, one coordinate at a time. Neglected: the error of an encoder's zero; drift of clocks within
-a log.
+A model gives residual, Jacobian and noise of encoders, inertial units and cameras. Neglected: the
+error of an encoder's zero; drift of clocks within a log.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Robot
-from patagium.sensing.motion.frame_model import FrameModel, Motion, floating_base, rotation_vector
-from patagium.sensing.motion.smoothers import likely_density
+from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sensor import Sensor
@@ -50,11 +48,15 @@ class MeasurementModel(Protocol):
         biases: Whether the sensor has biases that the filter estimates.
         bias_walk: Random walk of the biases, (6,) [m/s^2/sqrt(s), rad/s/sqrt(s)].
         bias_std: Initial standard deviation of the biases, (6,) [m/s^2, rad/s].
+        variances: Stated variance of the noise of each value, (k,) [square of its unit].
+        parts: Values that are measured alike, one after the other.
     """
 
     biases: bool
     bias_walk: Array
     bias_std: Array
+    variances: Array
+    parts: tuple[Part, ...]
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Samples of a reading, (N, k), in the unit of the sensor."""
@@ -65,6 +67,24 @@ class MeasurementModel(Protocol):
     ) -> tuple[Array, Array, Array]:
         """Residual (k,), its Jacobian in the levels (k, m', n), noise variance (k,)."""
         ...
+
+    def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
+        """Residuals of many samples (N, k), without biases, and Jacobian (N, k, m', n)."""
+        ...
+
+
+class Part(NamedTuple):
+    """Values of a sample that are measured alike.
+
+    Attributes:
+        name: Name in findings.
+        unit: Unit of the values.
+        size: Number of values.
+    """
+
+    name: str
+    unit: str
+    size: int
 
 
 class _NoBias:
@@ -86,6 +106,8 @@ class EncoderModel(_NoBias):
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
+        self.variances: Array = np.full(len(self.columns), self.std**2)
+        self.parts: tuple[Part, ...] = (Part("angle", "rad", len(self.columns)),)
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Coordinates, (N, k) [m, rad]."""
@@ -99,6 +121,11 @@ class EncoderModel(_NoBias):
         residual = observation.values - motion.levels[0, self.columns]
         variance = np.full(int(seen.sum()), self.std**2)
         return residual[seen], self._slope[seen], variance
+
+    def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
+        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        slope = np.broadcast_to(self._slope, (len(rows), *self._slope.shape))
+        return rows - levels[:, 0, self.columns], slope
 
 
 class ImuModel:
@@ -127,6 +154,11 @@ class ImuModel:
             np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3), floors
         )
         self.bias_walk: Array = np.repeat([sensor.accelerometer_walk, sensor.gyroscope_walk], 3)
+        self.variances: Array = self.variance
+        self.parts: tuple[Part, ...] = (
+            Part("specific force", "m/s^2", 3),
+            Part("angular rate", "rad/s", 3),
+        )
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Specific force and angular rate, (N, 6) [m/s^2, rad/s]."""
@@ -140,6 +172,11 @@ class ImuModel:
         expected, slope = self.frame.inertial(motion)
         residual = observation.values - expected - (0.0 if bias is None else bias)
         return residual, slope, self.variance
+
+    def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
+        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        expected, slope = self.frame.inertials(levels, attitude)
+        return rows - expected, slope
 
 
 class CaptureModel(_NoBias):
@@ -155,6 +192,8 @@ class CaptureModel(_NoBias):
         place = np.maximum(sensor.position_std, FLOOR["m"])
         turn = np.maximum(sensor.attitude_std, FLOOR["rad"])
         self.variance = np.concatenate([place, turn]) ** 2
+        self.variances: Array = self.variance
+        self.parts: tuple[Part, ...] = (Part("position", "m", 3), Part("attitude", "rad", 3))
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Position and quaternion, (N, 7) [m, 1]."""
@@ -169,6 +208,15 @@ class CaptureModel(_NoBias):
         turned = rotation_vector(attitude.T @ shown)
         residual = np.concatenate([observation.values[:3] - position, turned])
         return residual, slope[:, None, :], self.variance
+
+    def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
+        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        position, turned, slope = self.frame.poses(levels, attitude)
+        seen = np.isfinite(rows).all(axis=1)
+        residual = np.full((len(rows), 6), np.nan)
+        residual[seen, :3] = rows[seen, :3] - position[seen]
+        residual[seen, 3:] = (turned[seen].inv() * from_quaternion(rows[seen, 3:])).as_rotvec()
+        return residual, slope[:, :, None]
 
 
 def measurement_models(sensors: Mapping[str, Sensor], robot: Robot) -> dict[str, MeasurementModel]:
@@ -202,9 +250,6 @@ def values_of(reading: xr.Dataset, name: str, size: int) -> Array:
     if values.shape[1:] != (size,):
         raise LogError(f"{name}: expected shape (time, {size}), found {values.shape}")
     return values
-
-
-_MOST_FOR_LIKELIHOOD = 1500
 
 
 @dataclass(frozen=True)
@@ -243,13 +288,22 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
     for name, model in measurement_models(log.sensors, robot).items():
         reading = log[name]
         stamps = np.asarray(reading["time"].values, float)
-        if not (np.diff(stamps) > 0).all():
-            raise LogError(f"{name}: expected stamps that advance")
-        found.append(Stream(name, model, stamps - shifts.get(name, 0.0), model.rows(reading)))
+        kept = _advancing(stamps)
+        if len(kept) < max(2, 0.5 * len(stamps)):
+            raise LogError(f"{name}: expected stamps that advance, found {len(kept)} that do")
+        rows = model.rows(reading)[kept]
+        found.append(Stream(name, model, stamps[kept] - shifts.get(name, 0.0), rows))
     if not found:
         held = ", ".join(log.readings)
         raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
     return found
+
+
+def _advancing(stamps: Array) -> NDArray[np.int64]:
+    """Places of the stamps that are later than all before them."""
+    finite = np.where(np.isfinite(stamps), stamps, -np.inf)
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(finite)[:-1]])
+    return np.flatnonzero(finite > before)
 
 
 def common_times(streams: Sequence[Stream]) -> Array:
@@ -282,80 +336,25 @@ def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, in
     }
 
 
-def noise_density(
-    robot: Robot, streams: Sequence[Stream], given: ArrayLike | None, order: int
-) -> Array:
-    """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
+def given_density(robot: Robot, given: ArrayLike | None) -> Array | None:
+    """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)], checked.
 
     Args:
         robot: The machine.
-        streams: Measurements.
-        given: Density of each, (n,) [unit^2/s^(2 order - 1)]; None takes the most likely one.
-        order: Number of levels of each coordinate.
+        given: Density of each, (n,) [unit^2/s^(2 order - 1)]; None where it is to be learned.
 
     Raises:
         ShapeError: If `given` is not (n,).
         ParameterError: If `given` is not positive.
-        LogError: If a coordinate is seen by no encoder and no camera.
     """
-    n = robot.dof
-    if given is not None:
-        drive = np.array(given, float)
-        if drive.shape != (n,):
-            raise ShapeError("density", (n,), drive.shape)
-        if not (np.isfinite(drive).all() and (drive > 0).all()):
-            raise ParameterError("density", "positive numbers", drive.tolist())
-        return drive
-    drive = np.full(n, np.nan)
-    seen = encoded_coordinates(streams)
-    by_stream: dict[str, list[int]] = {}
-    for column, (s, _) in seen.items():
-        by_stream.setdefault(s.name, []).append(column)
-    for columns in by_stream.values():
-        stream = seen[columns[0]][0]
-        values = stream.rows[:, [seen[i][1] for i in columns]]
-        drive[columns] = _likely(stream, values, _std(stream), order)
-    base = floating_base(robot)
-    if base is not None:
-        drive[[*base.place, *base.turn]] = _density_of_base(streams, order)
-    silent = [robot.dof_names[i] for i in np.flatnonzero(np.isnan(drive))]
-    if silent:
-        raise LogError(
-            f"log: expected encoders or cameras that see {', '.join(silent)}, found none "
-            "(with inertial units alone give `density`)"
-        )
+    if given is None:
+        return None
+    drive = np.array(given, float)
+    if drive.shape != (robot.dof,):
+        raise ShapeError("density", (robot.dof,), drive.shape)
+    if not (np.isfinite(drive).all() and (drive > 0).all()):
+        raise ParameterError("density", "positive numbers", drive.tolist())
     return drive
-
-
-def _density_of_base(streams: Sequence[Stream], order: int) -> Array:
-    """Density of position and rotation, (6,): the larger of cameras and an inertial unit."""
-    camera, found = first_camera(streams), np.full((2, 6), np.nan)
-    if camera is None:
-        return np.full(6, np.nan)
-    place, turn = captured_motion(camera)
-    std = np.sqrt(getattr(camera.model, "variance", np.full(6, np.nan)))
-    found[0, :3] = _likely(camera, place, std[:3], order)
-    found[0, 3:] = _likely(camera, turn, np.full(3, std[3:].mean()), order)
-    for s in streams:
-        if isinstance(s.model, ImuModel) and s.model.frame.on_base:
-            std = np.sqrt(s.model.variance)
-            to_body = s.model.frame.mount**2
-            attitude = from_quaternion(camera.rows[np.isfinite(camera.rows).all(axis=1), 3:])
-            mount = getattr(camera.model, "frame").mount  # noqa: B009
-            to_world = np.mean((attitude.as_matrix() @ mount.T) ** 2, axis=0)
-            forces = _likely(s, s.rows[:, :3], std[:3], order - 2)
-            found[1, :3] = to_world @ to_body @ forces
-            found[1, 3:] = to_body @ _likely(s, s.rows[:, 3:], std[3:], order - 1)
-    return np.asarray(np.nanmax(found, axis=0))
-
-
-def _likely(stream: Stream, values: Array, std: ArrayLike, order: int) -> Array:
-    kept = slice(0, _MOST_FOR_LIKELIHOOD)
-    return likely_density(stream.time[kept], values[kept], std, order=order)
-
-
-def _std(stream: Stream) -> float:
-    return float(getattr(stream.model, "std", np.nan))
 
 
 def captured_motion(camera: Stream) -> tuple[Array, Array]:

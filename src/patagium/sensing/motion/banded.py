@@ -1,0 +1,315 @@
+"""Spline of degree five on equal steps, and least squares for its control points.
+
+A time sees six control points, so that the information matrix is banded. Its inverse is computed
+within the band alone: that is the covariance of the control points that a time sees.
+
+References:
+    Takahashi, Fagan & Chin (1973), Formation of a sparse bus impedance matrix.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from math import comb, factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from patagium.errors import FilterDiverged, Outcome
+from patagium.native import load_kernel
+
+Array = NDArray[np.float64]
+
+DEGREE = 5
+SEEN = DEGREE + 1
+"""Control points that a time sees."""
+
+
+class Knots:
+    """Equally spaced knots of a spline of degree five.
+
+    Args:
+        begin: Begin of the spline [s].
+        end: End of the spline [s].
+        step: Longest time between knots [s].
+
+    Attributes:
+        spans: Number of spans between knots.
+        count: Number of control points.
+        step: Time between knots [s].
+    """
+
+    def __init__(
+        self,
+        begin: float,
+        end: float,
+        step: float,
+    ) -> None:
+        self.begin, self.end = begin, end
+        self.spans = max(1, int(np.ceil((end - begin) / step - 1e-9)))
+        self.step = (end - begin) / self.spans
+        self.count = self.spans + DEGREE
+
+    @property
+    def centers(self) -> Array:
+        """Times about which the control points act, (K,) [s]."""
+        return np.asarray(self.begin + self.step * (np.arange(self.count) - 0.5 * (DEGREE - 1)))
+
+    def span_of(self, times: Array) -> NDArray[np.int64]:
+        """Span that holds each time, (N,)."""
+        span = np.floor((times - self.begin) / self.step).astype(np.int64)
+        return np.asarray(np.clip(span, 0, self.spans - 1))
+
+    def weights(
+        self,
+        times: Array,
+        levels: int = 3,
+    ) -> Array:
+        """Weights of the six control points of a time in the value and its derivatives.
+
+        Args:
+            times: Times within the spline, (N,) [s].
+            levels: Number of levels: the value and `levels` - 1 derivatives.
+
+        Returns:
+            (N, levels, 6) in powers of [1/s].
+        """
+        inside = (times - self.begin) / self.step - self.span_of(times)
+        powers = np.zeros((len(times), levels, SEEN))
+        for level in range(levels):
+            for p in range(level, SEEN):
+                factor = factorial(p) / factorial(p - level) / self.step**level
+                powers[:, level, p] = factor * inside ** (p - level)
+        return np.asarray(powers @ _pieces())
+
+
+@cache
+def _pieces() -> Array:
+    """Coefficients of the powers 0 to 5 in the weight of each of the six points, (6, 6)."""
+    rows = np.zeros((SEEN, SEEN))
+    for j in range(SEEN):  # sum of truncated powers, on the span DEGREE - j of the basic spline
+        for i in range(DEGREE - j + 1):
+            sign = (-1) ** i * comb(SEEN, i) / factorial(DEGREE)
+            for p in range(SEEN):
+                rows[p, j] += sign * comb(DEGREE, p) * float(DEGREE - j - i) ** (DEGREE - p)
+    return rows
+
+
+class Information:
+    """Information about the control points of a spline: a banded matrix, and a gradient.
+
+    Args:
+        points: Number of control points.
+        width: Number of unknowns of a control point.
+
+    Attributes:
+        matrix: Information matrix by rows, of row i the columns i - b to i with b = 6 width - 1,
+            (points width, 6 width).
+        gradient: Weighted residuals by unknown, (points width,).
+    """
+
+    def __init__(
+        self,
+        points: int,
+        width: int,
+    ) -> None:
+        self.points, self.width = points, width
+        self.matrix = np.zeros((points * width, SEEN * width))
+        self.gradient = np.zeros(points * width)
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the matrix by point and unknown, (points, width), a view."""
+        return self.matrix[:, -1].reshape(self.points, self.width)
+
+    def add(
+        self,
+        span: NDArray[np.int64],
+        rows: Array,
+        residual: Array,
+    ) -> None:
+        """Add measurements of unit variance.
+
+        Args:
+            span: Span of each sample, (N,) [-].
+            rows: Slopes of each sample over its standard deviation, (N, k, 6 width) [1/unit].
+            residual: Residuals over their standard deviation, (N, k) [-].
+        """
+        first, count, values, wide = span * self.width, *rows.shape
+        library = load_kernel("banded")
+        if library is not None:
+            arrays = (self.matrix, self.gradient, *map(np.ascontiguousarray, (rows, residual)))
+            library.banded_add(*_pointers(*arrays, first), *_sizes(count, values, wide))
+            return
+        i, j = np.tril_indices(wide)
+        for n in range(count):
+            self.matrix[first[n] + i, j - i + wide - 1] += (rows[n].T @ rows[n])[i, j]
+            self.gradient[first[n] : first[n] + wide] += rows[n].T @ residual[n]
+
+    def add_alike(
+        self,
+        product: Array,
+        scale: Array,
+        columns: slice,
+    ) -> None:
+        """Add the same matrix for each span, times a factor, to unknowns that are alike.
+
+        Args:
+            product: Symmetric matrix of the six points that a span sees, (6, 6) [1].
+            scale: Factor of each span and unknown, (spans, n).
+            columns: The n unknowns.
+        """
+        held = self.matrix.reshape(self.points, self.width, -1)
+        spans = len(scale)
+        for i in range(SEEN):
+            for j in range(i + 1):
+                held[i : i + spans, columns, self._offset(i, j)] += product[i, j] * scale
+
+    def solve(self) -> tuple[Array, BandedCovariance]:
+        """Change of the control points, (points, width), and their covariance.
+
+        Raises:
+            FilterDiverged: If the information is singular or not finite.
+        """
+        found = banded_inverse(self.matrix, self.gradient)
+        if found is None:
+            raise FilterDiverged(
+                "motion: the information about the motion is singular; state the noise of the "
+                "sensors (std) or a larger density",
+                Outcome.COVARIANCE_LOST,
+            )
+        change, inverse = found
+        return change.reshape(-1, self.width), BandedCovariance(self.points, self.width, inverse)
+
+    def _offset(
+        self,
+        i: int,
+        j: int,
+    ) -> int:
+        return (j - i) * self.width + SEEN * self.width - 1
+
+
+class BandedCovariance:
+    """Covariance of the control points of a spline, within six points of each other.
+
+    Args:
+        points: Number of control points.
+        width: Number of unknowns of a control point.
+        matrix: The covariance by rows, as that of `Information`, (points width, 6 width).
+    """
+
+    def __init__(
+        self,
+        points: int,
+        width: int,
+        matrix: Array,
+    ) -> None:
+        self.points, self.width, self.matrix = points, width, matrix
+
+    def variance(
+        self,
+        span: NDArray[np.int64],
+        rows: Array,
+    ) -> Array:
+        """Variance of linear functions of the points, (N, k).
+
+        Args:
+            span: Span of each sample, (N,) [-].
+            rows: Slopes of each sample over its standard deviation, (N, k, 6 width) [1/unit].
+        """
+        library = load_kernel("banded")
+        if library is None:
+            carried = rows @ self.of_spans(span)
+            return np.asarray(np.einsum("nkc,nkc->nk", carried, rows))
+        first, (count, values, wide) = span * self.width, rows.shape
+        found = np.empty((count, values))
+        arrays = (self.matrix, np.ascontiguousarray(rows), first, found)
+        library.banded_variance(*_pointers(*arrays), *_sizes(count, values, wide))
+        return found
+
+    def of_spans(self, span: NDArray[np.int64]) -> Array:
+        """Covariance of the six points of spans, (N, 6 width, 6 width)."""
+        wide = SEEN * self.width
+        rows, columns = np.tril_indices(wide)
+        found = np.empty((len(span), wide, wide))
+        first = span[:, None] * self.width
+        found[:, rows, columns] = self.matrix[first + rows, columns - rows + wide - 1]
+        found[:, columns, rows] = found[:, rows, columns]
+        return found
+
+    def trace(
+        self,
+        product: Array,
+        spans: int,
+    ) -> Array:
+        """Sum of the covariance of six points times a symmetric matrix, (spans, width).
+
+        Args:
+            product: Matrix, (6, 6) [1].
+            spans: Number of spans.
+        """
+        held = self.matrix.reshape(self.points, self.width, -1)
+        found = np.zeros((spans, self.width))
+        for i in range(SEEN):
+            for j in range(i + 1):
+                offset = (j - i) * self.width + SEEN * self.width - 1
+                found += product[i, j] * (2 - (i == j)) * held[i : i + spans, :, offset]
+        return found
+
+
+def _pointers(*arrays: NDArray[Any]) -> list[ctypes.c_void_p]:
+    return [ctypes.c_void_p(one.ctypes.data) for one in arrays]
+
+
+def _sizes(*sizes: int) -> list[ctypes.c_ssize_t]:
+    return [ctypes.c_ssize_t(one) for one in sizes]
+
+
+def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
+    """Solution of a banded system, and the inverse within the band; None if it is not definite.
+
+    Args:
+        matrix: Symmetric matrix A by rows, of row i the columns i - b to i, (size, b + 1).
+        vector: Right side, (size,).
+    """
+    library = load_kernel("banded")
+    if library is None:
+        return _inverse_in_python(matrix, vector)
+    band = matrix.shape[1] - 1
+    inverse, solution = np.array(matrix), np.array(vector)
+    memory = np.zeros_like(inverse), np.zeros(2 * (band + 1))
+    arrays = (inverse, solution, *memory)
+    failed = library.banded_inverse(*_pointers(*arrays), *_sizes(len(vector), band))
+    return None if failed else (solution, inverse)
+
+
+def _inverse_in_python(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
+    """Kernel `banded_inverse` without a compiler: the same by columns of the factor."""
+    size, wide = matrix.shape
+    try:
+        lower = cholesky_banded(np.array([_diagonal(matrix, k) for k in range(wide)]), lower=True)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    solution = cho_solve_banded((lower, True), vector)
+    square = np.zeros((size + wide, size + wide))
+    for j in range(size - 1, -1, -1):
+        here, pivot = slice(j + 1, j + wide), lower[0, j]
+        below = np.zeros(wide - 1)
+        count = min(wide, size - j) - 1
+        below[:count] = lower[1 : count + 1, j] / pivot
+        column = -square[here, here] @ below
+        square[here, j] = square[j, here] = column
+        square[j, j] = pivot**-2 - below @ column
+    inverse = np.zeros_like(matrix)
+    for k in range(wide):
+        inverse[k:, wide - 1 - k] = np.diagonal(square[:size, :size], k)
+    return solution, inverse
+
+
+def _diagonal(matrix: Array, k: int) -> Array:
+    """Diagonal number k below the main one of a matrix by rows, (size,), zeros at its end."""
+    entries = matrix[k:, matrix.shape[1] - 1 - k]
+    return np.pad(entries, (0, k))

@@ -1,0 +1,310 @@
+"""Frames of motion capture that contradict the others: swapped markers, outliers, held frames.
+
+Frames that follow each other steadily are a stretch; a jump ends it. The longest chain of stretches
+that continue each other is taken as the body, all other frames are left out. Neglected: a swap that
+turns the body by less than a few times what it turns between frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.spatial.transform import Rotation
+
+from patagium.sensing.motion.sensor_streams import Stream
+from patagium.sensing.sensors import from_quaternion
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_NEAR, _AROUND = 7, 41
+"""Steps over which a rate and the size of its errors are medians."""
+_SURPRISE = 8.0
+"""Median errors of a steady prediction beyond which a step is a jump."""
+_UNSTEADY = 0.4
+"""Share of its own length by which a step may differ from a steady one."""
+_LEAST = np.array([2e-2, 2e-3])
+"""Least length of a jump of attitude [rad] and position [m]."""
+_USUAL = 100.0
+"""Least jump over the median error of steady predictions of the whole log."""
+_MOST = np.array([0.7, np.inf])
+"""Length of a step of attitude [rad] and position [m] that is a jump in any motion."""
+_FEWEST = 3
+"""Fewest frames of a stretch that counts."""
+_BACK = 40
+"""Stretches over which a chain may leave out others."""
+_UNCLEAR = 1.5
+"""Rotation over a gap above which the way that the body turned is not known [rad]."""
+_LONGEST_GAP = 1.0
+"""Gap over which no motion is known without inertial units [s]."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Time in which sensors do not tell the motion, with the reason.
+
+    Attributes:
+        begin: Begin [s].
+        end: End [s].
+        reason: Reason in words.
+        frames: Number of samples left out.
+    """
+
+    begin: float
+    end: float
+    reason: str
+    frames: int
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Steps between frames that are seen.
+
+    Attributes:
+        time: Times of the frames, (N,) [s].
+        turns: Attitudes of the frames, N.
+        places: Positions of the frames, (N, 3) [m].
+        rates: Steady rate about each frame, attitude in its axes then position, (N, 6)
+            [rad/s, m/s].
+        slack: Length by which a step of attitude and position may differ from a steady one,
+            (N - 1, 2) [rad, m].
+        jumps: Whether each step is a jump, (N - 1,).
+    """
+
+    time: Array
+    turns: Rotation
+    places: Array
+    rates: Array
+    slack: Array
+    jumps: Bools
+
+
+def usable_frames(rows: Array) -> Bools:
+    """Whether each frame was seen: numbers, a quaternion, and not a repetition of the last, (N,).
+
+    Args:
+        rows: Positions [m] and quaternions, (N, 7).
+    """
+    finite: Bools = np.asarray(np.isfinite(rows).all(axis=1), bool)
+    finite &= np.linalg.norm(np.where(finite[:, None], rows[:, 3:], 0.0), axis=1) > 1e-3
+    held = np.zeros(len(rows), bool)
+    held[1:] = (rows[1:] == rows[:-1]).all(axis=1)
+    return np.asarray(finite & ~held if held[finite].mean() < 0.5 else finite)
+
+
+def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
+    """Whether each frame shows the body, (N,), and the stretches of frames that do not.
+
+    Args:
+        camera: Samples of motion capture.
+    """
+    seen = usable_frames(camera.rows)
+    finite = np.isfinite(camera.rows).all(axis=1)
+    found: list[Stretch] = []
+    held = int((finite & ~seen).sum())
+    if held:
+        begin, end = camera.time[finite & ~seen][[0, -1]]
+        found.append(
+            Stretch(
+                float(begin),
+                float(end),
+                "frames that repeat the last one",
+                held,
+            )
+        )
+    places = np.flatnonzero(seen)
+    if len(places) < 2 * _NEAR:
+        return seen, found
+    steps = _steps(camera.time[seen], camera.rows[seen])
+    ends = np.flatnonzero(steps.jumps)
+    first = np.concatenate([[0], ends + 1])
+    last = np.concatenate([ends, [len(places) - 1]])
+    chain = _longest_chain(steps, first, last)
+    used = np.zeros(len(camera.rows), bool)
+    for k in range(len(first)):
+        rows = places[first[k] : last[k] + 1]
+        if k in chain:
+            used[rows] = True
+    found += _left_out(camera.time, places, used)
+    return used, found
+
+
+def open_gaps(camera: Stream, used: Bools) -> list[tuple[float, float]]:
+    """Gaps between frames over which the way that the body turned is not known [s].
+
+    Args:
+        camera: Samples of motion capture.
+        used: Whether each frame counts, (N,).
+    """
+    time, rows = camera.time[used], camera.rows[used]
+    if len(time) < 2 * _NEAR:
+        return []
+    steps = _steps(time, rows)
+    span = np.diff(time)
+    rate = np.maximum(
+        np.linalg.norm(steps.rates[:-1, :3], axis=1), np.linalg.norm(steps.rates[1:, :3], axis=1)
+    )
+    wide = (span > 2.5 * np.median(span)) & ((rate * span > _UNCLEAR) | (span > _LONGEST_GAP))
+    return [(float(time[k]), float(time[k + 1])) for k in np.flatnonzero(wide)]
+
+
+def on_regular_clock(stream: Stream) -> Stream | None:
+    """Stream with stamps at equal steps, if its values are steadier so; else None.
+
+    Stamps that jitter although the sensor samples at equal steps make a steady motion look rough.
+
+    Args:
+        stream: Samples of a sensor.
+    """
+    step = _regular_step(stream.time)
+    if step is None:
+        return None
+    counts = np.rint((stream.time - stream.time[0]) / step)
+    if not (np.diff(counts) > 0).all():
+        return None
+    slope, offset = np.polyfit(counts, stream.time, 1)
+    regular = offset + slope * counts
+    late = stream.time - regular
+    if not 0.01 * step < late.std() < 0.5 * step:
+        return None
+    values = stream.rows
+    if values.shape[1] == 7:
+        seen = usable_frames(values)
+        values = np.where(seen[:, None], values, np.nan)
+        values[seen, 3:] *= _signs(values[seen, 3:])[:, None]
+    roughness = [_roughness(time, values) for time in (stream.time, regular)]
+    return replace(stream, time=regular) if roughness[1] < 0.9 * roughness[0] else None
+
+
+def _regular_step(time: Array) -> float | None:
+    """Step of a clock by which stamps count up, the mean of those that are no gaps [s]."""
+    steps = np.diff(time)
+    if len(steps) < 20:
+        return None
+    middle = float(np.median(steps))
+    near = steps[(steps > 0.3 * middle) & (steps < 1.7 * middle)]
+    step = float(near.mean())
+    for _ in range(3):  # a fit over ever more of the log
+        counts = np.rint((time - time[0]) / step)
+        step = float(np.polyfit(counts, time, 1)[0])
+    return step
+
+
+def _roughness(time: Array, values: Array) -> float:
+    """Median error of values as predicted from both neighbors, over all columns."""
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    error = np.abs(values[1:-1] - values[:-2] - share[:, None] * (values[2:] - values[:-2]))
+    near = (time[2:] - time[:-2]) < 3 * np.median(np.diff(time))
+    error = error[near]
+    known = np.isfinite(error).all(axis=1)
+    return float(np.median(np.linalg.norm(error[known], axis=1))) if known.any() else 0.0
+
+
+def _signs(quaternions: Array) -> Array:
+    """Signs that make neighboring quaternions alike, (N,)."""
+    along = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
+    return np.concatenate([[1.0], np.cumprod(np.where(along < 0, -1.0, 1.0))])
+
+
+def _steps(time: Array, rows: Array) -> _Steps:
+    """Steps between frames, and which are jumps."""
+    turns, places = from_quaternion(rows[:, 3:]), rows[:, :3]
+    span = np.diff(time)
+    moved = np.hstack([(turns[:-1].inv() * turns[1:]).as_rotvec(), np.diff(places, axis=0)])
+    rate = moved / span[:, None]
+    steady = median_filter(rate, size=(min(_NEAR, len(rate)), 1), mode="nearest")
+    apart = np.abs(moved - steady * span[:, None]).reshape(-1, 2, 3)
+    apart = np.linalg.norm(apart, axis=2)
+    length = np.linalg.norm((steady * span[:, None]).reshape(-1, 2, 3), axis=2)
+    usual = median_filter(apart, size=(min(_AROUND, len(rate)), 1), mode="nearest")
+    slack = np.minimum(_SURPRISE * usual, _USUAL * np.median(apart, axis=0))
+    slack = np.minimum(slack + _UNSTEADY * length + _LEAST, _MOST)
+    both = np.vstack([steady[:1], 0.5 * (steady[1:] + steady[:-1]), steady[-1:]])
+    return _Steps(
+        time,
+        turns,
+        places,
+        both,
+        slack,
+        (apart > slack).any(axis=1),
+    )
+
+
+def _longest_chain(
+    steps: _Steps,
+    first: Array,
+    last: Array,
+) -> set[int]:
+    """Numbers of the stretches of the chain with the most frames whose stretches continue."""
+    count = len(first)
+    score = (last - first + 1).astype(float)
+    score[score < _FEWEST] = -np.inf
+    best, before = score.copy(), np.full(count, -1)
+    for j in range(1, count):
+        for i in range(max(0, j - _BACK), j):
+            if best[i] + score[j] > best[j] and _continues(steps, int(last[i]), int(first[j])):
+                best[j], before[j] = best[i] + score[j], i
+    chain, k = set(), int(np.argmax(best))
+    while k >= 0:
+        chain.add(k)
+        k = int(before[k])
+    return chain
+
+
+def _continues(
+    steps: _Steps,
+    i: int,
+    j: int,
+) -> bool:
+    """Whether frame j may follow frame i: its pose is one that a steady motion leads to."""
+    span = steps.time[j] - steps.time[i]
+    before, after = steps.rates[max(0, i - 2)], steps.rates[min(len(steps.time) - 1, j + 2)]
+    mean, apart = 0.5 * (before + after), np.abs(after - before)
+    turned = (steps.turns[i].inv() * steps.turns[j]).as_rotvec()
+    half = (
+        steps.turns[i].inv() * steps.turns[j] * Rotation.from_rotvec(-mean[:3] * span)
+    ).as_rotvec()
+    moved = steps.places[j] - steps.places[i] - mean[3:] * span
+    errors = np.array(
+        [min(np.linalg.norm(half), np.linalg.norm(turned - mean[:3] * span)), np.linalg.norm(moved)]
+    )
+    lengths = np.array([np.linalg.norm(mean[:3]), np.linalg.norm(mean[3:])]) * span
+    change = np.array([np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])]) * span
+    usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
+    return bool((errors < np.minimum(usual + 0.5 * lengths + 0.5 * change, _MOST)).all())
+
+
+def _left_out(
+    time: Array,
+    places: NDArray[np.int64],
+    used: Bools,
+) -> list[Stretch]:
+    """Stretches of frames that were seen and are not used."""
+    bad = ~used[places]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        rows = places[begin:end]
+        word = (
+            "a pose that jumps away and back: markers swapped" if len(rows) > 1 else "one frame off"
+        )
+        if begin == 0 or end == len(places):
+            word = "a pose that nothing else confirms"
+        found.append(
+            Stretch(
+                float(time[rows[0]]),
+                float(time[rows[-1]]),
+                word,
+                len(rows),
+            )
+        )
+    return found
+
+
+def merged(stretches: Sequence[Stretch]) -> list[Stretch]:
+    """Stretches in order of time."""
+    return sorted(stretches, key=lambda one: one.begin)

@@ -1,0 +1,244 @@
+"""First guess of a motion, by interpolation of what encoders and cameras show.
+
+The attitude comes in closed form from the cameras' own; the density of the driving noise from the
+spectrum of each coordinate, a power law over white noise, by Whittle's likelihood.
+
+References:
+    Whittle (1953), Estimation and information in stationary time series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from patagium.robot import Robot
+from patagium.sensing.motion.frame_model import floating_base
+from patagium.sensing.motion.sensor_streams import (
+    CaptureModel,
+    Stream,
+    captured_motion,
+    encoded_coordinates,
+    first_camera,
+)
+from patagium.sensing.sensors import from_quaternion
+
+Array = NDArray[np.float64]
+
+_SEGMENT, _MOST_SEGMENTS = 128, 24
+"""Samples of a spectrum, and most spectra of a series."""
+_CORRELATIONS = (0.0, 0.2, 0.4, 0.55, 0.7)
+"""Correlations of neighboring samples that are tried."""
+_EVIDENCE = 4.0
+"""Gain of log-likelihood from which a correlation is believed."""
+_QUIET = 1e-12
+"""Least standard deviation of a series over which a spectrum is formed [unit]."""
+
+
+@dataclass(frozen=True)
+class FirstMotion:
+    """First guess of a motion.
+
+    Attributes:
+        values: Time (N,) [s] and values (N,) [m, rad] of each coordinate that was seen.
+        turned: Time (N,) [s] and rotation angles (N,) [rad] of each attitude coordinate.
+        attitude: Attitude over time; None without a floating body.
+    """
+
+    values: Mapping[int, tuple[Array, Array]]
+    turned: Mapping[int, tuple[Array, Array]]
+    attitude: Slerp | None
+
+    def at(
+        self,
+        times: Array,
+        columns: NDArray[np.int64],
+    ) -> tuple[Array, Rotation | None]:
+        """Values of columns at given times, (N, n) [m, rad], and the attitude; zero if unseen."""
+        found = np.zeros((len(times), len(columns)))
+        for k, column in enumerate(columns.tolist()):
+            if column in self.values:
+                found[:, k] = np.interp(times, *self.values[column])
+        if self.attitude is None:
+            return found, None
+        return found, self.attitude(np.clip(times, *self.attitude.times[[0, -1]]))
+
+    def density(
+        self,
+        columns: NDArray[np.int64],
+        order: int,
+    ) -> Array:
+        """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
+        known = {**self.values, **self.turned}
+        found = [
+            spectral_density(*known[column], order) if column in known else np.nan
+            for column in columns.tolist()
+        ]
+        return np.where(np.isfinite(found), found, np.nanmax([*found, 1e-6]))
+
+
+def first_motion(
+    robot: Robot,
+    streams: Sequence[Stream],
+    used: Mapping[str, NDArray[np.bool_]],
+) -> FirstMotion:
+    """First guess of a motion from encoders and the first cameras.
+
+    Args:
+        robot: The machine.
+        streams: Measurements.
+        used: Whether each sample counts, by name of the sensor, (N,) each.
+    """
+    values: dict[int, tuple[Array, Array]] = {}
+    turned: dict[int, tuple[Array, Array]] = {}
+    for column, (s, k) in encoded_coordinates(streams).items():
+        seen = np.isfinite(s.rows[:, k]) & used[s.name]
+        if seen.any():
+            values[column] = s.time[seen], s.rows[seen, k]
+    base, camera = floating_base(robot), first_camera(streams)
+    if base is None:
+        return FirstMotion(values, turned, None)
+    if camera is None or not isinstance(camera.model, CaptureModel):
+        still = Rotation.identity(2)
+        return FirstMotion(values, turned, Slerp(np.array([0.0, 1e-3]), still))
+    seen = np.isfinite(camera.rows).all(axis=1) & used[camera.name]
+    time, rows = camera.time[seen], camera.rows[seen]
+    levels = np.zeros((len(time), 3, robot.dof))
+    for column, series in values.items():
+        levels[:, 0, column] = np.interp(time, *series)
+    frame = camera.model.frame
+    _, guessed, _ = frame.poses(levels, Rotation.identity(len(time)))
+    attitude = from_quaternion(rows[:, 3:]) * guessed.inv()
+    place, _, _ = frame.poses(levels, attitude)
+    for k, column in enumerate(base.place):
+        values[column] = time, rows[:, k] - place[:, k]
+    _, angles = captured_motion(
+        Stream(
+            camera.name,
+            camera.model,
+            time,
+            rows,
+        )
+    )
+    for k, column in enumerate(base.turn):
+        turned[column] = time, angles[:, k]
+    return FirstMotion(values, turned, Slerp(time, attitude))
+
+
+def spectral_density(
+    time: Array,
+    values: Array,
+    order: int,
+) -> float:
+    """Density of the white noise that drives a derivative of a series [unit^2/s^(2 order - 1)].
+
+    Args:
+        time: Times of the samples, (N,) [s].
+        values: Samples, (N,) [unit].
+        order: Order of the derivative.
+    """
+    spectrum = _Spectrum.of(time, values)
+    if spectrum is None:
+        return float("nan")
+    misfit, density = spectrum.misfits(order, 0.0)
+    best = density[np.argmin(misfit.sum(axis=1).min(axis=0))]
+    return (
+        float(best)
+        if len(spectrum.power) == 1
+        else float(np.mean(density[np.argmin(misfit.min(axis=1), axis=1)]))
+    )
+
+
+def noise_correlation(
+    time: Array,
+    values: Array,
+    order: int,
+) -> float:
+    """Correlation of the noise of neighboring samples, most likely for all columns together [1].
+
+    Args:
+        time: Times of the samples, (N,) [s].
+        values: Samples, (N, k) [unit].
+        order: Order of the derivative of the motion that white noise drives.
+    """
+    spectra = [found for one in values.T if (found := _Spectrum.of(time, one)) is not None]
+    if not spectra:
+        return 0.0
+    misfits = [
+        sum(float(one.misfits(order, tried)[0].min(axis=2).sum(axis=0).min()) for one in spectra)
+        for tried in _CORRELATIONS
+    ]
+    best = int(np.argmin(misfits))
+    return _CORRELATIONS[best] if misfits[0] - misfits[best] > _EVIDENCE else 0.0
+
+
+@dataclass(frozen=True)
+class _Spectrum:
+    """Spectra of the stretches of a series without a gap.
+
+    Attributes:
+        power: Spectral density of each stretch, (S, F) [unit^2 s].
+        turn: Frequencies, (F,) [rad/s].
+        step: Time between samples [s].
+    """
+
+    power: Array
+    turn: Array
+    step: float
+
+    @classmethod
+    def of(
+        cls,
+        time: Array,
+        values: Array,
+    ) -> _Spectrum | None:
+        """Spectra of samples (N,); None if they are too few."""
+        step = float(np.median(np.diff(time)))
+        ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
+        runs = list(zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True))
+        longest = max(b - a for a, b in runs)
+        length = min(_SEGMENT, longest)
+        if length < 16:
+            return None
+        parts = []
+        for a, b in runs:
+            grid = np.arange(time[a], time[b - 1] + 0.5 * step, step)
+            whole = np.interp(grid, time[a:b], values[a:b])
+            parts.append(whole[: len(whole) // length * length].reshape(-1, length))
+        series = np.concatenate(parts)
+        series = series[:: -(-len(series) // _MOST_SEGMENTS)]
+        line = np.linspace(-1.0, 1.0, length)
+        window = np.hanning(length + 2)[1:-1]
+        series = series - series.mean(axis=1, keepdims=True)
+        series = series - (series @ line / (line @ line))[:, None] * line
+        power = np.abs(np.fft.rfft(series * window, axis=1)) ** 2 * step / (window @ window)
+        turn = 2 * np.pi * np.fft.rfftfreq(length, step)
+        return cls(
+            power[:, 3:-1], np.asarray(turn[3:-1], float), step
+        )  # the window mixes the lowest
+
+    def misfits(
+        self,
+        order: int,
+        correlation: float,
+    ) -> tuple[Array, Array]:
+        """Misfit by stretch, noise and density, (S, 5, 40), and the densities, (40,).
+
+        The model is density / w^(2 order) and noise with a correlation from sample to sample.
+        """
+        count = max(1, self.power.shape[1] // 3)
+        shape = (1 - correlation**2) / (
+            1 + correlation**2 - 2 * correlation * np.cos(self.turn * self.step)
+        )
+        floor = float(np.median((self.power / shape)[:, -count:].mean(axis=1)))
+        floor = max(floor, _QUIET**2 * self.step)
+        places = np.logspace(np.log10(0.3 * self.turn[0]), np.log10(self.turn[-1]), 40)
+        density = floor * places ** (2 * order)
+        noise = floor * np.array([0.5, 0.7, 1.0, 1.4, 2.0])
+        model = noise[:, None, None] * shape + density[:, None] / self.turn ** (2 * order)
+        misfit = np.log(model).sum(axis=-1) + np.einsum("sf,ndf->snd", self.power, 1 / model)
+        return misfit, density

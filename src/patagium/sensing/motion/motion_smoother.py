@@ -1,0 +1,617 @@
+"""Most likely motion of a robot given all samples of its sensors, with noise learned from them.
+
+A spline of the motion is fitted by Gauss-Newton steps, with white noise that drives a derivative of
+each coordinate as its prior. Each step also updates what the samples say about themselves: the
+density of the driving noise, by coordinate and by stretch of time; the noise of each sensor, with
+its correlation from sample to sample and its growth with speed where stamps jitter; and the weight
+of each sample, which falls where it contradicts all others. Neglected: the uncertainty of these
+numbers; correlation of a sensor's noise over times in which the robot moves.
+
+References:
+    MacKay (1992), Bayesian interpolation (update of noise by the number of well-determined
+    parameters); Barfoot (2017), State Estimation for Robotics, ch. 4 and 8 (trajectories with a
+    prior, attitude by small rotations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from patagium.robot import Robot
+from patagium.sensing.motion.banded import SEEN, Information, Knots
+from patagium.sensing.motion.frame_model import floating_base
+from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
+from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
+
+Array = NDArray[np.float64]
+
+_GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Places of two samples of a span whose mean square is that of a linear function."""
+_STIFF = 1e10
+"""Largest information of the prior over that of the samples about a control point."""
+_LOOSE = 20.0
+"""Least such ratio; below, the steps between knots are too long for the motion."""
+_FIRST_STEP = 2.0
+"""First time between knots over that between samples."""
+_SHORTEST_WINDOW = 0.2
+"""Shortest stretch of time with a density of its own [s]."""
+_MOST_STEPS, _ENOUGH = 30, 0.03
+"""Most Gauss-Newton steps; relative change of densities and noise at which they end."""
+_LEAST_KNOWN, _LIKE_OTHERS = 2.0, 0.33
+"""Least number of well-determined parameters of a coordinate, and least share of the largest such
+number of its body: what the samples do not show of a motion may still be there."""
+_PRIOR_COUNT = 20.0
+"""Values for which the stated noise of a sensor counts."""
+_UNKNOWN = (1e1, 3e1, 3e2)
+"""Standard deviation of position, rate and acceleration beyond the samples [m, rad, per s ...]."""
+_FREE = 6e5
+"""Density over a gap, times a power of its length, at which nothing is known in its middle."""
+_LONGEST_TURN = 0.5
+"""Longest change of a control point of the attitude in a step [rad]."""
+_FAR = 4.0
+"""Standard deviations beyond which a sample loses weight."""
+
+
+@dataclass
+class Samples:
+    """Samples of a sensor with what was learned about them.
+
+    Args:
+        stream: The samples.
+        used: Whether each sample counts, (N,).
+        correlation: Correlation of the noise from sample to sample of each part, (parts,) [1].
+
+    Attributes:
+        variance: Variance of the noise of each value, (k,) [square of its unit].
+        color: Density of the noise at low frequency over that of white noise, (parts,) [1].
+        jitter: Variance of the stamps as each part shows it, (parts,) [s^2].
+        weight: Weight of each sample, (N, parts) [1].
+        nis: Mean square of the residuals of each part over what is expected, (parts,) [1].
+    """
+
+    stream: Stream
+    used: NDArray[np.bool_]
+    correlation: tuple[float, ...]
+    variance: Array = field(init=False)
+    color: Array = field(init=False)
+    jitter: Array = field(init=False)
+    weight: Array = field(init=False)
+    nis: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.stream.model.parts)
+        self.variance = np.array(self.stream.model.variances, float)
+        correlation = np.array(self.correlation)
+        self.color, self.jitter = (1 + correlation) / (1 - correlation), np.zeros(count)
+        self.weight = np.ones((len(self.stream.time), count))
+        self.nis = np.ones(count)
+
+    def parts(self) -> list[tuple[int, Part, slice]]:
+        """Number, part and place among the values of each part."""
+        ends = np.cumsum([part.size for part in self.stream.model.parts]).tolist()
+        return [
+            (k, part, slice(end - part.size, end))
+            for k, (part, end) in enumerate(zip(self.stream.model.parts, ends, strict=True))
+        ]
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Noise and weights of each part as learned, JSON-able."""
+        return [
+            {
+                "part": part.name,
+                "unit": part.unit,
+                "std": float(np.sqrt(self.variance[place].mean())),
+                "correlation": float((self.color[k] - 1) / (self.color[k] + 1)),
+                "jitter": float(np.sqrt(self.jitter[k])),
+                "doubted": float((self.weight[self.used, k] < 0.5).mean()),
+                "nis": float(self.nis[k]),
+            }
+            for k, part, place in self.parts()
+        ]
+
+    def spread(self, rate: Array) -> Array:
+        """Variance of each value, (N, k), of samples whose values change at a rate, (N, k)."""
+        found = np.empty_like(rate)
+        for k, _, place in self.parts():
+            found[:, place] = (
+                self.variance[place] * self.color[k] + self.jitter[k] * rate[:, place] ** 2
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Samples linearized about a motion: residual (N, k), rows (N, k, 6 n), rate (N, k).
+
+    `placed`, (N, k, n), is the part of the slopes that belongs to the coordinates themselves.
+    """
+
+    point: SplinePoint
+    residual: Array
+    rows: Array
+    rate: Array
+    valid: NDArray[np.bool_]
+    placed: Array
+
+
+class Guess(Protocol):
+    """First guess of a motion."""
+
+    def at(
+        self,
+        times: Array,
+        columns: NDArray[np.int64],
+    ) -> tuple[Array, Rotation | None]:
+        """Values of columns at given times, (N, n) [m, rad], and the attitude."""
+        ...
+
+    def density(
+        self,
+        columns: NDArray[np.int64],
+        order: int,
+    ) -> Array:
+        """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """Motion that was fitted with other knots."""
+
+    spline: MotionSpline
+
+    def at(
+        self,
+        times: Array,
+        columns: NDArray[np.int64],
+    ) -> tuple[Array, Rotation | None]:
+        point = self.spline.at(times)
+        return point.levels[:, 0], point.attitude
+
+    def density(
+        self,
+        columns: NDArray[np.int64],
+        order: int,
+    ) -> Array:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class _Residuals:
+    """Residuals of a part, their leverage, rate and validity, (N, size) each."""
+
+    residual: Array
+    leverage: Array
+    rate: Array
+    valid: NDArray[np.bool_]
+
+
+def _learn_part(
+    one: Samples,
+    k: int,
+    part: Part,
+    place: slice,
+    found: _Residuals,
+    robust: bool,
+) -> float:
+    """Update noise, color, jitter and weights of a part; returns the largest relative change."""
+    valid, weight = found.valid, one.weight[:, k, None] * found.valid
+    base, rate = one.variance[place], found.rate**2
+    marginal = base + one.jitter[k] * rate
+    share = np.clip(
+        found.leverage * one.weight[:, k, None] / (marginal * one.color[k]), 0.0, 0.9999
+    )
+    lost = np.clip(share * one.color[k], 0.0, 0.98)  # of the noise, by following it
+    square = found.residual**2 / marginal
+    features = np.stack([np.broadcast_to(base, rate.shape) / marginal, rate / marginal])
+    normal = np.einsum(
+        "anc,bnc,nc->ab",
+        features,
+        features,
+        weight * (1 - lost),
+    )
+    right = np.einsum("anc,nc->a", features, weight * square)
+    stated = one.stream.model.variances[place]
+    if (stated > 1.01 * FLOOR[part.unit] ** 2).all():
+        normal[0, 0] += _PRIOR_COUNT
+        right[0] += _PRIOR_COUNT * float(np.mean(stated / base))
+    factor, jitter = right[0] / normal[0, 0], 0.0
+    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
+    if determinant > 0.05 * normal[0, 0] * normal[1, 1]:
+        both = np.array([normal[1, 1], -normal[0, 1]]) @ right / determinant
+        late = np.array([-normal[0, 1], normal[0, 0]]) @ right / determinant
+        if both > 0 and late > 0:
+            factor, jitter = float(both), float(late)
+    factor = float(np.clip(factor, 0.05, 20.0))
+    freedom = float(np.einsum("nc,nc->", weight, 1 - lost))
+    one.nis[k] = float(np.einsum("nc,nc->", weight, square)) / max(freedom, 1e-9)
+    one.variance[place] = np.maximum(base * factor, FLOOR[part.unit] ** 2)
+    one.jitter[k] = jitter
+    if robust:
+        size = np.maximum(valid.sum(axis=1), 1)
+        far = (np.where(valid, square, 0.0)).sum(axis=1)
+        limit = (_FAR + 0.2 * size) ** 2
+        one.weight[:, k] = (limit / np.maximum(far, limit)) ** 2
+    return abs(float(np.log(factor)))
+
+
+class MotionFit:
+    """Fit of the motion of some coordinates.
+
+    Args:
+        robot: The machine.
+        columns: Indices of the coordinates.
+        samples: Samples of the sensors that see them.
+        begin: Begin of the motion [s].
+        end: End of the motion [s].
+        order: Order of the derivative that white noise drives.
+        density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None to learn it.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        columns: Sequence[int],
+        samples: Sequence[Samples],
+        begin: float,
+        end: float,
+        order: int,
+        density: Array | None,
+    ) -> None:
+        self.robot, self.columns, self.order = robot, np.array(columns), order
+        self.samples, self.span, self.given = list(samples), (begin, end), density
+        base = floating_base(robot)
+        self.turn = None
+        if base is not None and set(base.turn) <= set(columns):
+            self.turn = np.searchsorted(self.columns, base.turn)
+        self.biases: dict[str, slice] = {}
+        self.width = len(self.columns)
+        for one in self.samples:
+            if one.stream.model.biases:
+                self.biases[one.stream.name] = slice(self.width, self.width + 6)
+                self.width += 6
+        self.gaps: list[tuple[float, float]] = []
+
+    def run(self, guess: Guess) -> None:
+        """Fit the motion.
+
+        Args:
+            guess: First motion.
+        """
+        shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
+        self._place(guess, shortest if self.biases else _FIRST_STEP * shortest)
+        settled = 0
+        for k in range(_MOST_STEPS):
+            moved = self._step(robust=k > 1)
+            settled += 1
+            if settled % 3:
+                continue
+            wanted = self.knots.step * (self._looseness() / _LOOSE) ** (1 / (2 * self.order))
+            wanted = max(wanted, shortest)
+            if wanted < 0.8 * self.knots.step or (wanted > 3 * self.knots.step and settled > 3):
+                self._place(_Fitted(self.spline), wanted)
+                settled = 0
+            elif moved < _ENOUGH:
+                return
+
+    def at(self, times: Array) -> tuple[Array, Array, Rotation | None]:
+        """Levels (M, 3, n), their covariance (M, 3 n, 3 n), and the attitude at given times.
+
+        Beyond the samples the pose is held, and nothing is known.
+        """
+        inside = np.clip(times, *self.span)
+        point, n = self.spline.at(inside), len(self.columns)
+        slope = np.zeros((len(times), 3 * n, 3, self.width))
+        slope[..., :n] = np.eye(3 * n).reshape(3 * n, 3, n)
+        rows = self.spline.rows(point, slope)
+        covariance = rows @ self.covariance.of_spans(point.span) @ np.swapaxes(rows, 1, 2)
+        beyond, places = np.flatnonzero(inside != times), np.arange(3 * n)
+        covariance[beyond[:, None], places, places] += np.repeat(_UNKNOWN, n) ** 2
+        return point.levels[:, :, :n], covariance, point.attitude
+
+    def _place(
+        self,
+        guess: Guess,
+        step: float,
+    ) -> None:
+        """Begin with knots at a step, and control points on a guess."""
+        begin, end = self.span
+        self.knots = Knots(begin, end, step)
+        at = np.clip(self.knots.centers, begin, end)
+        values, attitude = guess.at(at, self.columns)
+        points = np.zeros((self.knots.count, self.width))
+        points[:, : values.shape[1]] = values
+        turns = None
+        if self.turn is not None and attitude is not None:
+            points[:, self.turn] = 0.0
+            turns = attitude.as_quat()
+            sign = np.sign(np.einsum("ij,ij->i", turns[1:], turns[:-1]))
+            turns[1:] *= np.cumprod(np.where(sign == 0, 1.0, sign))[:, None]
+        self.spline = MotionSpline(
+            self.knots,
+            points,
+            self.turn,
+            turns,
+        )
+        middles = begin + self.knots.step * (np.arange(self.knots.spans) + 0.5)
+        count = max(1, int((end - begin) / max(_SHORTEST_WINDOW, 8 * self.knots.step)))
+        self.window = np.minimum((middles - begin) / (end - begin) * count, count - 1).astype(int)
+        self.open, self.bridging = np.zeros(self.knots.spans, bool), np.zeros(self.knots.spans)
+        for first, last in self.gaps:
+            inside = (middles > first) & (middles < last)
+            near = 3 * self.knots.step
+            self.open |= (middles > first - near) & (middles < last + near)
+            free = _FREE * (last - first) ** (1 - 2 * self.order)
+            self.bridging[inside] = np.maximum(self.bridging[inside], free)
+        if not hasattr(self, "density"):
+            self.density = (
+                guess.density(self.columns, self.order) if self.given is None else self.given
+            )
+        self.liveliness = np.ones((self.knots.spans, len(self.columns)))
+
+    def _step(self, robust: bool) -> float:
+        """One Gauss-Newton step; returns the largest relative change of what is learned."""
+        information = Information(self.knots.count, self.width)
+        linear = [self._linearized(one) for one in self.samples]
+        for one, found in zip(self.samples, linear, strict=True):
+            scale = self._scale(one, found)
+            information.add(
+                found.point.span, found.rows * scale[:, :, None], found.residual * scale
+            )
+        self.seen = information.diagonal.mean(axis=0)
+        self.placed = (
+            sum(
+                np.einsum("nkc,nk->c", found.placed**2, self._scale(one, found) ** 2)
+                for one, found in zip(self.samples, linear, strict=True)
+            )
+            / self.knots.count
+        )
+        drive = self._drive()
+        self._add_prior(information, drive)
+        information.diagonal[:] += self._loose()
+        change, self.covariance = information.solve()
+        if self.turn is not None:
+            length = np.linalg.norm(change[:, self.turn], axis=1, keepdims=True)
+            change[:, self.turn] *= np.minimum(1.0, _LONGEST_TURN / np.maximum(length, 1e-300))
+        self.spline = self.spline.moved(change)
+        moved = 0.0
+        for one, found in zip(self.samples, linear, strict=True):
+            moved = max(
+                moved,
+                self._learn_noise(
+                    one,
+                    found,
+                    change,
+                    robust,
+                ),
+            )
+        if self.given is None:
+            moved = max(moved, self._learn_density(drive))
+        return moved
+
+    def _linearized(self, one: Samples) -> _Linear:
+        stream = one.stream
+        point = self.spline.at(stream.time)
+        n = self.robot.dof
+        levels = np.zeros((len(stream.time), 3, n))
+        levels[:, :, self.columns] = point.levels[:, :, : len(self.columns)]
+        attitude = point.attitude
+        if attitude is None:
+            attitude = Rotation.identity(len(levels))
+        residual, slope = stream.model.residuals(levels, attitude, stream.rows)
+        used = slope.shape[2]
+        own = np.zeros((*slope.shape[:3], self.width))
+        own[..., : len(self.columns)] = slope[..., self.columns]
+        if stream.name in self.biases:
+            place = self.biases[stream.name]
+            own[:, :, 0, place] = np.eye(6)
+            residual = residual - point.levels[:, 0, place]
+        rate = np.einsum("nkc,nc->nk", slope[:, :, 0], levels[:, 1])
+        valid = np.isfinite(residual) & one.used[:, None]
+        residual = np.where(valid, residual, 0.0)
+        own = np.where(valid[:, :, None, None], own, 0.0)
+        if used > 1:  # accelerations and rates: how fast they change is not part of the levels
+            rate = np.zeros_like(rate)
+        return _Linear(
+            point,
+            residual,
+            self.spline.rows(point, own),
+            rate,
+            valid,
+            own[:, :, 0],
+        )
+
+    def _scale(
+        self,
+        one: Samples,
+        found: _Linear,
+    ) -> Array:
+        """Square roots of the weights of all values over their variance, (N, k)."""
+        spread = one.spread(found.rate)
+        for k, _, place in one.parts():
+            spread[:, place] /= np.maximum(one.weight[:, k, None], 1e-6)
+        return np.sqrt(1.0 / spread)
+
+    def _drive(self) -> Array:
+        """Density of the noise that drives each unknown on each span, (spans, width)."""
+        drive = np.empty((self.knots.spans, self.width))
+        n = len(self.columns)
+        pressure = self.knots.step ** (1 - 2 * self.order)
+        placed = np.where(self.placed > 0, self.placed, self.seen)[:n]
+        least = pressure / (_STIFF * np.maximum(placed, 1e-300))
+        drive[:, :n] = np.maximum(self.density * self.liveliness, least)
+        if self.turn is not None:
+            turned = drive[:, self.turn]
+            drive[:, self.turn] = np.maximum(turned, self.bridging[:, None])
+        for one in self.samples:
+            if one.stream.name in self.biases:
+                model = one.stream.model
+                walk = np.maximum(model.bias_walk, 1e-2 * model.bias_std) ** 2
+                drive[:, self.biases[one.stream.name]] = walk
+        return drive
+
+    def _loose(self) -> Array:
+        """Information that keeps a step finite where nothing is seen, by unknown, (width,)."""
+        loose = np.full(self.width, 1e-6)
+        if self.turn is not None:
+            loose[self.turn] = 1e-2
+        for one in self.samples:
+            if one.stream.name in self.biases:
+                loose[self.biases[one.stream.name]] = 1e-9
+        return loose
+
+    def _add_prior(
+        self,
+        information: Information,
+        drive: Array,
+    ) -> None:
+        times = (self.knots.begin + self.knots.step * (self._every()[:, None] + _GAUSS)).ravel()
+        here = slice(0, len(self.columns))
+        self.stiffness = self._add_smoothness(
+            information,
+            times,
+            drive,
+            here,
+            self.order,
+        )
+        first = self.knots.weights(np.array([self.knots.begin]), 1)[0, 0]
+        for one in self.samples:
+            if one.stream.name not in self.biases:
+                continue
+            place = self.biases[one.stream.name]
+            self._add_smoothness(
+                information,
+                times,
+                drive,
+                place,
+                1,
+            )
+            known = 1.0 / one.stream.model.bias_std**2
+            information.add_alike(np.outer(first, first), known[None], place)
+            pull = information.gradient.reshape(-1, self.width)
+            start = first @ self.spline.points[:SEEN, place]
+            pull[:SEEN, place] -= first[:, None] * (start * known)
+
+    def _every(self) -> NDArray[np.int64]:
+        return np.arange(self.knots.spans)
+
+    def _add_smoothness(
+        self,
+        information: Information,
+        times: Array,
+        drive: Array,
+        here: slice,
+        order: int,
+    ) -> Array:
+        """Add the prior of a derivative of some unknowns; returns its matrix for a span, (6, 6)."""
+        half = 0.5 * self.knots.step
+        _, value, slope = self.spline.driven(times, order)
+        weights = slope[:2, :, 0]
+        stiffness = half * weights.T @ weights
+        information.add_alike(stiffness, 1.0 / drive[:, here], here)
+        value = value.reshape(-1, 2, self.width)[:, :, here]
+        parts = half * np.einsum("gj,sgc->jsc", weights, value) / drive[:, here]
+        pull = information.gradient.reshape(-1, self.width)
+        for j in range(SEEN):
+            pull[j : j + self.knots.spans, here] -= parts[j]
+        return stiffness
+
+    def _learn_noise(
+        self,
+        one: Samples,
+        found: _Linear,
+        change: Array,
+        robust: bool,
+    ) -> float:
+        """Update the noise and the weights of a sensor; returns the largest relative change."""
+        seen = change[found.point.span[:, None] + np.arange(SEEN)].reshape(len(found.rows), -1)
+        residual = found.residual - np.einsum("nkc,nc->nk", found.rows, seen)
+        leverage = self.covariance.variance(found.point.span, found.rows)
+        moved = 0.0
+        for k, part, place in one.parts():
+            valid = found.valid[:, place]
+            if valid.sum() < 10:
+                continue
+            part_of = _Residuals(
+                residual[:, place],
+                leverage[:, place],
+                found.rate[:, place],
+                valid,
+            )
+            moved = max(moved, _learn_part(one, k, part, place, part_of, robust))
+        return moved
+
+    def _learn_density(self, drive: Array) -> float:
+        """Update the densities by the number of well-determined parameters."""
+        n, spans, step = len(self.columns), self.knots.spans, self.knots.step
+        times = (self.knots.begin + step * (np.arange(spans)[:, None] + _GAUSS)).ravel()
+        _, value, _ = self.spline.driven(times, self.order)
+        mean = 0.5 * step * (value.reshape(spans, 2, self.width)[:, :, :n] ** 2).sum(axis=1)
+        unsure = self.covariance.trace(self.stiffness, spans)[:, :n] / drive[:, :n]
+        known = np.clip(1.0 - unsure, 1e-6, 1.0)
+        mean[self.open], known[self.open] = 0.0, 0.0
+        count = np.maximum(known.sum(axis=0), 1e-9)
+        ratio = (mean / drive[:, :n]).sum(axis=0) / count
+        least = np.maximum(_LEAST_KNOWN, _LIKE_OTHERS * self._most_known(count)) / count
+        ratio = np.maximum(np.clip(ratio, 1e-3, 1e3), np.minimum(least, 1.5) ** self.order)
+        self._learn_liveliness(mean / drive[:, :n] / ratio, known)
+        self.density = self.density * ratio
+        return float(np.abs(np.log(ratio)).max()) / (2 * self.order)
+
+    def _most_known(self, count: Array) -> Array:
+        """Largest number of well-determined parameters among the columns of a body, (n,)."""
+        found = count.copy()
+        base = floating_base(self.robot)
+        if base is not None:
+            whole = [c for c, i in enumerate(self.columns) if i in (*base.place, *base.turn)]
+            found[whole] = count[whole].max(initial=0.0)
+        return found
+
+    def _learn_liveliness(
+        self,
+        share: Array,
+        known: Array,
+    ) -> None:
+        """Update how lively each stretch of time is, relative to the whole."""
+        count = self.window[-1] + 1
+        if count < 3:
+            return
+        for group in self._kinds():
+            sums = [
+                np.bincount(self.window, part[:, group].sum(axis=1), count)
+                for part in (share * self.liveliness[:, group[:1]], known)
+            ]
+            mixed = [
+                np.convolve(np.pad(part, 1, "edge"), [0.25, 0.5, 0.25], "valid") for part in sums
+            ]
+            level = (mixed[0] + 2.0) / (mixed[1] + 2.0)
+            self.liveliness[:, group] = np.clip(level, 1e-6, 1e6)[self.window, None]
+
+    def _kinds(self) -> list[list[int]]:
+        """Columns that are lively together: position, attitude, each joint."""
+        base = floating_base(self.robot)
+        places = self.columns.tolist()
+        kinds = (
+            []
+            if base is None
+            else [
+                [places.index(i) for i in part if i in places] for part in (base.place, base.turn)
+            ]
+        )
+        taken = {c for kind in kinds for c in kind}
+        return [kind for kind in kinds if kind] + [
+            [c] for c in range(len(places)) if c not in taken
+        ]
+
+    def _looseness(self) -> float:
+        """Least information of the prior over that of the samples about a control point."""
+        n = len(self.columns)
+        top = float(np.trace(self.stiffness))
+        live = self.density * self.liveliness.max(axis=0)
+        return float((top / (live * np.maximum(self.seen[:n], 1e-300))).min())
