@@ -22,7 +22,7 @@ def import_log(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="A CSV, Parquet, MAT, ULog or MCAP file, a ROS bag, or the parts of a recording."
+            help="A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
         ),
     ],
     mapping: Annotated[

@@ -24,7 +24,7 @@ def inspect(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="A CSV, Parquet, MAT, ULog or MCAP file, a ROS bag, or the parts of a recording."
+            help="A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
         ),
     ],
     topic: Annotated[

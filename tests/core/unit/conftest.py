@@ -232,6 +232,44 @@ def _part(kind: str, content: bytes) -> bytes:
     return struct.pack("<HB", len(content), ord(kind)) + content
 
 
+def write_dataflash(file: Path, count: int = 300) -> Path:
+    """A DataFlash log with two instances of IMU at 200 Hz, z down, and roll in centidegrees.
+
+    Its formats are those of ArduPilot's logger: FMT describes itself first.
+    """
+    formats = [
+        (128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", "<BB4s16s64s"),
+        (129, "UNIT", "QbZ", "TimeUS,Id,Label", "<Qb64s"),
+        (130, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds", "<QB16s16s"),
+        (131, "IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "<QB6f"),
+        (132, "ATT", "QcN", "TimeUS,Roll,Mode", "<Qh16s"),
+    ]
+    packed = {kind: struct.Struct(layout) for kind, *_, layout in formats}
+
+    def message(kind: int, *numbers: Any) -> bytes:
+        return b"\xa3\x95" + bytes([kind]) + packed[kind].pack(*numbers)
+
+    content = [
+        message(128, kind, packed[kind].size + 3, name.encode(), letters.encode(), columns.encode())
+        for kind, name, letters, columns, _ in formats
+    ]
+    units = {"s": "s", "E": "rad/s", "o": "m/s/s", "#": "instance", "d": "deg"}
+    content += [message(129, 0, ord(key), label.encode()) for key, label in units.items()]
+    content.append(message(130, 0, 131, b"s#EEEooo", b"F-000000"))
+    content.append(message(130, 0, 132, b"sd-", b"F0-"))
+    for k in range(count):
+        t = k * STEP * 1e-9
+        x, y, z = specific_force(t)
+        for instance in (0, 1):
+            numbers = (rolling(t) + instance, 0.0, 0.0, x, -y, -z)
+            content.append(message(131, k * STEP // 1000, instance, *numbers))
+        if k % 4 == 0:
+            degrees = round(1e2 * float(np.degrees(roll(t))))
+            content.append(message(132, k * STEP // 1000, degrees, b"LOITER"))
+    file.write_bytes(b"".join(content))
+    return file
+
+
 class Recordings(NamedTuple):
     """Writers of logs, and what the robot in them did."""
 
@@ -239,10 +277,13 @@ class Recordings(NamedTuple):
     ros2: Callable[..., Path] = write_ros2
     json: Callable[..., Path] = write_json
     ulog: Callable[..., Path] = write_ulog
+    dataflash: Callable[..., Path] = write_dataflash
     ros1_mcap: Callable[..., Path] = write_ros1_mcap
     protobuf: Callable[..., Path] = write_protobuf
     roll: Callable[[float], float] = roll
+    rolling: Callable[[float], float] = rolling
     climb: Callable[[float], float] = climb
+    specific_force: Callable[[float], tuple[float, float, float]] = specific_force
     count: int = COUNT
 
 

@@ -165,12 +165,14 @@ class ColumnError(LogError):
 
 
 @contextmanager
-def reading(path: Path, kind: str) -> Iterator[None]:
+def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> Iterator[None]:
     """Guard that turns errors of a reading library into a `LogError` of one sentence.
 
     Args:
         path: The file.
         kind: Format the file was taken for.
+        extra: Extra of the package that installs the library.
+        otherwise: Remedy without the library.
 
     Raises:
         LogError: If the library is missing, or fails in any way on a damaged file.
@@ -181,8 +183,8 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise
     except ModuleNotFoundError as problem:
         raise LogError(
-            f"{path}: reading {kind} needs the package {problem.name!r}: "
-            "pip install 'patagium[logs]'"
+            f"{path}: reading {kind} needs the package {(problem.name or '').partition('.')[0]!r}: "
+            f"pip install 'patagium[{extra}]'" + (f"; {otherwise}" if otherwise else "")
         ) from problem
     except Exception as problem:  # libraries raise their own, struct's, zlib's and Python's
         reason = " ".join(str(problem).split())[:300] or type(problem).__name__

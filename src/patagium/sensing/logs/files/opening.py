@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
+from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
 from patagium.sensing.logs.files.table_files import CsvFile, MatFile, ParquetFile, UlogFile
@@ -15,6 +16,7 @@ _SINGLE: dict[str, Callable[[Path], LogFile]] = {
     ".parquet": ParquetFile,
     ".ulg": UlogFile,
     ".mat": MatFile,
+    ".bin": ArdupilotFile,
 }
 _PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
     ".bag": BagFile,
@@ -27,13 +29,17 @@ _MAGIC = {
     b"\x89MCAP0\r\n": ".mcap",
     b"ULog\x01\x12\x35": ".ulg",
     b"PAR1": ".parquet",
+    b"\xa3\x95\x80\x80": ".bin",
     b"MATLAB 5.0 MAT": ".mat",
     b"MATLAB 7.3 MAT": ".mat",
     b"SQLite format 3": ".db3",
     b"\x89HDF\r\n": ".h5",
 }
 _TEXT = (".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz")
-_SUMMED_UP = "a CSV, Parquet, MAT, ULog (.ulg), ROS bag (.bag, .db3, its folder) or MCAP file"
+_SUMMED_UP = (
+    "a CSV, Parquet, MAT, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) or MCAP "
+    "file"
+)
 
 
 def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None = None) -> LogFile:
