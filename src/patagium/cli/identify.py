@@ -37,9 +37,14 @@ EXAMPLES = (
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
     "--prior-std 0.5 --measurement-std 0.05 --state learner.state",
     "patagium identify flight.nc --settings settings.yaml --report report.html",
+    "patagium identify flight.nc --settings settings.yaml --horizon 20ms --horizon 100ms",
     'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
     "--aero lifting-line --measurement-std 3e-4 --report report.html",
 )
+
+
+_FIRST = 0.01
+"""Span that scales a dense network where nothing repeats itself [s]."""
 
 
 @with_learner_options()
@@ -50,7 +55,19 @@ def identify(
         Path | None, typer.Option(help="Meaning of the columns or fields of another log (YAML).")
     ] = None,
     every: Annotated[
-        int | None, typer.Option(min=1, help="Use one sample in so many; 100 by default.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="Use one sample in so many; 100 by default. Each prediction sees the inputs of "
+            "its own sample: it is no forecast; see --horizon.",
+        ),
+    ] = None,
+    horizon: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Forecast the outputs so long ahead, such as 100ms, from samples up to a time "
+            "alone, beside rivals that know as much. May be repeated."
+        ),
     ] = None,
     estimate: EstimateOption = None,
     aero: AeroOption = None,
@@ -75,7 +92,8 @@ def identify(
 
     Each sample is predicted before it may be used; the score is the mean square error of
     these predictions over the variance of the output, compared with holding the last
-    used sample. Standard deviations and the learning rate have no default; `patagium tune`
+    used sample. These predictions see the measured inputs of their sample; --horizon scores a
+    true forecast. Standard deviations and the learning rate have no default; `patagium tune`
     finds them.
 
     With --state the learner goes on where it stopped, with the centers and scales it began
@@ -100,7 +118,7 @@ def identify(
         network = flight_network(flight, kind, layers, choice.activation)
     learner = resumed(choice.learner(network), state)
     learned = long or (flight if table is None else table)
-    result = _learned(learner, file, learned, every, state)
+    result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
@@ -120,7 +138,9 @@ def identify(
         raise typer.Exit(2)
 
 
-def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | None) -> Any:
+def _learned(
+    learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
+) -> Any:
     """Identification of a flight, a table or a long log; Ctrl-C keeps the state, if there is one.
 
     Raises:
@@ -141,10 +161,10 @@ def _learned(learner: Any, file: Path, learned: Any, every: int, state: Path | N
             with interrupted_between_samples(bar) if state else nullcontext(bar) as progress:
                 if isinstance(learned, LogRecord):
                     return identify_record(
-                        learned, learner, every=every, progress=progress, course=resume
+                        learned, learner, progress=progress, course=resume, **options
                     )
                 identify = identify_table if isinstance(learned, LogTable) else identify_flight
-                return identify(learned, learner, every=every, progress=progress)
+                return identify(learned, learner, progress=progress, **options)
         except Interrupted:
             if isinstance(learned, LogRecord):
                 typer.echo(f"The same command goes on from {resume}", err=True)
@@ -161,7 +181,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
         as_json: Whether a program reads them.
     """
     from patagium.cli.words import say_json, show_table
-    from patagium.learning.page import summary
+    from patagium.learning.page import forecast_tables, summary
     from patagium.learning.parameter_paths import parameter_table
     from patagium.report import Table
 
@@ -177,6 +197,8 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     names = [name for name in columns["NMSE"] if name not in scores["silent"]]
     rows = [[name, *(column.get(name) for column in columns.values())] for name in names]
     show_table(Table(["output", *columns], rows))
+    for table in forecast_tables(scores):
+        show_table(table)
     parameters = parameter_table(scores)
     if parameters is not None:
         show_table(parameters)
@@ -200,9 +222,9 @@ def flight_network(
 
 def _look(flight: Any) -> float:
     """One wingbeat, or the first 10 ms: the span that scales a dense network [s]."""
-    from patagium.learning.identify import flight_horizons
+    from patagium.simulation import gait_period
 
-    span = max(flight_horizons(flight).values())
+    span = gait_period(flight) or _FIRST
     typer.echo(f"Inputs and outputs are scaled by the first {span:.4g} s.", err=True)
     return span
 

@@ -6,7 +6,7 @@ Neglected: errors of the states; a flight's accelerations, too, are taken as the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -14,12 +14,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
+from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
+from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
@@ -30,11 +32,6 @@ from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
 
 Array = NDArray[np.float64]
-
-SHORT_HORIZON = 0.01
-"""Horizon always scored beside one wingbeat [s]."""
-HORIZONS = {"10ms": SHORT_HORIZON, "1s": 1.0}
-"""Spans predicted with frozen weights in a table unless others are asked for [s]."""
 
 
 @runtime_checkable
@@ -48,7 +45,7 @@ def identify(
     *,
     every: int = 100,
     inputs: Sequence[str] | None = None,
-    horizons: Mapping[str, float] | None = None,
+    horizons: Horizons = None,
     robot: Robot | None = None,
     progress: Progress | None = None,
 ) -> Identification:
@@ -64,8 +61,9 @@ def identify(
             sees the inputs and gives generalized forces, or what it says it measures.
         every: 100 to use one sample in 100.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
-        horizons: Label and length [s] of the spans to predict with frozen weights; None:
-            10 ms and one wingbeat of the flight's gait.
+        horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
+            as "100ms": the state of a robot in free flight is propagated by its equations with
+            the learned force; other inputs are held, or repeat their last wingbeat.
         robot: The machine; None for the one the flight carries.
         progress: Called now and then with samples done and samples in all.
 
@@ -78,15 +76,21 @@ def identify(
         ParameterError: If an input has no such name.
     """
     time, x, y, units = samples(flight, learner.network, inputs, robot)
+    motion, period = None, None
+    if horizons and not isinstance(flight, ForceSamples):
+        machine, period = robot_of(flight) if robot is None else robot, gait_period(flight)
+        motion = robot_motion(flight, machine, learner.network, inputs, period)
     return stream(
         learner,
         time,
         x,
         y,
         every=every,
-        horizons=flight_horizons(flight) if horizons is None else horizons,
+        horizons=horizons,
         units=units,
         std=stds(flight, learner.network),
+        motion=motion,
+        period=period,
         progress=progress,
     )
 
@@ -239,18 +243,6 @@ def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
 
 
-def flight_horizons(flight: xr.Dataset | ForceSamples) -> dict[str, float]:
-    """Horizons scored for a flight [s]: 10 ms, and one wingbeat of a periodic gait.
-
-    Args:
-        flight: Record whose attribute `gait` describes the gait, or measured forces.
-    """
-    if isinstance(flight, ForceSamples):
-        return {"10ms": SHORT_HORIZON}
-    period = gait_period(flight)
-    return {"10ms": SHORT_HORIZON} | ({} if period is None else {"beat": period})
-
-
 def network_for(
     table: LogTable, hidden: Sequence[int], activation: str = "softplus"
 ) -> DenseNetwork:
@@ -294,7 +286,7 @@ def identify_table(
     learner: Learner,
     *,
     every: int = 100,
-    horizons: Mapping[str, float] | None = None,
+    horizons: Horizons = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identification from a table, sample by sample; see `stream`.
@@ -303,8 +295,7 @@ def identify_table(
         table: The log.
         learner: What learns; it is changed.
         every: 100 to use one sample in 100.
-        horizons: Label and length [s] of the spans to predict with frozen weights; None:
-            10 ms and 1 s.
+        horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
     """
     result = stream(
@@ -313,7 +304,7 @@ def identify_table(
         table.x,
         table.y,
         every=every,
-        horizons=HORIZONS if horizons is None else horizons,
+        horizons=horizons,
         names=table.output_names,
         units=table.output_units,
         gaps=table.gaps,

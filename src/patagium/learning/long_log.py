@@ -2,8 +2,8 @@
 
 Each block ends right before a sample that is used, so predictions and updates are those of one
 stream over all samples. Learner and sums are kept after every block; a run that was interrupted,
-or killed, goes on from there. No horizon is scored across the end of a block, and of the record
-of predictions that of the last block remains.
+or killed, goes on from there. No forecast reaches across the end of a block, and each block's
+begin anew with what they know; of the record of predictions that of the last block remains.
 """
 
 from __future__ import annotations
@@ -19,13 +19,21 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import LogError, Outcome
-from patagium.learning.identify import HORIZONS
+from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.result import Identification
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import BlockRun, Progress, Samples, used_samples
+from patagium.learning.stream import (
+    BlockRun,
+    ForecastPlan,
+    Progress,
+    Samples,
+    forecast_scores,
+    forecasters,
+    used_samples,
+)
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole
@@ -34,7 +42,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
-_FORMAT = 3  # of the file that a run goes on from
+_FORMAT = 4  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 
@@ -43,7 +51,7 @@ def identify_record(
     learner: OnlineLearner,
     *,
     every: int = 100,
-    horizons: Mapping[str, float] | None = None,
+    horizons: Horizons = None,
     progress: Progress | None = None,
     course: Path | None = None,
     block: int = BLOCK,
@@ -54,8 +62,7 @@ def identify_record(
         record: The log, with inputs and outputs.
         learner: What learns; it is changed, or another goes on in its place: see the result.
         every: 100 to use one sample in 100.
-        horizons: Label and length [s] of the spans to predict with frozen weights; None:
-            10 ms and 1 s.
+        horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
         course: File to go on from, in which progress is kept; removed at the end.
         block: Samples a block, at most; at least ten times `every`.
@@ -67,8 +74,7 @@ def identify_record(
     Raises:
         LogError: If the log holds no samples, or `course` is of another log or learner.
     """
-    spans = dict(HORIZONS if horizons is None else horizons)
-    run = _LongRun(record, learner, every, spans, max(block, 10 * every), course)
+    run = _LongRun(record, learner, every, named_horizons(horizons), max(block, 10 * every), course)
     run.go(progress)
     return run.result()
 
@@ -89,7 +95,9 @@ class _LongRun:
         self.block, self.path = block, path
         names = record.of_role("output")
         self.step = float(np.median(np.diff(record.time(0, block))))
-        self.scorer, self.held = Scorer(names, horizons), np.zeros(len(names))
+        self.scorer, self.held = Scorer(names), np.zeros(len(names))
+        self.horizons = dict(horizons)
+        self.forecasts = [ForecastSums(label, one, names) for label, one in horizons.items()]
         self.begin, self.last, self.gaps, self.updates = 0, float("nan"), 0, 0
         self.final: tuple[BlockRun, xr.Dataset] | None = None
         self.memory = ModelMemory(learner.network)
@@ -126,6 +134,7 @@ class _LongRun:
             "gaps_found": f"{self.gaps} gap(s) longer than {self.record.gap:g} times the median "
             f"step of {self.step:.4g} s",
             **self.scorer.scores(),
+            **forecast_scores(self.forecasts),
             **run.facts(),
             "recorded": f"the last {len(record.time)} samples",
         }
@@ -150,7 +159,9 @@ class _LongRun:
             self.memory.states = None  # it begins anew after a gap
         self.gaps += len(gaps)
         samples = Samples(time[rows], table.x[rows], table.y[rows], gaps)
-        run = BlockRun(self.learner, samples, self.every, self.scorer.horizons, self.memory)
+        plan = ForecastPlan(None, None, total // 2 - begin)
+        watches = forecasters(self.learner, samples, self.every, self.forecasts, plan)
+        run = BlockRun(self.learner, samples, self.every, watches, self.memory)
         run.go(None if progress is None else lambda done, _: progress(begin + done, total))
         held = persistence(samples.y, run.used, self.held)
         run.score(self.scorer, held, begin, total // 2)
@@ -165,7 +176,7 @@ class _LongRun:
     def _mark(self) -> str:
         facts = self.record.path.stat()
         words = [
-            _FORMAT, facts.st_size, facts.st_mtime_ns, self.every, self.scorer.horizons,
+            _FORMAT, facts.st_size, facts.st_mtime_ns, self.every, self.horizons,
             self.block, self.learner.describe(),
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(words, sort_keys=True, default=str).encode()).hexdigest()
@@ -183,6 +194,7 @@ class _LongRun:
             "held": self.held,
             **self.memory.state(),
             **self.scorer.state(),
+            **{name: value for one in self.forecasts for name, value in one.state().items()},
         }
         np.savez(content, words=np.array(json.dumps(words)), **arrays)
         write_whole(self.path, content.getvalue())
@@ -209,6 +221,8 @@ class _LongRun:
         self.memory = ModelMemory(self.learner.network)
         self.memory.resume(sums)
         self.scorer.resume(sums)
+        for one in self.forecasts:
+            one.resume(sums)
 
     def _remove(self) -> None:
         if self.path is None:

@@ -34,8 +34,9 @@ def write_identification(
         replay: Address of the flight's replay, relative to the page, or None.
     """
     moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
+    forecasts = forecast_tables(scores)
     sections = [
-        PageSection("Scores", [*moving, _score_table(scores), *_remarks(scores)]),
+        PageSection("Scores", [*moving, _score_table(scores), *forecasts, *_remarks(scores)]),
         *_parameters(scores, record),
         PageSection("Predicted before it was used", [_prediction_picture(scores, record)]),
     ]
@@ -85,6 +86,39 @@ def summary(scores: Mapping[str, Any]) -> str:
     return f"{words} {scores['message']}".strip()
 
 
+def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
+    """Errors of the forecasts of each horizon beside their rivals.
+
+    Args:
+        scores: Of an `Identification`.
+    """
+    heads = {
+        "nmse": "forecast",
+        "held": "held output",
+        "average": "mean so far",
+        "last_beat": "a wingbeat before",
+        "least_squares": "linear least squares",
+    }
+    tables = []
+    for key in [name.removesuffix("_rule") for name in scores if name.endswith("_rule")]:
+        present = {head: scores.get(f"{key}_{name}_second_half") for name, head in heads.items()}
+        if not key.startswith("forecast_") or not all(present.values()):
+            continue
+        names = [name for name in scores["nmse"] if name not in scores["silent"]]
+        rows = [[name, *(each[name] for each in present.values() if each)] for name in names]
+        ahead = scores[f"{key}_seconds"]
+        tables.append(
+            Table(
+                ["output", *(f"{head} [1]" for head in heads.values())],
+                rows,
+                f"Forecast {ahead:g} s ahead from samples up to a time alone "
+                f"({scores[f'{key}_count']} times; {scores[f'{key}_rule']}): mean square error "
+                "over the variance of the output, second half.",
+            )
+        )
+    return tables
+
+
 def _score_table(scores: Mapping[str, Any]) -> Table:
     columns = {
         "NMSE, whole run": "nmse",
@@ -94,8 +128,8 @@ def _score_table(scores: Mapping[str, Any]) -> Table:
     for key in scores:
         if key.startswith("horizon_") and key.endswith("_nmse_second_half"):
             label = key.removeprefix("horizon_").removesuffix("_nmse_second_half")
-            columns[f"{label} ahead, second half"] = key
-            columns[f"{label} ahead, held"] = f"horizon_{label}_persistence_second_half"
+            columns[f"weights kept for {label}"] = key  # files of the release before
+            columns[f"held for {label}"] = f"horizon_{label}_persistence_second_half"
     if "coverage_by_output" in scores:
         columns["in the 95 % interval"] = "coverage_by_output"
     present = {head: scores[key] for head, key in columns.items() if key in scores}

@@ -250,23 +250,17 @@ class Scorer:
 
     Args:
         names: Names of the outputs, n_y.
-        horizons: Label and length [s] of the spans predicted with frozen weights.
 
     Attributes:
         samples: Number of samples predicted.
         checks: Number of samples at which the predicted interval was checked.
-        windows: Number of windows of each horizon.
-        lengths: Number of samples in a window of each horizon.
     """
 
-    def __init__(self, names: Sequence[str], horizons: Mapping[str, float] | None = None) -> None:
-        self.names, self.horizons = tuple(names), dict(horizons or {})
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
         outputs = len(self.names)
         self.samples, self.checks = 0, 0
-        self.windows = dict.fromkeys(self.horizons, 0)
-        self.lengths = dict.fromkeys(self.horizons, 0)
-        spans = ("", *(f"horizon_{label}" for label in self.horizons))
-        self._errors = {f"{s}{half}": ErrorSums(outputs) for s in spans for half in _HALVES}
+        self._errors = {half: ErrorSums(outputs) for half in _HALVES}
         self._intervals = {half: IntervalSums(outputs) for half in _HALVES}
         self._innovations = InnovationSums(outputs)
 
@@ -286,23 +280,9 @@ class Scorer:
             held: Persistence, (N, n_y) [unit of y].
             late: Samples of the second half, (N,) of bool.
         """
-        self._add("", y, prediction, held, late)
+        self._errors[_WHOLE].add(y, prediction, held)
+        self._errors[_LATE].add(y[late], prediction[late], held[late])
         self.samples += len(y)
-
-    def add_windows(
-        self, label: str, length: int, arrays: tuple[Array, Array, Array], late: Chosen
-    ) -> None:
-        """Count windows of a horizon.
-
-        Args:
-            label: Name of the horizon.
-            length: Number of samples in a window.
-            arrays: Measurement, prediction and persistence in the windows, (W length, n_y) each.
-            late: Samples of the second half, (W length,).
-        """
-        self.lengths[label] = length
-        self.windows[label] += len(arrays[0]) // length
-        self._add(f"horizon_{label}", *arrays, late)
 
     def add_checks(self, error: Array, std: Array, late: Chosen) -> None:
         """Count checks of the predicted interval.
@@ -332,22 +312,7 @@ class Scorer:
         scores: dict[str, Any] = {"silent": [name for name, silent in muted if silent]}
         if self.samples < 2:
             return scores
-        return scores | self._ratios("", "nmse") | self._ratios("", "persistence")
-
-    def horizon_scores(self) -> dict[str, Any]:
-        """Scores of each horizon, `horizon_<label>_nmse` and so on."""
-        scores: dict[str, Any] = {}
-        for label, duration in self.horizons.items():
-            key = f"horizon_{label}"
-            scores |= {
-                f"{key}_seconds": duration,
-                f"{key}_samples": self.lengths[label],
-                f"{key}_windows": self.windows[label],
-            }
-            if self.windows[label]:
-                scores |= self._ratios(key, f"{key}_nmse")
-                scores |= self._ratios(key, f"{key}_persistence")
-        return scores
+        return scores | self._ratios("nmse") | self._ratios("persistence")
 
     def interval_scores(self) -> dict[str, Any]:
         """Coverage and reliability of the predicted intervals."""
@@ -370,14 +335,13 @@ class Scorer:
         """All scores by name."""
         return {
             **self.error_scores(),
-            **self.horizon_scores(),
             **self.interval_scores(),
             **self.innovation_scores(),
         }
 
     def state(self) -> dict[str, Array]:
         """All sums as arrays by name."""
-        counts = [self.samples, self.checks, *self.windows.values(), *self.lengths.values()]
+        counts = [self.samples, self.checks]
         return {
             "counts": np.array([*counts, *(sums.unknown for sums in self._intervals.values())]),
             **{f"errors {name}": sums.sums for name, sums in self._errors.items()},
@@ -389,15 +353,13 @@ class Scorer:
         """Go on from sums.
 
         Args:
-            state: As `state` gave it, of the same outputs and horizons.
+            state: As `state` gave it, of the same outputs.
 
         Raises:
             KeyError: If a sum is missing.
         """
         counts = iter(state["counts"].tolist())
         self.samples, self.checks = next(counts), next(counts)
-        self.windows = {label: next(counts) for label in self.windows}
-        self.lengths = {label: next(counts) for label in self.lengths}
         for name, intervals in self._intervals.items():
             intervals.unknown, intervals.counts = next(counts), state[f"intervals {name}"].copy()
         for name, errors in self._errors.items():
@@ -405,16 +367,10 @@ class Scorer:
         for name in vars(self._innovations):
             setattr(self._innovations, name, state[f"innovations {name}"].copy())
 
-    def _add(self, span: str, y: Array, prediction: Array, held: Array, late: Chosen) -> None:
-        self._errors[f"{span}{_WHOLE}"].add(y, prediction, held)
-        self._errors[f"{span}{_LATE}"].add(y[late], prediction[late], held[late])
-
-    def _ratios(self, span: str, key: str) -> dict[str, Any]:
-        part = "persistence" if key.endswith("persistence") else "nmse"
+    def _ratios(self, part: str) -> dict[str, Any]:
         scores: dict[str, Any] = {}
-        for half in _HALVES:
-            values = getattr(self._errors[f"{span}{half}"], part)
-            scores |= span_scores(values, self.names, f"{key}{half}")
+        for half, errors in self._errors.items():
+            scores |= span_scores(getattr(errors, part), self.names, f"{part}{half}")
         return scores
 
 

@@ -3,16 +3,17 @@
 Flights, tables, blocks of long logs and trials of `tune` go through `prequential`; packets in
 Python share its step, `learn`. Sample k is predicted before it is used, by weights that saw
 earlier samples only. With one sample in `every` used, the weights hold for the `every` samples
-that follow, and all of them count; beside them stands the last used sample, held. A gap in time
-ends a hold interval, and no horizon, predicted with frozen weights and true states in, reaches
-across one.
+that follow, and all of them count; beside them stands the last used sample, held. These
+predictions see the measured inputs of their own sample and are no forecast, however few samples
+are used; a forecast sees samples up to its own time alone (`forecast`). A gap in time ends a hold
+interval, and no forecast reaches across one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, NamedTuple, Protocol, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.deprecation import renamed_arguments
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
+from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory, measured_inputs, replay
@@ -33,8 +35,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
-MOST_AHEAD = 40_000
-"""A horizon is scored over windows of about this many samples in all, spread evenly."""
 MOST_CHECKS = 500
 """The predicted interval is checked in at most this many hold intervals, spread evenly."""
 REMEDY = "scale inputs and outputs, lower the prior standard deviation or the learning rate"
@@ -89,51 +89,6 @@ def holds(used: Indices, count: int) -> Iterator[Hold]:
         begin = index + 1
     if begin < count:
         yield Hold(begin, count, learns=False)
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """Horizon: a span predicted with frozen weights.
-
-    Attributes:
-        label: Its name in the scores.
-        duration: Asked for [s].
-        length: Number of samples.
-        begins: First sample of each window.
-    """
-
-    label: str
-    duration: float
-    length: int
-    begins: Indices
-
-
-def plan_horizons(
-    durations: Mapping[str, float], time: NDArray[np.float64], used: Indices, gaps: Indices
-) -> tuple[Horizon, ...]:
-    """Windows that begin right after an update, do not cross a gap, and fit in the log.
-
-    Args:
-        durations: Label and length of each horizon [s].
-        time: (N,) [s].
-        used: Samples used for an update.
-        gaps: First sample after each gap.
-
-    Raises:
-        ParameterError: If a duration is not positive.
-    """
-    step = float(np.median(np.diff(time)))
-    planned = []
-    for label, duration in durations.items():
-        if not duration > 0:
-            raise ParameterError(f"horizon {label!r}", "a positive time [s]", duration)
-        length = max(1, round(duration / step))
-        begins = used + 1
-        begins = begins[begins + length <= len(time)]
-        inside = np.searchsorted(gaps, begins + length) - np.searchsorted(gaps, begins)
-        begins = begins[inside == 0]
-        planned.append(Horizon(label, duration, length, thin(begins, max(2, MOST_AHEAD // length))))
-    return tuple(planned)
 
 
 def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
@@ -273,6 +228,19 @@ def prequential(
         yield hold, update
 
 
+class Watch(Protocol):
+    """Observer of a run, which sees the learner before each interval is predicted."""
+
+    def before(self, begin: int, memory: ModelMemory) -> None:
+        """Look at the learner, which has seen the samples before an interval.
+
+        Args:
+            begin: First sample of the interval.
+            memory: Memory of the network at the sample before; it must stay there.
+        """
+        ...
+
+
 class BlockRun:
     """Run of a block of samples through the loop, with its predictions and updates.
 
@@ -280,7 +248,7 @@ class BlockRun:
         learner: What learns; it is changed.
         samples: The block.
         every: One sample in so many is used.
-        durations: Label and length [s] of the spans to predict with frozen weights.
+        watches: Observers, called before each interval is predicted.
         memory: Memory of the network after the block before, moved on; None to begin anew.
 
     Attributes:
@@ -298,14 +266,13 @@ class BlockRun:
         learner: Learner,
         samples: Samples,
         every: int,
-        durations: Mapping[str, float],
+        watches: Sequence[Watch] = (),
         memory: ModelMemory | None = None,
     ) -> None:
         self.learner, self.samples, self._memory = learner, samples, memory
+        self._watches = tuple(watches)
         count, outputs = samples.y.shape
         self.used = used_samples(count, every, samples.gaps)
-        self.horizons = plan_horizons(durations, samples.time, self.used, samples.gaps)
-        self.windows: dict[str, list[tuple[int, Array]]] = {h.label: [] for h in self.horizons}
         self.prediction = np.full((count, outputs), np.nan)
         shape = len(self.used), outputs
         self.updated = {name: np.full(shape[:n], np.nan) for name, n in UPDATED.items()}
@@ -316,7 +283,6 @@ class BlockRun:
         intervals = list(holds(self.used, count))
         chosen = zip(intervals, check_samples(intervals), strict=True)
         self._checked = {hold.begin: indices for hold, indices in chosen}
-        self._starts = {h.label: set(h.begins.tolist()) for h in self.horizons}
         most = int(MOST_ENTRIES / learner.network.size**2)
         looks = thin(np.arange(len(self.used)), min(MOST_VARIANCES, max(10, most)))
         self._looks = set(looks.tolist())
@@ -340,18 +306,15 @@ class BlockRun:
             self._stop(problem)
 
     def before(self, hold: Hold, memory: ModelMemory) -> None:
-        """Predict the horizons that begin with an interval, with frozen weights.
+        """Let the observers look at the learner before an interval.
 
         Args:
             hold: The interval.
-            memory: It stands at the interval's first sample, and stays there.
+            memory: It stands before the interval's first sample, and stays there.
         """
-        self._hold, weights = hold, self.learner.weights
-        for horizon in self.horizons:
-            if hold.begin in self._starts[horizon.label]:
-                rows = memory.ahead(hold.begin + horizon.length, weights)
-                ahead = self.learner.network.evaluate(rows, weights)
-                self.windows[horizon.label].append((hold.begin, ahead))
+        self._hold = hold
+        for watch in self._watches:
+            watch.before(hold.begin, memory)
 
     def predicted(self, hold: Hold, rows: Array) -> None:
         """Predict an interval, and check its predicted standard deviation at a few samples.
@@ -380,19 +343,11 @@ class BlockRun:
             held: Persistence, (N, n_y) [unit of y].
             begin: Number of samples in the blocks before.
             half: First sample of the second half, counted over all blocks; None where this
-                block is the whole log: half of what was reached, and half of each horizon.
+                block is the whole log: half of what was reached.
         """
         y, span = self.samples.y, slice(0, self.reached)
         late = begin + np.arange(len(y)) >= (self.reached // 2 if half is None else half)
         scorer.add_predictions(y[span], self.prediction[span], held[span], late[span])
-        for horizon in self.horizons:
-            windows, length = self.windows[horizon.label], horizon.length
-            begins = np.array([k for k, _ in windows], int)
-            rows = (begins[:, None] + np.arange(length)).ravel()
-            ahead = np.concatenate([np.empty((0, y.shape[1])), *(guess for _, guess in windows)])
-            arrays = y[rows], ahead, np.repeat(held[begins], length, axis=0)
-            second = np.arange(len(rows)) >= len(rows) // 2 if half is None else late[rows]
-            scorer.add_windows(horizon.label, length, arrays, second)
         if self.checks:
             checked = [one.sample for one in self.checks]
             error, std = (np.array([one[k] for one in self.checks]) for k in (1, 2))
@@ -462,12 +417,19 @@ class StreamOptions(TypedDict, total=False):
             NaN where y is. Learners without noise of the measurement leave it aside.
         names: Names of the outputs; without it the network's.
         units: Units of the outputs, for axes of figures; without it "1".
+        motion: Forecast of the inputs for the horizons; without it they are held, or their last
+            wingbeat is repeated.
+        period: Wingbeat for the horizons, where it is known beforehand [s].
+        watches: Observers of the run.
         progress: Called now and then with samples done and samples in all.
     """
 
     std: ArrayLike | None
     names: Sequence[str] | None
     units: Sequence[str] | None
+    motion: Motion | None
+    period: float | None
+    watches: Sequence[Watch]
     progress: Progress | None
 
 
@@ -479,7 +441,7 @@ def stream(
     y: ArrayLike,
     *,
     every: int,
-    horizons: Mapping[str, float] | None = None,
+    horizons: Horizons = None,
     gaps: ArrayLike = (),
     **options: Unpack[StreamOptions],
 ) -> Identification:
@@ -494,9 +456,11 @@ def stream(
         x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
         y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
-        horizons: Label and length [s] of the spans to predict with frozen weights.
+        horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
+            as "100ms" or seconds, one or several, or these by label; see `forecast`.
         gaps: First sample after each gap in time; see `find_gaps`.
-        **options: `std`, `names`, `units` and `progress`; see `StreamOptions`.
+        **options: `std`, `names`, `units`, `motion`, `period`, `watches` and `progress`; see
+            `StreamOptions`.
 
     Returns:
         Scores and predictions. If the learner diverged, those up to there, with `outcome`
@@ -507,9 +471,7 @@ def stream(
         LogError: If an input is not finite or time does not advance.
         TypeError: If there is no such option.
     """
-    unknown = set(options) - set(StreamOptions.__annotations__)
-    if unknown:
-        raise TypeError(f"stream() got an unexpected keyword argument {sorted(unknown)[0]!r}")
+    _check_options(options)
     samples = checked_samples(learner.network, (time, x, y), gaps, options.get("std"))
     outputs = samples.y.shape[1]
     names = tuple(options.get("names") or learner.network.output_names)
@@ -517,21 +479,84 @@ def stream(
     for word, given in (("names", names), ("units", units)):
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
-    run = BlockRun(learner, samples, every, horizons or {})
+    sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
+    plan = ForecastPlan(options.get("motion"), options.get("period"), len(samples.time) // 2)
+    watches = [*forecasters(learner, samples, every, sums, plan), *options.get("watches", ())]
+    run = BlockRun(learner, samples, every, watches)
     run.go(options.get("progress"))
-    held, scorer = persistence(samples.y, run.used), Scorer(names, horizons)
+    held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
-    scores: dict[str, Any] = {
-        "samples": len(samples.time),
-        "samples_predicted": run.reached,
-        "every": every,
-        "updates": run.updates,
-        "median_step": float(np.median(np.diff(samples.time))),
-        "gaps": len(samples.gaps),
+    scores = {
+        **_counts(run, every),
         **scorer.scores(),
+        **forecast_scores(sums),
         **run.facts(),
     }
     return Identification(scores, run.record(names, units, held), learner, run.outcome, run.message)
+
+
+def _check_options(options: StreamOptions) -> None:
+    """Refuse options that `stream` has not.
+
+    Raises:
+        TypeError: If there is one.
+    """
+    unknown = set(options) - set(StreamOptions.__annotations__)
+    if unknown:
+        raise TypeError(f"stream() got an unexpected keyword argument {sorted(unknown)[0]!r}")
+
+
+def _counts(run: BlockRun, every: int) -> dict[str, Any]:
+    """Numbers of samples, updates and gaps of a run that is a whole log, by name."""
+    time = run.samples.time
+    return {
+        "samples": len(time),
+        "samples_predicted": run.reached,
+        "every": every,
+        "updates": run.updates,
+        "median_step": float(np.median(np.diff(time))),
+        "gaps": len(run.samples.gaps),
+    }
+
+
+class ForecastPlan(NamedTuple):
+    """Knowledge of the forecasts of a block beside its samples.
+
+    Attributes:
+        motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
+        period: Wingbeat, where it is known beforehand [s].
+        half: First sample of the second half, counted from the block's first.
+    """
+
+    motion: Motion | None
+    period: float | None
+    half: int
+
+
+def forecasters(
+    learner: Learner, samples: Samples, every: int, sums: Sequence[ForecastSums], plan: ForecastPlan
+) -> list[Watch]:
+    """Observers that forecast a block, one for each horizon.
+
+    Args:
+        learner: Learner at work.
+        samples: The block.
+        every: One sample in so many is used.
+        sums: Errors of each horizon, which they count.
+        plan: What they know beside the samples.
+    """
+    used = used_samples(len(samples.time), every, samples.gaps)
+    log = samples.time, samples.x, samples.y
+    return [Forecaster(one, learner, log, used, samples.gaps, *plan) for one in sums]
+
+
+def forecast_scores(sums: Sequence[ForecastSums]) -> dict[str, Any]:
+    """Errors of all horizons by name.
+
+    Args:
+        sums: Errors of each horizon.
+    """
+    return {name: value for one in sums for name, value in one.scores().items()}
 
 
 def checked_samples(

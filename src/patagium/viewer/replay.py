@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
-from patagium.learning.identify import flight_horizons
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
@@ -27,7 +26,7 @@ from patagium.robot.attitude import body_rates
 from patagium.robot.drawing import strip_corners
 from patagium.robot.model import Body
 from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
-from patagium.simulation import carrier_of, robot_of
+from patagium.simulation import carrier_of, gait_period, robot_of
 from patagium.simulation.flight import Carrier
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
 
@@ -216,7 +215,7 @@ def replay_content(
     """Content of a page or a picture of a flight; see `replay` for arguments and errors."""
     robot = robot_of(flight)
     time = np.asarray(flight["time"].values, float)
-    period = _period(flight)
+    period = gait_period(flight)
     span = _span(time, start, end)
     carrier, main = carrier_of(flight), carried_body(robot)
     arms = 0 if carrier is None else len(carrier.arm.bodies) + 1
@@ -401,10 +400,6 @@ def _chosen(robot: Robot, force: Array) -> list[str]:
     order = [*("x", "z", "pitch"), *own, *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
     return [n for n in names if n not in _SIDEWAYS and not n.startswith("right_")][:_PLOTTED]
-
-
-def _period(flight: xr.Dataset) -> float | None:
-    return flight_horizons(flight).get("beat")
 
 
 def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | None) -> str:

@@ -83,7 +83,7 @@ def with_left_out_flight() -> Tuned:
 def error_on_unseen_gait(found: Tuned, trial: Trial) -> float:
     """NMSE of the worst output on a gait that no search has seen, by weights that stay."""
     learner = make_learner("cubature", network(), trial.values, found.best.learner.seed)
-    pt.identify(flown(*LEARNED), learner, every=10, horizons={})
+    pt.identify(flown(*LEARNED), learner, every=10)
     return float(pt.evaluate(flown(*UNSEEN), learner).scores["nmse_worst"])
 
 

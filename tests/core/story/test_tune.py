@@ -191,3 +191,18 @@ def test_what_cannot_be_asked_is_refused(
     answer = speak("tune", folder / "flight.nc", "--out", tmp_path / "s.yaml", *words)
     assert answer.code == 2
     assert said in " ".join(re.sub("[│╭╮╰╯─]", " ", answer.err).split())
+
+
+def test_identify_shows_a_forecast_and_says_what_is_none(folder: Path, speak: Speak) -> None:
+    words = ("identify", folder / "flight.nc", "--settings", folder / "settings.yaml")
+    answer = speak(*words, "--horizon", "10ms")
+    said = " ".join(answer.out.split())
+    assert answer.code == 0, answer.err
+    assert "Forecast 0.01 s ahead from samples up to a time alone" in said
+    assert "linear least squares [1]" in said and "propagated by the robot's equations" in said
+    scores = json.loads(speak(*words, "--horizon", "10 ms", "--json").out)
+    assert scores["forecast_10ms_count"] > 10 and scores["forecast_10ms_seconds"] == 0.01
+    assert speak(*words, "--horizon", "soon").code == 2
+    assert "it is no forecast" in " ".join(
+        re.sub("[│╭╮╰╯─]", " ", speak("identify", "--help").out).split()
+    )

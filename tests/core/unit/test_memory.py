@@ -13,7 +13,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.structure import blocks_of
 from patagium.learning.stream import stream
-from patagium.learning.tuning.likelihood import LogSamples
+from patagium.learning.tuning.likelihood import Flown, LogSamples
 from patagium.learning.tuning.likelihood import score_predictions as predict
 
 
@@ -129,7 +129,7 @@ def test_blocks_of_a_long_log_remember_those_before():
             return np.zeros(1)
 
     whole = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=1)
-    parts = identify_record(Record(), Clerk(), every=1, horizons={}, block=10)
+    parts = identify_record(Record(), Clerk(), every=1, block=10)
     count = parts.prediction.sizes["time"]
     assert count < 20  # the last block
     found = parts.prediction["prediction"].values
@@ -150,7 +150,7 @@ def test_what_lies_between_used_samples_is_foreseen_with():
 
     log = LogSamples(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
     y = np.arange(1.0, 5.0)[:, None]
-    predict(Clerk(), log, y, y > 0)
+    predict(Clerk(), Flown(log, y, y > 0, "a log"))
     assert np.array_equal(seen, network_inputs(LAG, WEIGHTS, TIME, SIGNAL)[::5])
 
 

@@ -26,18 +26,16 @@ def samples(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def scored(samples: dict[str, np.ndarray], cuts: list[int], saved: bool = False) -> dict[str, Any]:
-    scorer = Scorer(NAMES, {"h": 0.02})
+    scorer = Scorer(NAMES)
     for begin, end in zip([0, *cuts], [*cuts, COUNT], strict=True):
         part = {name: values[begin:end] for name, values in samples.items()}
         late = np.arange(begin, end) >= COUNT // 2
         scorer.add_predictions(part["y"], part["guess"], part["held"], late)
-        arrays = part["y"][:20], part["guess"][:20], part["held"][:20]
-        scorer.add_windows("h", 20, arrays, late[:20])
         scorer.add_checks(part["innovation"], part["std"], late)
         scorer.add_updates(part["innovation"], part["std"], part["nis"])
         if saved:
             kept = {name: value.copy() for name, value in scorer.state().items()}
-            scorer = Scorer(NAMES, {"h": 0.02})
+            scorer = Scorer(NAMES)
             scorer.resume(kept)
     return scorer.scores()
 
@@ -55,11 +53,7 @@ def close(found: Any, expected: Any, key: str = "") -> None:
 
 @pytest.mark.parametrize("saved", [False, True])
 def test_blocks_give_the_scores_of_all_samples(samples: dict[str, np.ndarray], saved: bool) -> None:
-    found = scored(samples, [100, 130, 640], saved)
-    whole = scored(samples, [])
-    windows = {key for key in found if key.startswith("horizon")}  # one a block
-    assert found["horizon_h_windows"] == 4 and whole["horizon_h_windows"] == 1
-    close(*({k: v for k, v in each.items() if k not in windows} for each in (found, whole)))
+    close(scored(samples, [100, 130, 640], saved), scored(samples, []))
 
 
 def test_sums_give_the_scores_of_arrays(samples: dict[str, np.ndarray]) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.result import load_identification
-from patagium.learning.stream import Hold, check_samples, holds, plan_horizons, stream, used_samples
+from patagium.learning.stream import Hold, check_samples, holds, stream, used_samples
 
 Array = NDArray[np.float64]
 
@@ -90,16 +90,6 @@ def test_every_must_be_positive() -> None:
         used_samples(10, 0)
 
 
-def test_horizons_begin_after_an_update_end_in_the_log_and_cross_no_gap() -> None:
-    time = np.arange(20) * 0.1
-    planned = plan_horizons({"h": 0.5}, time, used_samples(20, 4, [9]), np.array([9]))[0]
-    assert planned.length == 5
-    # used 0 4 8 9 13 17: from 5 and 9 the window would hold the jump to sample 9
-    assert planned.begins.tolist() == [1, 10, 14]
-    with pytest.raises(ParameterError, match="horizon 'h'"):
-        plan_horizons({"h": 0.0}, time, used_samples(20, 4), np.array([]))
-
-
 def test_interval_checks_see_all_distances_to_the_update() -> None:
     intervals = list(holds(used_samples(3000, 10), 3000))
     offsets = {
@@ -156,24 +146,6 @@ def test_scores_are_of_all_samples_and_persistence_is_beside() -> None:
     assert result.scores["nmse_second_half_mean"] < 0.02
     # white inputs: holding a sample doubles the variance
     assert result.scores["persistence_mean"] == pytest.approx(2.0, rel=0.25)
-
-
-def test_horizons_freeze_the_weights_after_an_update() -> None:
-    time, x, y = log(60)
-    result = stream(Kalman(3, 2), time, x, y, every=20, horizons={"long": 0.25})
-    plain, ahead, held, truth = Kalman(3, 2), [], [], []
-    for k in (0, 20):  # after 40 only 19 samples are left
-        plain.update(x[k], y[k])
-        ahead.append(plain.network.evaluate(x[k + 1 : k + 26], plain.weights))
-        held.append(np.repeat(y[k : k + 1], 25, axis=0))
-        truth.append(y[k + 1 : k + 26])
-    all_truth = np.concatenate(truth)
-    for key, guess in (("nmse", ahead), ("persistence", held)):
-        hand = ((all_truth - np.concatenate(guess)) ** 2).mean(axis=0) / all_truth.var(axis=0)
-        found = list(result.scores[f"horizon_long_{key}"].values())
-        np.testing.assert_allclose(found, hand, rtol=1e-12)
-    assert result.scores["horizon_long_windows"] == 2
-    assert result.scores["horizon_long_samples"] == 25
 
 
 def test_a_calibrated_filter_covers_ninety_five_percent() -> None:
@@ -288,4 +260,6 @@ def test_the_page_shows_scores_gaps_and_silence(tmp_path: Path) -> None:
     text = (tmp_path / "run.html").read_text(encoding="utf-8")
     for words in ("A run", "lift", "Silent, and left out of mean and worst: mute", "1 gap(s)"):
         assert words in text
-    assert "h ahead" in text and "one in 5 used" in text
+    assert (
+        "Forecast 0.05 s ahead from samples up to a time alone" in text and "one in 5 used" in text
+    )

@@ -10,12 +10,12 @@ import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError
 from patagium.learning.identify import (
     evaluate,
-    flight_horizons,
     identify,
     samples,
 )
 from patagium.learning.model_file import load_model, model_of, save_model
 from patagium.sensing.force.air_force import state_columns, training_data
+from patagium.simulation import gait_period
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,6 @@ def test_identify_streams_a_flight_and_evaluate_does_not_teach(flight: xr.Datase
     assert result.scores["updates"] == 51
     assert result.scores["silent"] == ["roll"]  # the flight is symmetric
     assert result.scores["nmse_mean"] < 0.3  # predicting the mean scores 1
-    assert result.scores["horizon_beat_seconds"] == pytest.approx(0.2, rel=1e-12)
     assert result.prediction["unit"].values.tolist() == ["N", "N m"]
     before = student.weights
     unseen = evaluate(flight, student, inputs=names)
@@ -101,7 +100,7 @@ def test_identify_streams_a_flight_and_evaluate_does_not_teach(flight: xr.Datase
 
 
 def test_the_whole_state_is_seen_unless_told(flight: xr.Dataset) -> None:
-    result = identify(flight, learner(28, ("z",)), every=50, horizons={})
+    result = identify(flight, learner(28, ("z",)), every=50)
     assert result.scores["updates"] == 6
 
 
@@ -114,17 +113,17 @@ def test_networks_that_do_not_fit_the_flight_are_refused(flight: xr.Dataset) -> 
         state_columns(pt.load_robot("aerobat"), ["plunge"])
 
 
-def test_horizons_follow_the_gait(flight: xr.Dataset) -> None:
-    assert flight_horizons(flight) == {"10ms": 0.01, "beat": pytest.approx(0.2)}
+def test_the_wingbeat_is_that_of_the_gait(flight: xr.Dataset) -> None:
+    assert gait_period(flight) == pytest.approx(0.2)
     told = flight.copy()
     for gait, beat in (
         ({"kind": "table", "time": [1.0, 1.1, 1.3]}, 0.3),
         ({"kind": "superposed", "parts": [{"frequency": 4.0}, {"frequency": 8.0}]}, 0.25),
     ):
         told.attrs = {"gait": json.dumps(gait)}
-        assert flight_horizons(told)["beat"] == pytest.approx(beat)
+        assert gait_period(told) == pytest.approx(beat)
     told.attrs = {"gait": json.dumps({"kind": "fourier", "frequency": 0.0})}
-    assert flight_horizons(told) == {"10ms": 0.01}
+    assert gait_period(told) is None
 
 
 def test_a_load_cell_is_a_linear_function_of_the_strip_forces(flight: xr.Dataset) -> None:

@@ -11,9 +11,8 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
-from patagium.learning.identify import flight_horizons
 from patagium.sensing import training_data
-from patagium.simulation import load_flight
+from patagium.simulation import gait_period, load_flight
 from patagium_lab.foreign import flights as foreign
 from patagium_lab.foreign.kinematics import GaitRange, JointRange, Wingbeat, draw_wingbeats
 from patagium_lab.foreign.mujoco_air import MujocoAir, free_flight, mounted_flight
@@ -63,7 +62,7 @@ def test_a_flight_on_a_mount_gives_back_the_force_of_mujoco() -> None:
     close(force, theirs)
     close(flight["aero_force"].values, theirs)
     assert not flight["u1"].values[:, robot.passive].any()
-    assert flight_horizons(flight)["beat"] == pytest.approx(1.0 / wingbeat.frequency)
+    assert gait_period(flight) == pytest.approx(1.0 / wingbeat.frequency)
 
 
 def test_the_air_of_mujoco_moves_with_its_wind() -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 import patagium as pt
+from patagium.learning.identify import samples
+from patagium.learning.stream import stream
+from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.reproduction.cases import FLIGHT_CASES, make_network
 from patagium_lab.reproduction.flights import corrected_flight
 
@@ -19,8 +22,10 @@ def flight():
 
 def ahead(flight, learner):
     """NMSE of frozen weights over 10 ms, second half: mean and worst; the same of persistence."""
-    horizons = {"10ms": 0.01}
-    scores = pt.identify(flight, learner, every=EVERY, horizons=horizons).scores
+    time, x, y, _ = samples(flight, learner.network)
+    spans = FrozenSpans({"10ms": 0.01}, learner, time, y, EVERY)
+    stream(learner, time, x, y, every=EVERY, watches=[spans])
+    scores = spans.scores()
     key = "horizon_10ms_{}_second_half_{}"
     return [scores[key.format(*k)] for k in WANTED]
 

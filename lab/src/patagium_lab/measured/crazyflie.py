@@ -23,11 +23,13 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
+from patagium.learning.stream import stream
 from patagium.report import PageSection
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.table import LogTable
+from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.measured.thrust import thrust_network_for
 
 EVERY = (1, 10, 100)
@@ -183,7 +185,11 @@ def _makers(table: LogTable) -> dict[str, Callable[[], Learner]]:
 def _row(
     table: LogTable, make: Callable[[], Learner], every: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    scores = identify_table(table, make(), every=every, horizons=HORIZONS).scores
+    learner = make()
+    spans = FrozenSpans(HORIZONS, learner, table.time, table.y, every, table.gaps)
+    log = table.time, table.x, table.y
+    found = stream(learner, *log, every=every, gaps=table.gaps, watches=[spans])
+    scores = found.scores | spans.scores()
     own: dict[str, Any] = {
         "coverage": scores["coverage"],
         "microseconds_per_update": 1e6 * scores["time_per_update"],
@@ -203,6 +209,6 @@ def _row(
 
 def _frozen(table: LogTable, learner: Learner, every: int, pause: int) -> float:
     """Error after a pause, of weights learned before it."""
-    identify_table(table.where(slice(pause)), learner, every=every, horizons={})
+    identify_table(table.where(slice(pause)), learner, every=every)
     unseen = evaluate_table(table.where(slice(pause, None)), learner, every=every)
     return float(unseen.scores["nmse_worst"])

@@ -21,6 +21,7 @@ from patagium.learning.model_file import Model
 from patagium.learning.result import Identification
 from patagium.learning.stream import stream
 from patagium.sensing.force.air_force import training_data
+from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.reproduction import flights
 from patagium_lab.reproduction.cases import (
     AS_RUN,
@@ -142,12 +143,13 @@ def run_trial(trial: Trial, folder: Path) -> TrialResult:
     interval = trial.every * float(np.median(np.diff(time)))
     learner = make_learner(case, trial.network, trial.learner, interval, trial.seed, trial.settings)
     prior = _largest_variance(learner)
-    horizons = {"10ms": 0.01, "beat": samples.beat}
-    result = stream(learner, time, x[:, columns], y, every=trial.every, horizons=horizons)
+    spans = FrozenSpans({"10ms": 0.01, "beat": samples.beat}, learner, time, y, trial.every)
+    result = stream(learner, time, x[:, columns], y, every=trial.every, watches=[spans])
+    found = result.scores | spans.scores()
     scores = {
         **trial.key(),
         "weights": learner.network.size,
-        **{key: value for key, value in result.scores.items() if key not in _LEFT_OUT},
+        **{key: value for key, value in found.items() if key not in _LEFT_OUT},
         "prior_variance": prior,
         "microseconds_per_update": 1e6 * result.scores["time_per_update"],
         "curve": learning_curve(result, trial.every),

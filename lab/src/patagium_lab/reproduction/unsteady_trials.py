@@ -17,6 +17,7 @@ import xarray as xr
 
 from patagium.learning.stream import stream
 from patagium.robot import load_robot
+from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.reproduction.flights import TIME_STEP, beat_frequency, summary, unseen_gaits
 from patagium_lab.reproduction.samples import Samples, load_samples, write_samples
 from patagium_lab.reproduction.trials import unseen_scores
@@ -135,14 +136,17 @@ def run_unsteady_trial(trial: UnsteadyTrial, folder: Path) -> UnsteadyResult:
     samples = load_samples(folder / f"unsteady_{trial.mount}.npz")
     candidate = CANDIDATES[trial.candidate]
     learner = candidate.make(load_robot("aerobat"), trial.every * TIME_STEP, trial.seed)
-    result = stream(learner, *samples.learned, every=trial.every, horizons={"10ms": 0.01})
+    time, _, y = samples.learned
+    spans = FrozenSpans({"10ms": 0.01}, learner, time, y, trial.every)
+    result = stream(learner, *samples.learned, every=trial.every, watches=[spans])
+    found = result.scores | spans.scores()
     unseen = unseen_scores(learner, dict(samples.unseen), 100)
     key = asdict(trial)
     keep = key.pop("keep")
     scores = {
         **key,
         "weights": learner.network.size,
-        **{key: value for key, value in result.scores.items() if key in _KEPT},
+        **{key: value for key, value in found.items() if key in _KEPT},
         "microseconds_per_update": 1e6 * result.scores["time_per_update"],
         "unseen": unseen,
         "seconds": process_time() - started,

@@ -87,7 +87,7 @@ def log_calibration(path: str | Path) -> dict[str, Any]:
         prior_share=1e-5,
         noise_estimation=NoiseEstimation(300),
     )
-    scores = identify_table(table, learner, every=1, horizons={}).scores
+    scores = identify_table(table, learner, every=1).scores
     return _row("Crazyflie log in flight, dense network", scores)
 
 

@@ -1,0 +1,411 @@
+"""Forecast of outputs a horizon ahead, from what is known at a time alone.
+
+At time t, after the sample there was learned, the output at t + h is predicted: the measured
+inputs are forecast by a `Motion` from samples up to t, and the network gives the output at them,
+with the weights of time t. Without a model of the robot every input goes on as it did before:
+it is held, or its last wingbeat is repeated from where it is now, whichever erred less at the
+samples up to t. Beside the forecast stand four rivals, which see the samples up to t as well:
+
+- the last measured output, held,
+- the mean of all outputs so far,
+- the output one wingbeat (or as many as the horizon needs) before t + h,
+- linear least squares of the output a horizon later on the inputs, the output and the output at
+  three times before.
+
+Neglected: commands that are known beforehand; the uncertainty of the forecast inputs.
+
+References:
+    Hyndman & Athanasopoulos (2021), Forecasting: principles and practice, ch. 5: naive and
+    seasonal naive forecasts; Taieb et al. (2012), A review and comparison of strategies for
+    multi-step ahead time series forecasting, Expert Syst. Appl. 39: the direct forecast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.learners.learner import Learner
+from patagium.learning.models.memory import ModelMemory
+from patagium.learning.models.network import Network
+from patagium.learning.scores import ErrorSums, persistence, span_scores
+from patagium.learning.wingbeats import duration, wingbeat_period
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Horizons = Mapping[str, float] | Sequence[float | str] | float | str | None
+
+MOST_FORECASTS = 100
+"""Number of times from which a horizon is forecast at most, spread evenly."""
+METHODS = ("nmse", "held", "average", "last_beat", "least_squares")
+"""Forecast and its rivals, by the last word of the names of their errors."""
+LAGS = 4
+"""Outputs that linear least squares sees: that at t, and those at times before."""
+_RIDGE = 1e-3  # of the mean square of each regressor
+_GROWTH = 1.25  # of the samples so far, after which the wingbeat is looked for anew
+_TESTS = 40  # earlier times at which holding and repeating an input are compared
+_LONGEST = 2e-3  # s, step of a forecast motion, ...
+_STEPS = 20  # ... of which a horizon has this many at least, if the log has them
+
+
+class FrozenModel(NamedTuple):
+    """Network with the weights and the memory of a time.
+
+    Attributes:
+        network: Network.
+        weights: Weights, (n,) [1].
+        memory: Memory at the last sample; a fork of it moves on.
+    """
+
+    network: Network
+    weights: Array
+    memory: ModelMemory
+
+    def fork(self) -> ModelMemory:
+        """Memory that goes on by itself."""
+        found = ModelMemory(self.network)
+        found.states = self.memory.states
+        return found
+
+    def predict(self, time: Array, x: Array) -> Array:
+        """Output at the end of forecast inputs, (n_y,) [unit of y].
+
+        Args:
+            time: Times after the last sample, (N,) [s].
+            x: Measured inputs at these, (N, n_measured) [units of x].
+        """
+        rows = self.fork().recall(self.weights, time, x)
+        return np.asarray(self.network.evaluate(rows[-1:], self.weights)[0])
+
+
+class Motion(Protocol):
+    """Forecast of the measured inputs of a network from samples up to one."""
+
+    def path(self, last: int, ahead: Array, model: FrozenModel) -> Array:
+        """Inputs at times after a sample, (N, n_measured) [units of x].
+
+        Args:
+            last: Sample from which on nothing is known.
+            ahead: Times after it, increasing, (N,) [s].
+            model: Model at the time of the sample.
+        """
+        ...
+
+    def rule(self) -> str:
+        """Rule of the last forecast, in words."""
+        ...
+
+
+class Repetition:
+    """Forecast of signals that go on as before: held, or their last wingbeat repeated.
+
+    A repeated signal goes on from where it is, so that one that drifts drifts on by as much.
+
+    Args:
+        time: Increasing, (N,) [s].
+        values: Signals, (N, k) [their units].
+        period: Wingbeat [s]; None to find it in the samples so far.
+    """
+
+    def __init__(self, time: Array, values: Array, period: float | None = None) -> None:
+        self._time, self._values = time, values
+        self._known, self._found, self._looked = period, period, 0
+        self._repeated = np.zeros(values.shape[1], bool)
+
+    def period(self, last: int) -> float | None:
+        """Wingbeat as the samples up to one show it [s]; None before there is one.
+
+        Args:
+            last: Sample from which on nothing is known.
+        """
+        begun = self._time[last] - self._time[0]
+        if self._known is not None:
+            return self._known if begun >= self._known else None
+        if last + 1 >= _GROWTH * self._looked:
+            self._looked = last + 1
+            seen = slice(0, last + 1)
+            self._found = wingbeat_period(self._time[seen], self._values[seen])
+        return self._found
+
+    def path(self, last: int, ahead: Array, model: FrozenModel | None = None) -> Array:
+        """Signals at times after a sample, (N, k) [their units]; see `Motion`."""
+        period = self.period(last)
+        now = self._values[last]
+        self._repeated = np.zeros(len(now), bool)
+        if period is None:
+            return np.tile(now, (len(ahead), 1))
+        self._repeated = self._repeats(last, float(ahead[-1]), period)
+        found = self.repeated(last, ahead, period)
+        return np.where(self._repeated, found, now)
+
+    def repeated(self, last: int, ahead: Array, period: float) -> Array:
+        """Signals that repeat their last wingbeats from where they are, (N, k) [their units].
+
+        Args:
+            last: Sample from which on nothing is known.
+            ahead: Times after it, (N,) [s].
+            period: Wingbeat [s].
+        """
+        beats = np.ceil(ahead / period - 1e-9) * period
+        now = self._time[last]
+        then = self._at(now + ahead - beats, last) - self._at(now - beats, last)
+        return np.asarray(self._values[last] + then)
+
+    def rule(self) -> str:
+        """Rule of the last forecast, in words; see `Motion`."""
+        count, whole = int(self._repeated.sum()), len(self._repeated)
+        if not count:
+            return "inputs held"
+        rest = "" if count == whole else f"; {whole - count} of {whole} inputs held"
+        return f"last wingbeat of the inputs repeated{rest}"
+
+    def beat_before(self, last: int, ahead: float, period: float) -> Array:
+        """Signals at a time ahead less as many wingbeats as needed, (k,) [their units].
+
+        Args:
+            last: Sample from which on nothing is known.
+            ahead: Time after it [s].
+            period: Wingbeat [s].
+        """
+        beats = ceil(ahead / period - 1e-9) * period
+        return np.asarray(self._at(self._time[[last]] + ahead - beats, last)[0])
+
+    def _at(self, times: Array, last: int) -> Array:
+        """Signals between samples up to one, (N, k); beyond these the nearest is taken."""
+        after = np.clip(np.searchsorted(self._time[: last + 1], times), 1, last)
+        begin, end = self._time[after - 1], self._time[after]
+        share = np.clip((times - begin) / (end - begin), 0.0, 1.0)[:, None]
+        return (1 - share) * self._values[after - 1] + share * self._values[after]
+
+    def _repeats(self, last: int, ahead: float, period: float) -> NDArray[np.bool_]:
+        """Whether repeating a signal erred less than holding it so far, (k,)."""
+        beats = ceil(ahead / period - 1e-9) * period
+        first, end = self._time[0] + beats, self._time[last] - ahead
+        if end < first:
+            return np.ones(self._values.shape[1], bool)
+        tests = np.linspace(first, end, _TESTS)
+        now, later, before, then = (
+            self._at(times, last)
+            for times in (tests, tests + ahead, tests - beats, tests + ahead - beats)
+        )
+        repeated = now + then - before
+        errors = [((guess - later) ** 2).sum(axis=0) for guess in (repeated, now)]
+        return np.asarray(errors[0] < errors[1])
+
+
+class _LeastSquares:
+    """Direct linear forecast of outputs, learned from pairs of samples up to one.
+
+    Args:
+        x: Inputs, (N, n_x) [units of x].
+        y: Outputs, all finite, (N, n_y) [unit of y].
+        lead: Samples between an output and the regressors.
+        lag: Samples between two lags.
+    """
+
+    def __init__(self, x: Array, y: Array, lead: int, lag: int) -> None:
+        self._x, self._y, self._lead, self._lag = x, y, lead, lag
+        self._done = (LAGS - 1) * lag  # first sample that has all its lags
+        size = 1 + x.shape[1] + LAGS * y.shape[1]
+        self._products = np.zeros((size, size))
+        self._targets = np.zeros((size, y.shape[1]))
+
+    def at(self, last: int) -> Array | None:
+        """Output a lead after a sample, (n_y,) [unit of y]; None before there are pairs.
+
+        Args:
+            last: Sample from which on nothing is known.
+        """
+        end = last - self._lead + 1
+        if end > self._done:
+            rows = np.arange(self._done, end)
+            known = self._regressors(rows)
+            self._products += known.T @ known
+            self._targets += known.T @ self._y[rows + self._lead]
+            self._done = end
+        if not self._products[0, 0]:
+            return None
+        size = np.sqrt(np.diagonal(self._products))
+        size = np.where(size > 0, size, 1.0)
+        scaled = self._products / np.outer(size, size) + _RIDGE * np.eye(len(size))
+        slopes = np.linalg.solve(scaled, self._targets / size[:, None]) / size[:, None]
+        return np.asarray((self._regressors(np.array([last])) @ slopes)[0])
+
+    def _regressors(self, rows: Indices) -> Array:
+        lagged = [self._y[rows - k * self._lag] for k in range(LAGS)]
+        return np.hstack([np.ones((len(rows), 1)), self._x[rows], *lagged])
+
+
+class ForecastSums:
+    """Errors of the forecasts of a horizon and of its rivals, over one log or its blocks.
+
+    Args:
+        label: Name of the horizon.
+        seconds: Its length [s].
+        names: Names of the outputs, n_y.
+    """
+
+    def __init__(self, label: str, seconds: float, names: Sequence[str]) -> None:
+        self.label, self.seconds, self._names = label, seconds, tuple(names)
+        self._sums = {
+            f"{method}{half}": ErrorSums(len(self._names))
+            for method in METHODS
+            for half in ("", "_second_half")
+        }
+        self.lead, self.count, self.lost, self.rule = 0, 0, 0, ""
+
+    def add(self, y: Array, guesses: Mapping[str, Array], late: bool) -> None:
+        """Count one forecast.
+
+        Args:
+            y: Output that was measured later, (n_y,) [unit of y].
+            guesses: Forecast of each of `METHODS`, (n_y,) [unit of y].
+            late: Whether it is in the second half.
+        """
+        self.count += 1
+        for method, guess in guesses.items():
+            for half in ("", *(("_second_half",) if late else ())):
+                self._sums[f"{method}{half}"].add(y[None], guess[None])
+
+    def scores(self) -> dict[str, Any]:
+        """Errors by name: `forecast_<label>_<method>`, whole and second half."""
+        key = f"forecast_{self.label}"
+        found: dict[str, Any] = {
+            f"{key}_seconds": self.seconds,
+            f"{key}_samples": self.lead,
+            f"{key}_count": self.count,
+            f"{key}_rule": self.rule,
+            f"{key}_lost": self.lost,
+        }
+        if self.count < 2:
+            return found
+        for name, sums in self._sums.items():
+            found |= span_scores(sums.nmse, self._names, f"{key}_{name}")
+        return found
+
+    def state(self) -> dict[str, Array]:
+        """All sums as arrays by name."""
+        key = f"forecast {self.label}"
+        counts = np.array([self.lead, self.count, self.lost])
+        sums = {f"{key} {name}": one.sums for name, one in self._sums.items()}
+        return {f"{key} counts": counts, **sums}
+
+    def resume(self, state: Mapping[str, Array]) -> None:
+        """Go on from sums.
+
+        Args:
+            state: As `state` gave it, of the same outputs.
+
+        Raises:
+            KeyError: If a sum is missing.
+        """
+        key = f"forecast {self.label}"
+        self.lead, self.count, self.lost = state[f"{key} counts"].tolist()
+        for name, one in self._sums.items():
+            one.sums = state[f"{key} {name}"].copy()
+
+
+class Forecaster:
+    """Forecasts of one horizon along a block of samples.
+
+    Args:
+        sums: What counts the errors.
+        learner: Learner at work.
+        log: Time (N,) [s], measured inputs x (N, n_measured) and outputs y (N, n_y).
+        used: Samples used for an update.
+        gaps: First sample after each gap, across which nothing is forecast.
+        motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
+        period: Wingbeat, where it is known beforehand [s].
+        half: First sample of the second half; it may be in another block.
+    """
+
+    def __init__(
+        self,
+        sums: ForecastSums,
+        learner: Learner,
+        log: tuple[Array, Array, Array],
+        used: Indices,
+        gaps: Indices,
+        motion: Motion | None,
+        period: float | None,
+        half: int,
+    ) -> None:
+        self._time, x, y = log
+        self._sums, self._learner, self._half = sums, learner, half
+        every = np.arange(len(y))
+        self._y, self._known = y, np.where(np.isfinite(y), y, persistence(y, every))
+        step = float(np.median(np.diff(self._time)))
+        self._lead = sums.lead = max(1, round(sums.seconds / step))
+        self._ahead = _grid(self._lead, step)
+        self._inputs = Repetition(self._time, x, period)
+        self._motion: Motion = self._inputs if motion is None else motion
+        self._outputs = Repetition(self._time, self._known, period)
+        self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
+        self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
+        last = used[used + self._lead < len(y)]
+        crossed = np.searchsorted(gaps, last + self._lead, "right")
+        last = last[crossed == np.searchsorted(gaps, last, "right")]
+        thinned = np.unique(np.linspace(0, len(last) - 1, MOST_FORECASTS).round().astype(int))
+        self._origins = set(last[thinned].tolist()) if len(last) else set()
+
+    def before(self, begin: int, memory: ModelMemory) -> None:
+        """Forecast from the sample before an interval, if it is one of those chosen.
+
+        Args:
+            begin: First sample of the interval.
+            memory: Memory of the network at the sample before it.
+        """
+        last = begin - 1
+        if last not in self._origins:
+            return
+        guesses = self._guesses(last, memory)
+        if guesses is not None:
+            self._sums.add(self._y[last + self._lead], guesses, last >= self._half)
+
+    def _guesses(self, last: int, memory: ModelMemory) -> dict[str, Array] | None:
+        """Forecast and rivals; None before linear least squares has anything to learn from."""
+        squares = self._squares.at(last)
+        if squares is None:
+            return None
+        network, weights = self._learner.network, self._learner.weights
+        model = FrozenModel(network, weights, memory)
+        x, motion = self._motion.path(last, self._ahead, model), self._motion
+        if not np.isfinite(x).all():
+            self._sums.lost += 1
+            x, motion = self._inputs.path(last, self._ahead, model), self._inputs
+        self._sums.rule = motion.rule()
+        period, held = self._inputs.period(last), self._known[last]
+        beat = held
+        if period is not None:
+            beat = self._outputs.beat_before(last, float(self._ahead[-1]), period)
+        guess = model.predict(self._time[last] + self._ahead, x)
+        found = (guess, held, self._mean[last], beat, squares)
+        return dict(zip(METHODS, found, strict=True))
+
+
+def _grid(lead: int, step: float) -> Array:
+    """Times of a forecast motion after its last sample, the last a lead later, (N,) [s]."""
+    count = min(lead, max(_STEPS, ceil(lead * step / _LONGEST)))
+    return np.asarray(np.arange(1, count + 1) * (lead * step / count), float)
+
+
+def named_horizons(horizons: Horizons) -> dict[str, float]:
+    """Label and length of each horizon [s].
+
+    Args:
+        horizons: Lengths by label; or one or several lengths, such as "100ms" or seconds.
+
+    Raises:
+        ParameterError: If one is no time or not positive.
+    """
+    if horizons is None:
+        return {}
+    if isinstance(horizons, Mapping):
+        return {name: duration(f"horizon {name!r}", one) for name, one in horizons.items()}
+    several = [horizons] if isinstance(horizons, (int, float, str)) else list(horizons)
+    lengths = [duration("horizon", one) for one in several]
+    return {f"{1e3 * one:g}ms" if one < 1 else f"{one:g}s": one for one in lengths}
