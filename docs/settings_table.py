@@ -45,7 +45,7 @@ def _row(path: str, one: Field[Any]) -> tuple[str, ...]:
     group = path.partition(".")[0] if "." in path else ""
     outer = {field.name: field for kind in RECORDS for field in settings_of(kind)}.get(group)
     space = meaning.search if outer is None else outer.metadata["meaning"].search
-    default = "off" if outer is not None else ""
+    default = "off" if outer is not None else meaning.found
     if one.default is not None:
         value = f"{one.default:g}" if isinstance(one.default, float) else str(one.default)
         default = f"off; {value}" if outer is not None else value

@@ -175,9 +175,10 @@ class _LongRun:
 
     def _mark(self) -> str:
         facts = self.record.path.stat()
+        learner = {k: value for k, value in self.learner.describe().items() if k != "found"}
         words = [
             _FORMAT, facts.st_size, facts.st_mtime_ns, self.every, self.horizons,
-            self.block, self.learner.describe(),
+            self.block, learner,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(words, sort_keys=True, default=str).encode()).hexdigest()
 

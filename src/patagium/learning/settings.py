@@ -63,7 +63,7 @@ class Meaning(NamedTuple):
         below: Whether the value must be below `high`.
         choices: What a setting that is no number may be.
         learners: Learners that have it.
-        needed: Whether a learner cannot do without it (but for what a network itself knows).
+        found: What takes the place of a value that nobody gave; empty: the default.
         search: Values that `tune` tries; None: it is not tuned.
         option: Word of the command line without its dashes, where it is not the name.
     """
@@ -76,7 +76,7 @@ class Meaning(NamedTuple):
     below: bool = False
     choices: tuple[Any, ...] = ()
     learners: tuple[str, ...] = FILTERS
-    needed: bool = False
+    found: str = ""
     search: LogRange | Alternatives | None = None
     option: str = ""
 
@@ -327,9 +327,10 @@ class FilterSettings:
 
     Args:
         prior_std: Standard deviation of each weight before any sample, divided by sqrt(fan-in) of
-            its neuron (biases: fan-in 1); one number or (n,) [1]. Weights of which the network has
-            its own (`GreyBox`) keep that; None: all have.
-        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y].
+            its neuron (biases: fan-in 1); one number or (n,) [1]; None: 1. Weights of which the
+            network has its own (`GreyBox`) keep that.
+        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
+            None: a tenth of each output's scale at first, then as `noise_estimation` says.
         process_std: Standard deviation by which each weight wanders between two samples, one
             number or (n,) [1]; not divided by anything.
         spread: kappa, distance of the cubature points [standard deviations]; None is sqrt(n), the
@@ -344,7 +345,8 @@ class FilterSettings:
         covariance: Structure of the covariance: "full", "layer", "node" or `LowRank(rank)`.
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances of the measurement follow the innovations, from
-            measurement_std on; None: it is known.
+            measurement_std on; None: it is known, or, where no measurement_std is given,
+            estimated with the default memory.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -357,7 +359,7 @@ class FilterSettings:
         low=0.0,
         above=True,
         learners=(*FILTERS, "linear"),
-        needed=True,
+        found="1, or what the network states of its weights",
         search=LogRange(0.03, 3.0),
     )
     measurement_std: Numbers | None = setting(
@@ -367,7 +369,7 @@ class FilterSettings:
         low=0.0,
         above=True,
         learners=(*FILTERS, "linear"),
-        needed=True,
+        found="a tenth of each output's scale at first, then estimated from the innovations",
         search=LogRange(1e-5, 1.0, per_output=True),
     )
     process_std: Numbers = setting(
@@ -376,6 +378,7 @@ class FilterSettings:
     spread: float | None = setting(
         None,
         "Cubature point spread, in standard deviations",
+        found="the square root of the number of weights, the cubature rule",
         low=0.0,
         above=True,
         learners=("cubature",),
@@ -475,7 +478,7 @@ class GradientSettings:
     """Settings of backpropagation, one step of Adam a sample.
 
     Args:
-        learning_rate: Step of Adam, in the unit of the weights.
+        learning_rate: Step of Adam, in the unit of the weights; None: 0.01.
         replay: How many earlier samples join each step.
 
     Raises:
@@ -488,7 +491,7 @@ class GradientSettings:
         low=0.0,
         above=True,
         learners=("gradient",),
-        needed=True,
+        found="0.01",
     )
     replay: int = setting(
         0,
@@ -507,8 +510,9 @@ class LinearSettings:
     """Settings of recursive least squares, linear or on random features.
 
     Args:
-        prior_std: Standard deviation of each weight before any sample.
-        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y].
+        prior_std: Standard deviation of each weight before any sample; None: 1.
+        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
+            None: found from the samples.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
         features: Number of random softplus features; 0: linear in the inputs.
 
@@ -614,21 +618,6 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
     return replace(RECORDS[learner]() if settings is None else settings, **values)
 
 
-def check_needed(learner: str, settings: Any) -> None:
-    """Refuse settings without a value that a learner cannot do without.
-
-    Args:
-        learner: Kind of the learner, a key of `RECORDS`.
-        settings: Its record.
-
-    Raises:
-        ParameterError: If one is missing.
-    """
-    for one in settings_of(learner):
-        if one.metadata["meaning"].needed and getattr(settings, one.name) is None:
-            raise ParameterError(one.name, f"a number for the {learner} learner", None)
-
-
 def learner_signature(learner: str) -> Signature:
     """Signature of the constructor of a learner, with every setting by its name.
 
@@ -660,7 +649,8 @@ def arguments_text(learner: str) -> str:
         meaning = one.metadata["meaning"]
         unit = "" if meaning.unit == "1" else f" [{meaning.unit}]"
         limits = "" if meaning.range == "a finite number" else f"; {meaning.range}"
-        text = f"{one.name}: {meaning.text}{unit}{limits}; {one.default!r} by default."
+        default = meaning.found or repr(one.default)
+        text = f"{one.name}: {meaning.text}{unit}{limits}; {default} by default."
         lines.append(fill(text, 92, initial_indent=" " * 8, subsequent_indent=" " * 12))
     return "\n".join(lines)
 

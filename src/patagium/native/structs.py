@@ -137,6 +137,11 @@ SCREENING = struct(
     int64_t *left_out: m
     double *past: window + reference
     double *stated: m: variance that this sample has on top, where the rest is estimated
+    double relative: standard deviation to start from over an output's scale; 0: it is known
+    double *offset: m: value of y that its scale is about
+    double *scale: m: mean square distance of the measurements from it so far
+    double *largest: m: largest scale that the noise grew with
+    int64_t *seen: m: samples of the channel so far
     """,
 )
 

@@ -216,8 +216,7 @@ def test_other_learners_stream_too(packets):
     options = {"prior_std": 0.3, "measurement_std": 3e-3}
     for learner in (
         pt.ExtendedLearner(network, **options, covariance="node"),
-        pt.GradientLearner(network, learning_rate=1e-3),
-        learner_of(network, process_std=1e-4),
+        pt.GradientLearner(network),
     ):
         pipeline = Pipeline(learner, robot)
         records = pipeline.run(packets[:10])

@@ -168,5 +168,3 @@ def test_wrong_shapes_are_named():
         learner_of().update(np.zeros(2), np.zeros(2))
     with pytest.raises(ShapeError, match="y: expected"):
         learner_of().update(np.zeros(3), np.zeros(3))
-    with pytest.raises(ParameterError, match="prior_std: expected positive numbers"):
-        pt.CubatureLearner(pt.DenseNetwork(3, (4,), 2), measurement_std=1.0)

@@ -253,7 +253,6 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         ),
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
-        ("prior_std: 0.5, ", "", "learner: prior_std: expected, but not there"),
         (": 0.5", ": wide", "prior_std: expected "),
         ("{rank: 2}", "square", 'covariance: expected "full", "layer", "node"'),
         (

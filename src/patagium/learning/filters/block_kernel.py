@@ -33,7 +33,7 @@ from patagium.learning.filters.low_rank import LOW_RANK
 from patagium.learning.filters.low_rank_kernel import compiled_low_rank
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost
-from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
@@ -107,7 +107,7 @@ class BlockKernel:
     def __init__(self, name: str, numbers: FilterNumbers) -> None:
         library: Any = _library(name, numbers.dtype)
         self._neurons, self._numbers = name == "node", numbers
-        self.screen = Screen(numbers.noise, numbers.settings)
+        self.screen = new_screen(numbers)
         self._blocks, self._lanes = blocks_in(numbers), int(getattr(library, f"{name}_lanes")())
         layout = _neuron_arrays if self._neurons else _panel_arrays
         self._arrays = layout(numbers, self._lanes) | _sample_arrays(numbers)

@@ -79,6 +79,7 @@ def screening_memory(screen: Screen) -> Any:
         limit=screen.limit,
         share=screen.share,
         ratio=screen.monitor.ratio,
+        relative=screen.relative,
         **addresses(arrays),
     )
 

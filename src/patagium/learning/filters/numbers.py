@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, Numbers, Structure
+from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
 
 Array = NDArray[np.float64]
+
+
+PRIOR = 1.0
+"""Standard deviation of a dimensionless weight that nobody states [1]."""
 
 
 class SpreadRule(NamedTuple):
@@ -66,7 +70,8 @@ class FilterNumbers(NamedTuple):
         settings: Settings that the numbers follow from.
         linear: Whether the network is taken as linear around the weights: no cubature points.
         rule: Distances and gains of the cubature points.
-        noise: Variances of the measurement before any sample, (n_y,) [y^2].
+        noise: Variances of the measurement before any sample, (n_y,) [y^2]; NaN: found from the
+            samples.
         prior_variance: Variances of the weights before any sample, (n,).
         process_noise: Variances added to the weights before each sample, (n,).
         forgetting_factor: Factor that divides the covariance before each sample.
@@ -111,8 +116,11 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
         ShapeError: If a standard deviation has another shape.
     """
     if settings.measurement_std is None:
-        raise ParameterError("measurement_std", "standard deviations of the measurement", None)
-    noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
+        noise = np.full(network.outputs, np.nan)
+        estimation = settings.noise_estimation or NoiseEstimation()
+        settings = replace(settings, noise_estimation=estimation)
+    else:
+        noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
     linear = learner == "extended"
     if linear:
         settings = replace(settings, spread=None, square_root="transform", dtype="float64")
@@ -146,11 +154,7 @@ def compact_settings(numbers: FilterNumbers) -> FilterSettings:
 def _prior_variance(network: Network, std: Numbers | None) -> Array:
     """Diagonal of P0, (n,): of the network where it knows it itself."""
     own = own_prior(network)
-    if std is None and np.isnan(own).any():
-        raise ParameterError("prior_std", "positive numbers", None)
-    if std is None:
-        return np.asarray(own**2)
-    stated = scale_of("prior_std", std, network.size)
+    stated = scale_of("prior_std", PRIOR if std is None else std, network.size)
     return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
 
 

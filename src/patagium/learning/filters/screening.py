@@ -16,10 +16,11 @@ from math import inf, isfinite, isnan
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.errors import Outcome
+from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
 from patagium.learning.settings import ChangeDetection, FilterSettings
 
@@ -41,10 +42,21 @@ REFUSALS = {
 
 _CLOCK_RUN, _FAR, _FIRST_MEMORY = 10, 1e6, 9  # as in screening.h
 _LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
+RELATIVE_NOISE = 0.1
+"""Standard deviation of the noise to start from, over the scale of the output [1]."""
+FIRST_SAMPLES = 20
+"""Samples of an output whose noise is a share of its scale; it is estimated from then on."""
+_LEAST_NOISE = 1e-6  # variance that is found, at least, over the square of the scale
+_LEAST_SCALE = 1e-2  # square of a scale, at least, over the network's own
 _STAMP, _LAST_STAMP, _LATE_STAMP, _RECENT, _BEFORE = range(5)  # of `numbers`
 _LATE_RUN, _FILLED, _PLACE, _ALARM, _LEARNED = range(5)  # of `whole`
-_PARTS = ("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last")
-_MARKS = ("still", "moved", "left_out")
+_PARTS = (
+    *("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last"),
+    *("offset", "scale", "largest"),
+)
+_MARKS = ("still", "moved", "left_out", "seen")
+NEWER = ("offset", "scale", "largest", "seen")
+"""Arrays that files of earlier releases do not hold: there the noise was always given."""
 
 
 class Screened(NamedTuple):
@@ -122,12 +134,20 @@ class ChangeMonitor:
 class Screen:
     """Memory of the screening between samples: arrays that the kernels share.
 
+    Where the noise is found, it starts as a share of each output's scale, the root of its mean
+    square so far, or a tenth of the network's own scale where that is larger. It grows with the
+    scale, and follows the innovations after the first samples.
+
     Args:
-        noise: Variances of the measurement to start from, (n_y,) [y^2].
+        noise: Variances of the measurement to start from, (n_y,) [y^2]; NaN where they are found
+            from the samples.
         settings: Settings of a filter, of which its three groups are read.
+        offset: Value of y that the scale of each output is about, scalar or (n_y,) [unit of y].
     """
 
-    def __init__(self, noise: Array, settings: FilterSettings | None = None) -> None:
+    def __init__(
+        self, noise: Array, settings: FilterSettings | None = None, offset: ArrayLike = 0.0
+    ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
         screening, noise_estimation = chosen.screening, chosen.noise_estimation
         self.limit = inf if screening is None else screening.outlier_std
@@ -141,8 +161,10 @@ class Screen:
         self.marks = {name: np.zeros(channels, np.int64) for name in _MARKS}
         self.parts["noise"][:] = noise
         self.parts["steady"][:] = self.parts["loaded"][:] = noise / 2
-        self.parts["smallest"][:] = 1e-12 * noise
+        self.parts["smallest"][:] = 1e-12 * np.nan_to_num(noise)
         self.parts["last"][:] = np.nan
+        self.parts["offset"][:] = offset
+        self.relative = RELATIVE_NOISE if np.isnan(noise).any() else 0.0
         self.stated = np.zeros(channels)
         self.numbers[:3] = np.nan, -inf, np.nan
 
@@ -261,6 +283,9 @@ class Screen:
         parts = self.parts
         if self.share:
             parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
+            if self.relative:
+                for k in np.flatnonzero(self.marks["seen"] == 0).tolist():
+                    self._start_noise(k, float(parts["load"][k]))
             own = parts["steady"] + parts["loaded"] * self._relative_load()
             parts["noise"][:] = own + self.stated
         return parts["noise"].copy()
@@ -287,10 +312,11 @@ class Screen:
         remainder[out, out] = 1.0
         return Screened(Moments(found.mean, slopes, remainder), innovation)
 
-    def learned(self, gain: Array, inverse: Array, nis: float) -> None:
+    def learned(self, measured: Array, gain: Array, inverse: Array, nis: float) -> None:
         """Update the variances and the test for changes after a sample.
 
         Args:
+            measured: Measurement y, (n_y,) [unit of y].
             gain: P_yy^-1 e, (n_y,) [1/y].
             inverse: Diagonal of P_yy^-1, (n_y,) [1/y^2].
             nis: e' P_yy^-1 e.
@@ -298,7 +324,7 @@ class Screen:
         self.whole[_LEARNED] += 1
         kept = self.marks["left_out"] == 0
         if self.share:
-            self._learn_noise(gain, inverse, kept)
+            self._learn_noise(measured, gain, inverse, kept)
         if self.monitor.alarmed_by(nis, int(kept.sum())):
             self.note("changes")
 
@@ -339,10 +365,39 @@ class Screen:
         load, usual = self.parts["load"], self.parts["mean_load"]
         return np.where(usual > 0, load / np.where(usual > 0, usual, 1.0), 1.0)
 
-    def _learn_noise(self, gain: Array, inverse: Array, kept: NDArray[np.bool_]) -> None:
+    def _start_noise(self, k: int, scale: float) -> None:
+        """Noise of a channel begun as a share of a squared scale; 1 takes the place of none."""
+        parts, own = self.parts, scale if scale > 0 else 1.0
+        parts["largest"][k] = own
+        parts["steady"][k] = parts["loaded"][k] = self.relative * self.relative * own / 2
+
+    def _follow_scale(self, k: int, measured: float) -> bool:
+        """Scale of a channel after a measurement; whether its noise is estimated by now."""
+        parts, seen = self.parts, self.marks["seen"]
+        seen[k] += 1
+        apart = measured - parts["offset"][k]
+        parts["scale"][k] += (apart * apart - parts["scale"][k]) / int(seen[k])
+        scale = float(max(parts["scale"][k], _LEAST_SCALE * parts["load"][k]))
+        growth = scale / parts["largest"][k]
+        parts["smallest"][k] = _LEAST_NOISE * (scale if scale > 0 else parts["largest"][k]) / 2
+        if seen[k] <= FIRST_SAMPLES:
+            self._start_noise(k, scale)
+        elif growth > 1:
+            parts["largest"][k] = scale
+            parts["steady"][k] *= growth
+            parts["loaded"][k] *= growth
+        return bool(seen[k] > FIRST_SAMPLES)
+
+    def _learn_noise(
+        self, measured: Array, gain: Array, inverse: Array, kept: NDArray[np.bool_]
+    ) -> None:
         parts, relative = self.parts, self._relative_load()
         fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
         parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
+        if self.relative:
+            kept = kept.copy()
+            for k in np.flatnonzero(kept & (parts["extra"] == 0)).tolist():
+                kept[k] = self._follow_scale(k, float(measured[k]))
         raised = (parts["noise"] + parts["extra"]) / parts["noise"]
         larger = np.maximum(parts["steady"], parts["loaded"] * relative)
         share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
@@ -351,6 +406,15 @@ class Screen:
         for name, factor in (("steady", move), ("loaded", relative * move)):
             part = parts[name]
             part[:] = np.maximum(part + part**2 * factor, parts["smallest"])
+
+
+def new_screen(numbers: FilterNumbers) -> Screen:
+    """Screening of a filter, before any sample.
+
+    Args:
+        numbers: Numbers of the filter.
+    """
+    return Screen(numbers.noise, numbers.settings, getattr(numbers.network, "offset", 0.0))
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:

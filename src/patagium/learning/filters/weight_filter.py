@@ -19,7 +19,7 @@ from patagium.learning.filters.block_kernel import BlockKernel, structure_and_ke
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, inverse_root
-from patagium.learning.filters.screening import Screen, Screened
+from patagium.learning.filters.screening import Screened, new_screen
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
 from patagium.learning.filters.structure import Look, Structure
@@ -63,7 +63,7 @@ class WeightFilter:
         std: Array | None = None,
     ) -> None:
         self.numbers, (self._structure, kernel) = numbers, parts
-        self.screen = Screen(numbers.noise, numbers.settings) if kernel is None else kernel.screen
+        self.screen = new_screen(numbers) if kernel is None else kernel.screen
         self._kernel, self._mean, self._nis = kernel, np.zeros(len(mean)), float("nan")
         self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
@@ -227,7 +227,8 @@ class WeightFilter:
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
         self._place(mean, nis, kept)
-        self.screen.learned(gain, np.einsum("ij,ij->j", inverse, inverse), nis)
+        measured, diagonal = moments.mean + innovation, np.einsum("ij,ij->j", inverse, inverse)
+        self.screen.learned(measured, gain, diagonal, nis)
         return Outcome.COMPLETED
 
 

@@ -17,7 +17,7 @@ from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
-from patagium.learning.filters.numbers import compact_settings, filter_numbers
+from patagium.learning.filters.numbers import PRIOR, compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS, Screen
 from patagium.learning.filters.state import part, vector
@@ -26,10 +26,12 @@ from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     OnlineLearner,
     as_input,
+    described,
     diverged,
     shaped_sample,
 )
 from patagium.learning.models.network import Network
+from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import (
     FilterSettings,
     arguments_text,
@@ -106,6 +108,17 @@ class FilterLearner(OnlineLearner):
         return self._filter.variances()
 
     @property
+    def found(self) -> dict[str, Any]:
+        """Settings that nobody gave, by name: what the rules or the samples so far say."""
+        found: dict[str, Any] = {}
+        if self.settings.prior_std is None and np.isnan(own_prior(self._network)).any():
+            found["prior_std"] = PRIOR
+        std = self.measurement_std
+        if self.settings.measurement_std is None and np.isfinite(std).all():
+            found["measurement_std"] = std.tolist()
+        return found
+
+    @property
     def prior(self) -> tuple[Array, Array]:
         """Weights it began with, and their variances, (n,) each."""
         return self._network.initial(self._seed), self._numbers.prior_variance.copy()
@@ -122,7 +135,10 @@ class FilterLearner(OnlineLearner):
 
     @property
     def measurement_std(self) -> Array:
-        """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y]."""
+        """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y].
+
+        NaN before the first sample where nobody gave it.
+        """
         return np.sqrt(self._screen.variances)
 
     @property
@@ -283,7 +299,8 @@ class FilterLearner(OnlineLearner):
         """Kind, network and settings of the learner as JSON values, without the weights."""
         network = self._network.describe()
         settings = self.settings.describe(self.kind)
-        return {"kind": self.kind, "network": network, **settings, "seed": self._seed}
+        given = {"kind": self.kind, "network": network, **settings, "seed": self._seed}
+        return described(given, self.found)
 
     def kept_covariance(self) -> WeightCovariance:
         """Covariance of the weights as kept after the last sample."""

@@ -17,12 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import vector
-from patagium.learning.learners.learner import OnlineLearner, as_input, diverged
+from patagium.learning.learners.learner import OnlineLearner, as_input, described, diverged
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.settings import GradientSettings, check_needed, chosen_settings
+from patagium.learning.settings import GradientSettings, chosen_settings
 
 Array = NDArray[np.float64]
 
+LEARNING_RATE = 0.01
+"""Step of Adam that nobody states, in the unit of the weights [1]."""
 _MEAN_DECAY, _SQUARE_DECAY, _SMALL = 0.9, 0.999, 1e-8  # Kingma & Ba's constants
 _SCATTER_DECAY = 0.99
 _MEMORY = 4096  # samples kept for replay
@@ -57,10 +59,9 @@ class GradientLearner(OnlineLearner):
         **given: Any,
     ) -> None:
         chosen: GradientSettings = chosen_settings("gradient", settings, given)
-        check_needed("gradient", chosen)
         super().__init__(network)
         self.settings, self._seed = chosen, seed
-        self._replay, self._rate = chosen.replay, float(chosen.learning_rate or 0.0)
+        self._replay, self._rate = chosen.replay, chosen.learning_rate or LEARNING_RATE
         self._weights = network.initial(seed)
         self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
         self._scatter = np.zeros((network.outputs, network.outputs))
@@ -125,12 +126,18 @@ class GradientLearner(OnlineLearner):
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
-        return {
+        given = {
             "kind": "gradient",
             "network": self._network.describe(),
             **asdict(self.settings),
             "seed": self._seed,
         }
+        return described(given, self.found)
+
+    @property
+    def found(self) -> dict[str, Any]:
+        """Settings that nobody gave, by name."""
+        return {} if self.settings.learning_rate else {"learning_rate": LEARNING_RATE}
 
     def _estimate(self) -> dict[str, Any]:
         network, count = self._network, len(self._memory)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FilterDiverged, Outcome, ShapeError
-from patagium.learning.filters.screening import Screen
+from patagium.learning.filters.screening import NEWER, Screen
 from patagium.learning.filters.state import arrays_like, part
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of
@@ -75,7 +75,10 @@ class Learner(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Kind, network and settings of the learner as JSON values, without the weights."""
+        """Kind, network and settings of the learner as JSON values, without the weights.
+
+        Settings that nobody gave are None, and "found" holds what was found for them.
+        """
         ...
 
 
@@ -153,6 +156,11 @@ class OnlineLearner(Learner):
         """Median wall-clock time of an update [s]; NaN before the first."""
         return self._stopwatch.median
 
+    @property
+    def found(self) -> dict[str, Any]:
+        """Settings that nobody gave, by name: what the rules or the samples so far say."""
+        return {}
+
     def restart_clock(self) -> None:
         """Take the next sample whatever its time stamp: another log begins."""
         self._screen.restart_clock()
@@ -202,7 +210,9 @@ class OnlineLearner(Learner):
             KeyError: If something is missing.
             ShapeError: If an array has another shape.
         """
-        seen = arrays_like(self._screen.arrays, part(state, "screen_"))
+        screen = self._screen.arrays
+        newer = {name: screen[name] for name in NEWER}
+        seen = arrays_like(screen, newer | part(state, "screen_"))
         stopwatch = Stopwatch(int(state["count"]))
         self._place(state)
         if self.memory is not None:
@@ -235,6 +245,16 @@ class OnlineLearner(Learner):
     def _place(self, state: Mapping[str, Any]) -> None:
         """Go on from a state of the estimate; nothing changes where it does not fit."""
         raise NotImplementedError
+
+
+def described(given: dict[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """Description of a learner; with "found" where settings were found.
+
+    Args:
+        given: Kind, network and settings.
+        found: Settings that nobody gave, by name.
+    """
+    return given | ({"found": dict(found)} if found else {})
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:

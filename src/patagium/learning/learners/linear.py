@@ -15,13 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import Outcome
+from patagium.learning.filters.numbers import PRIOR
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
-from patagium.learning.learners.learner import OnlineLearner, as_input, diverged
+from patagium.learning.learners.learner import OnlineLearner, as_input, described, diverged
 from patagium.learning.models.dense import DenseNetwork, LinearNetwork
 from patagium.learning.models.network import scale_of
-from patagium.learning.settings import LinearSettings, check_needed, chosen_settings
+from patagium.learning.settings import (
+    FilterSettings,
+    LinearSettings,
+    NoiseEstimation,
+    Numbers,
+    chosen_settings,
+)
 
 Array = NDArray[np.float64]
 
@@ -60,17 +67,14 @@ class LinearLearner(OnlineLearner):
         **given: Any,
     ) -> None:
         chosen: LinearSettings = chosen_settings("linear", settings, given)
-        check_needed("linear", chosen)
         self.settings = chosen
         super().__init__(LinearNetwork(network, chosen.features, seed))
-        self._std = scale_of("measurement_std", np.asarray(chosen.measurement_std), network.outputs)
-        self._prior = float(np.asarray(chosen.prior_std))
+        self._prior = PRIOR if chosen.prior_std is None else float(np.asarray(chosen.prior_std))
         self._forgetting = float(chosen.forgetting_factor)
-        self._variance = float(np.mean((self._std / network.output_scale) ** 2))
         count = self._network.perceptron.widths[0] + 1
         self._slopes = np.zeros((count, network.outputs))
         self._spread = np.eye(count) * self._prior**2
-        self._screen = Screen(self._std**2)
+        self._screen = _screen(network, chosen.measurement_std)
 
     @property
     def network(self) -> LinearNetwork:
@@ -108,32 +112,58 @@ class LinearLearner(OnlineLearner):
         scale = self._network.output_scale
         spread = float(features @ self._spread @ features) / self._forgetting
         mean = self._network.output_center + scale * (features @ self._slopes)
-        return mean, np.diag(spread * scale**2 + self._std**2)
+        return mean, np.diag(spread * scale**2 + self._screen.noise(np.diag(scale)))
 
     def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
         features, scale = self._features(x), self._network.output_scale
+        noise = self._screen.noise(np.diag(scale))
+        variance = float(np.mean((noise**0.5 / scale) ** 2))
         spread = self._spread / self._forgetting
         cross = spread @ features
-        total = self._variance + float(features @ cross)
+        seen = float(features @ cross)
+        total = variance + seen
         error = (y - self._network.output_center) / scale - features @ self._slopes
         slopes = self._slopes + np.outer(cross / total, np.where(kept, error, 0.0))
         smaller = spread - np.outer(cross, cross / total)
         if not np.isfinite(slopes).all() or not np.isfinite(total):
             raise diverged(Outcome.NOT_FINITE, self.count, x, y)
-        if total <= self._variance / 2 or not (np.diagonal(smaller) > 0).all():
+        if total <= variance / 2 or not (np.diagonal(smaller) > 0).all():
             raise diverged(Outcome.COVARIANCE_LOST, self.count, x, y)
         self._slopes, self._spread = slopes, (smaller + smaller.T) / 2
-        return np.asarray(error * scale)
+        innovation = np.asarray(error * scale)
+        self._screen.marks["left_out"][:] = ~kept
+        expected = seen * scale**2 + noise
+        gain = np.where(kept, innovation, 0.0) / expected
+        self._screen.learned(y, gain, 1 / expected, float("nan"))
+        return innovation
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
-        return {
+        std, chosen = self.measurement_std.tolist(), self.settings
+        given = {
             "kind": "linear",
             "network": self._network.describe(),
-            "prior_std": self._prior,
-            "measurement_std": self._std.tolist(),
+            "prior_std": None if chosen.prior_std is None else self._prior,
+            "measurement_std": None if chosen.measurement_std is None else std,
             "forgetting_factor": self._forgetting,
         }
+        return described(given, self.found)
+
+    @property
+    def found(self) -> dict[str, Any]:
+        """Settings that nobody gave, by name: what the rules or the samples so far say."""
+        found: dict[str, Any] = {} if self.settings.prior_std is not None else {"prior_std": PRIOR}
+        if self.settings.measurement_std is None and np.isfinite(self.measurement_std).all():
+            found["measurement_std"] = self.measurement_std.tolist()
+        return found
+
+    @property
+    def measurement_std(self) -> Array:
+        """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y].
+
+        NaN before the first sample where nobody gave it.
+        """
+        return np.sqrt(self._screen.variances)
 
     def kept_covariance(self) -> BlockCovariance:
         """The covariance by outputs, each that of the features' weights."""
@@ -150,3 +180,11 @@ class LinearLearner(OnlineLearner):
 
     def _features(self, x: Array) -> Array:
         return np.append(self._network.encode_one(x).features[0], 1.0)
+
+
+def _screen(network: DenseNetwork, std: Numbers | None) -> Screen:
+    """Screening with the noise that is given, or that is found from the samples."""
+    if std is not None:
+        return Screen(scale_of("measurement_std", std, network.outputs) ** 2)
+    watched = FilterSettings(noise_estimation=NoiseEstimation())
+    return Screen(np.full(network.outputs, np.nan), watched, network.output_center)

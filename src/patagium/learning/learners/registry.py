@@ -67,7 +67,9 @@ def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
         ParameterError: If the kind or a setting is unknown, or a number out of its range.
         TypeError: If an argument is missing or unknown.
     """
-    values = {name: value for name, value in renamed(description).items() if name != "kind"}
+    values = {
+        name: value for name, value in renamed(description).items() if name not in ("kind", "found")
+    }
     kind, network = description.get("kind"), values.pop("network")
     if kind == "linear":
         base = {k: v for k, v in network.items() if k not in ("features", "seed")}
@@ -124,7 +126,7 @@ def save_learner(path: str | Path, learner: OnlineLearner) -> Path:
 
 
 def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str | None:
-    """First setting that differs, in words; centers and scales may differ.
+    """First setting that differs, in words; centers, scales and what was found may differ.
 
     Args:
         found: Description of a learner.
@@ -135,7 +137,7 @@ def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> s
     """
     ours, theirs = _flat(json.loads(json.dumps(expected))), _flat(found)
     for name in (*ours, *theirs):
-        if name.rpartition(".")[2] in _SCALES:
+        if name.rpartition(".")[2] in _SCALES or name.startswith("found."):
             continue
         if name not in ours or name not in theirs or ours[name] != theirs[name]:
             pair = [repr(values.get(name, "no such setting")) for values in (ours, theirs)]

@@ -75,9 +75,6 @@ class LearnerSettings(BaseModel):
             if name not in known:
                 raise ValueError(f"{name}: expected one of {', '.join(known)}")
         settings_from(self.kind, self.values)
-        for name in (name for name, meaning in known.items() if meaning.needed):
-            if name not in self.values:
-                raise ValueError(f"{name}: expected, but not there")
         return self
 
     @property

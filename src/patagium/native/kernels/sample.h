@@ -57,7 +57,7 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
   f->nis = nis;
-  learn_noise(f->screen, gain, stride, g);
+  learn_noise(f->screen, f->measured, gain, stride, g);
   watch(f->screen, nis, kept);
   s->learn(memory, gain, g);
   return COMPLETED;
