@@ -101,6 +101,7 @@ def identify(
     """
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed
+    from patagium.cli.words import progress_bar
     from patagium.errors import Outcome
 
     kind, layers = choice.shape()
@@ -124,7 +125,8 @@ def identify(
     if result.outcome is Outcome.COMPLETED:
         keep_state(result.learner, state)
         if refine:
-            result = refined(result, flight, every)
+            with progress_bar(f"Refining what {file.name} taught"):
+                result = refined(result, flight, every)
     keep_model(model, result.learner, None if table is None else table.input_names, file.name)
     if predictions is not None:
         result.save(predictions)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
@@ -35,6 +36,8 @@ class Numbers(tuple[float, ...]):
 
 Progress = Callable[[int, int], None]
 Stages = Callable[[str, float], None]
+BETWEEN_LINES = 10.0
+"""Time between two lines of progress where stderr is no terminal [s]."""
 
 
 def quantity(unit: str, noun: str) -> Callable[[str], float]:
@@ -129,17 +132,33 @@ def named_quantities(
 def progress_bar(label: str) -> Iterator[Progress]:
     """Bar on stderr while a verb works; called with the work done and the work in all.
 
-    Nothing is drawn where stderr is no terminal.
+    Where stderr is no terminal, work that takes long is told by one line in some seconds.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    quiet = not console.is_terminal
+    if not console.is_terminal:
+        yield _progress_lines(label)
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _progress_lines(label: str) -> Progress:
+    """Progress as lines on stderr, one in `BETWEEN_LINES` seconds at most."""
+    started = told = monotonic()
+
+    def tell(done: int, total: int) -> None:
+        nonlocal told
+        now = monotonic()
+        if now - told >= BETWEEN_LINES:
+            typer.echo(f"{label}: {done / max(total, 1):.0%} after {now - started:.0f} s", err=True)
+            told = now
+
+    return tell
 
 
 @contextmanager

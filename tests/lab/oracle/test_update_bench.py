@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium_lab.bench.update import in_turns, multiply_adds, peak_time
+from patagium_lab.bench.targets import TARGETS
+from patagium_lab.bench.update import in_turns, multiply_adds, noise_results, peak_time
 from patagium_lab.rivals.algorithm_1 import Algorithm1
 
 ROUNDING = 1e-9  # thirty updates, P known to 1e-16 of its largest entry
@@ -47,3 +48,15 @@ def test_calls_take_turns():
     times, figures = in_turns(calls, {"c": (lambda: float(len(order)), 1)})
     assert order[:10] == list("aaabbaaabb") and set(times) == {"a", "b"}
     assert figures["c"] == np.median(np.arange(5, len(order) + 1, 5))
+
+
+def test_every_structure_is_timed_with_noise_between_samples(monkeypatch):
+    monkeypatch.setattr(
+        "patagium_lab.bench.update.in_turns", lambda calls, _: (dict.fromkeys(calls, 1.0), {})
+    )
+    names = {row.name for row in noise_results(pt.load_robot("aerobat"))}
+    wanted = {target.name for target in TARGETS if "noise between samples" in target.name}
+    assert wanted and wanted <= names
+    assert {"full covariance", "by layer", "by neuron", "low rank 10"} <= {
+        name.split(", ")[-2] for name in names
+    }

@@ -37,7 +37,11 @@ from patagium.simulation import gaits, simulate
 from patagium_lab.bench.dynamics import random_states
 from patagium_lab.bench.latency import LOADS, measure_latency
 from patagium_lab.bench.result import Result, compared
-from patagium_lab.bench.update import full_covariance_results, low_rank_results
+from patagium_lab.bench.update import (
+    full_covariance_results,
+    low_rank_results,
+    noise_results,
+)
 from patagium_lab.comparisons import seconds_text
 from patagium_lab.timing import (
     compiled_call,
@@ -169,6 +173,7 @@ def update_results(robot: Robot) -> Iterator[Result]:
         )
     yield from full_covariance_results(robot)
     yield from low_rank_results(robot)
+    yield from noise_results(robot)
 
 
 def _update_time(learner: Learner, robot: Robot, count: int = 100) -> float:

@@ -38,6 +38,16 @@ _FLIGHT = "compiling a flight with lifting line and added mass"
 _PLAIN, _FLOOR = "Algorithm 1, line by line", "arithmetic floor, S square"
 _PRODUCTS = "its two dominant matrix products"
 _NODE, _STRIP = "dense 28-20-14, one block a neuron", "strip 2-8-8-2, full covariance"
+_NOISY = tuple(
+    f"{network}, {learner}"
+    for network in ("linear 11-12, 144 weights", "strip 2-11-11-2, 189 weights")
+    for learner in (
+        "full covariance, extended",
+        "by layer, extended",
+        "full covariance, cubature",
+        "by layer, cubature",
+    )
+)
 
 TARGETS = (
     SpeedTarget("pinocchio", "mass_matrix_and_bias", 0.2, "Pinocchio"),
@@ -54,6 +64,10 @@ TARGETS = (
     SpeedTarget("update", f"{_FULL}, float32", 1 / 100, _PLAIN),
     SpeedTarget("update", f"{_FULL}, float64", 2.5, _FLOOR),
     SpeedTarget("update", f"{_FULL}, float32", 2.5, _FLOOR),
+    *(
+        SpeedTarget("update", f"update with noise between samples, {name}", 2.0, "without")
+        for name in _NOISY
+    ),
     SpeedTarget("update", "growth of an update of low rank 10 with the weights, float64", 1.0),
     SpeedTarget("pipeline", f"{_NODE}: median", 40e-6),
     SpeedTarget("pipeline", f"{_NODE}: 99 % within", 100e-6),

@@ -1,4 +1,4 @@
-"""Times of an update with a full covariance, and with one of low rank for many weights.
+"""Times of an update: full covariance, low rank for many weights, noise between samples.
 
 One update stands beside Algorithm 1 and beside the arithmetic that it cannot avoid. All take turns,
 some calls each, so that a busy machine slows all; times are medians of the processor's time.
@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle, pairwise
 from time import process_time_ns
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,15 @@ from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.settings import FilterSettings, LowRank
+from patagium.learning.models.network import Network
+from patagium.learning.models.strip import StripNetwork
+from patagium.learning.settings import (
+    FilterSettings,
+    LowRank,
+    NoiseEstimation,
+    Screening,
+    Structure,
+)
 from patagium.native import load_kernel
 from patagium.robot.model import Robot
 from patagium_lab.bench.dynamics import random_states
@@ -32,6 +41,17 @@ Array = NDArray[np.float64]
 Call = Callable[[], object]
 
 PRIOR, NOISE = 0.3, 0.003
+_PLAIN: dict[str, Any] = {"prior_std": PRIOR, "measurement_std": NOISE, "spread": 3**0.5}
+_NOISE_BETWEEN: dict[str, Any] = {
+    "prior_share": 1e-5,
+    "process_std": 1e-4,
+    "noise_estimation": NoiseEstimation(100),
+    "screening": Screening(),
+}
+_NOISY: tuple[tuple[str, Structure], ...] = (
+    *(("extended", structure) for structure in ("full", "layer")),
+    *(("cubature", structure) for structure in ("full", "layer", "node", LowRank(10))),
+)
 _ROUNDS, _LINKS = 9, 40_000
 _HIDDEN, _TWIN_WEIGHTS = (232, 734, 2_325, 7_350, 23_255), 200_000
 _FLOOR_NOTE = (
@@ -127,10 +147,63 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
         )
 
 
+def noise_results(robot: Robot) -> Iterator[Result]:
+    """Updates with prior share, process noise and noise estimation beside those without.
+
+    Args:
+        robot: A machine with strips.
+
+    Yields:
+        A row for each network, learner and covariance structure that a kernel learns.
+    """
+    n = robot.dof
+    networks = {
+        "linear 11-12, 144 weights": DenseNetwork(11, (), 12),
+        "strip 2-8-8-2, 114 weights": StripNetwork(robot),
+        "strip 2-11-11-2, 189 weights": StripNetwork(robot, hidden=(11, 11)),
+        "dense 8-20-14, 474 weights": DenseNetwork(8, (20,), robot.dof_names),
+        f"dense {2 * n}-20-{n}, 874 weights": DenseNetwork(2 * n, (20,), robot.dof_names),
+    }
+    for name, network in networks.items():
+        for learner, covariance in _NOISY:
+            filters = {
+                which: _filter(network, learner, FilterSettings(covariance=covariance, **settings))
+                for which, settings in (("with", _PLAIN | _NOISE_BETWEEN), ("without", _PLAIN))
+            }
+            calls = {
+                which: (on_samples(robot, _cut(one, network)), 12) for which, one in filters.items()
+            }
+            times, _ = in_turns(calls, {})
+            words = describe_covariance(covariance)
+            yield compared(
+                f"update with noise between samples, {name}, {words}, {learner}", times["with"],
+                "ns", "without", times["without"], "prior share, process noise, noise estimation",
+            )  # fmt: skip
+
+
+def _cut(filter_: WeightFilter, network: Network) -> Callable[[Array, Array], object]:
+    """Update of a filter whose network takes the first inputs and gives the first outputs."""
+    return lambda x, y: filter_.update(x[: network.inputs], y[: network.outputs])
+
+
+def describe_covariance(structure: Structure) -> str:
+    """Covariance structure in words.
+
+    Args:
+        structure: As a setting has it.
+    """
+    if isinstance(structure, LowRank):
+        return f"low rank {structure.rank}"
+    return {"full": "full covariance", "layer": "by layer", "node": "by neuron"}[structure]
+
+
+def _filter(network: Network, learner: str, settings: FilterSettings) -> WeightFilter:
+    numbers = filter_numbers(network, settings, learner)
+    return WeightFilter(numbers, structure_and_kernel(numbers), network.initial(0))
+
+
 def _numpy_twin(network: DenseNetwork) -> WeightFilter:
-    settings = FilterSettings(
-        prior_std=PRIOR, measurement_std=NOISE, spread=3**0.5, covariance=LowRank(10)
-    )
+    settings = FilterSettings(covariance=LowRank(10), **_PLAIN)
     numbers = filter_numbers(network, settings, "cubature")
     return WeightFilter(numbers, structure_and_kernel(numbers, False), network.initial(0))
 
