@@ -221,6 +221,12 @@ def preamble(lines: list[str], folder: Path, draw: Draw, *, skip: int | None = N
     )
 
 
+def unnamed(folder: Path, draw: Draw) -> Case:
+    t = clock(draw)
+    np.savetxt(folder / "log.csv", np.column_stack([t, lift(t)]), delimiter=",")
+    return Case(folder / "log.csv", mapped(LIFT), refused=("line of names", "write one above"))
+
+
 LABVIEW = ["LabVIEW Measurement", "Operator,me", "Date,2024-01-01", "Channels,5", "", "Test,7"]
 
 
@@ -424,6 +430,12 @@ CASES: dict[str, Make] = {
     "preamble of one line": partial(preamble, ["# written by me"]),
     "preamble of numbers": partial(preamble, ["rate,500", "gain,2.5", "date,20240101", "1,2"]),
     "preamble with tabs": partial(preamble, ["my file", "x\ty"], mark="\t"),
+    "preamble of a spreadsheet": partial(
+        preamble, ["My log,,,,", "Operator,me,you,them,us", "Rate,500,,,", ",,,,"]),
+    "preamble above spaces": partial(preamble, ["my file", "# 500 Hz"], mark=" "),
+    "preamble above semicolons": partial(preamble, ["a,b,c,d,e", "x"], mark=";"),
+    "names after a sign, spaces": partial(preamble, [], mark=" ", head="# "),
+    "no names": unnamed,
     "names after a sign": partial(preamble, [], head="# "),
     "line of units": partial(preamble, LABVIEW, units="s,rad/s,rad/s,rad/s,N"),
     "line of units in brackets": partial(preamble, [], units="[s],[rad/s],[rad/s],[rad/s],[N]"),
@@ -451,6 +463,9 @@ CASES: dict[str, Make] = {
 }  # fmt: skip
 
 
+UNREADABLE = ("csv lists, bare", "no names")
+
+
 def seeded(name: str) -> Draw:
     return np.random.default_rng(sum(name.encode()))
 
@@ -461,7 +476,7 @@ def test_layouts(name: str, tmp_path: Path) -> None:
     case = CASES[name](tmp_path, seeded(name))
     mapping, out = tmp_path / "map.yaml", tmp_path / "out.nc"
     mapping.write_text(yaml.safe_dump(case.words), encoding="utf-8")
-    if "bare" not in name:
+    if name not in UNREADABLE:
         inspect_log(case.log)
     if case.refused:
         with pytest.raises(LogError) as refusal:
@@ -553,3 +568,31 @@ def test_a_twist_may_hold_accelerations(
                            "unit": unit}]}  # fmt: skip
     found = import_log(bag, parse_mapping(words), tmp_path / "out.nc").findings
     assert {one.kind for one in found} == kinds
+
+
+def test_an_index_column_without_a_name_is_no_matter(tmp_path: Path) -> None:
+    pd.DataFrame({"t": np.arange(50) / 100, "f": 1.0 * np.arange(50)}).to_csv(tmp_path / "log.csv")
+    import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")
+    with LogRecord(tmp_path / "out.nc") as record:
+        np.testing.assert_array_equal(record.values(("lift",))[:, 0], np.arange(50))
+
+
+def test_text_logs_of_ardupilot_are_answered_with_the_command(tmp_path: Path) -> None:
+    (tmp_path / "7.log").write_text("FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n")
+    with pytest.raises(LogError, match="mavlogdump.py --format mat --mat_file log.mat 7.log"):
+        inspect_log(tmp_path / "7.log")
+
+
+def test_ranges_are_checked_in_a_plain_table(tmp_path: Path) -> None:
+    told: list[Any] = []
+    pd.DataFrame({"t": np.arange(50) / 100, "g": 5.0, "f": 1.0}).to_csv(tmp_path / "log.csv")
+    words: Words = {"time": COLUMN, "inputs": [{**RATE, "range": [-2, 2], "frame": None}],
+                    "outputs": [{**LIFT, "range": [0, 1]}]}  # fmt: skip
+    read_table(tmp_path / "log.csv", parse_mapping(words), told.extend)
+    assert [one.where for one in told] == ["rate"] and "50 of 50 rows leave" in told[0].text
+
+
+def test_the_reason_is_in_the_refusal_of_what_is_no_number(tmp_path: Path) -> None:
+    pd.DataFrame({"t": np.arange(50) / 100, "f": "high"}).to_csv(tmp_path / "log.csv")
+    with pytest.raises(LogError, match="'f' cannot be read as numbers: text such as 'high'"):
+        import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")

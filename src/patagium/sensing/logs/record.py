@@ -193,18 +193,12 @@ class LogRecord:
             part: (("time", *quantities(robot)[part].dims), self.values(labels))
             for part, labels in self._parts(robot).items()
         }
-        attributes = {
-            "robot": robot.source,
-            "robot_name": robot.name,
-            "air": str(self._file.air),
-            "gait": "{}",
-        }
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
-        return xr.Dataset(record, coordinates, attributes)
+        return xr.Dataset(record, coordinates, self._origin())
 
     def dataset(self) -> xr.Dataset:
         """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
-        base, used = xr.Dataset(), set()
+        base, used = xr.Dataset(attrs=self._origin()), set()
         if self.is_flight:
             base = self.flight()
             used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
@@ -229,6 +223,14 @@ class LogRecord:
         }
         attributes = {**base.attrs, "findings": json.dumps(self.findings)}
         return base.assign(variables).assign_coords(coordinates).assign_attrs(attributes)
+
+    def _origin(self) -> dict[str, str]:
+        """Robot and air of the log as attributes of a flight; none without a robot."""
+        robot = self.robot
+        if robot is None:
+            return {}
+        air = str(self._file.air)
+        return {"robot": robot.source, "robot_name": robot.name, "air": air, "gait": "{}"}
 
     def _parts(self, robot: Robot) -> dict[str, tuple[str, ...]]:
         """Names of the numbers of each part of a flight that the log holds whole."""

@@ -301,6 +301,8 @@ def _known(topic: Topic, path: str) -> str | None:
 
 
 def _missing(topic: Topic, path: str, where: str) -> str:
+    if path in topic.unplaced:
+        return f"{where}: {path!r} cannot be read as numbers: {topic.unplaced[path]}"
     held = f"topic {topic.name!r}" if topic.name else "the file"
     kind = f" ({topic.kind})" if topic.name else ""
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}

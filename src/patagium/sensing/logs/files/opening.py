@@ -118,6 +118,11 @@ def _kind(path: Path) -> str:
         return ".csv"
     if path.suffix.lower() in {**_SINGLE, **_PARTED}:
         return path.suffix.lower()  # its reader says what is wrong with it
+    if head.startswith(b"FMT,"):
+        raise LogError(
+            f"{path}: expected {_SUMMED_UP}, found ArduPilot's log as text; convert it: "
+            f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
+        )
     raise LogError(f"{path}: expected {_SUMMED_UP}, found one that ends in {ending or 'nothing'!r}")
 
 

@@ -259,21 +259,32 @@ def header_place(lines: Sequence[str]) -> int:
     """Place of the line of names among the first lines of a CSV text; 0 if no line is one.
 
     Names have no number among them. The lines below have as many entries, and the next one, or
-    the one after a line of units, has a number.
+    the one after a line of units, has about as many numbers as lines have further down. Lines
+    without empty names come first: a spreadsheet fills up the lines above with empty cells.
 
     Args:
         lines: First lines.
     """
-    cells = {mark: [_cells(line, mark) for line in lines] for mark in _SEPARATORS}
-    for place, line in enumerate(lines):
-        rows = cells[max(_SEPARATORS, key=line.count)]
-        below = [row for row in rows[place + 1 :] if row]
-        if not below or not any(rows[place]) or any(map(_is_number, rows[place])):
-            continue
-        alike = sum(len(row) == len(rows[place]) for row in below) >= _ALIKE * len(below)
-        if alike and any(_is_number(cell) for row in below[:2] for cell in row):
-            return place
+    cells = {mark: [_cells(line, mark) for line in lines] for mark in (*_SEPARATORS, " ")}
+    for full in (True, False):
+        for place, line in enumerate(lines):
+            rows = cells[_separator(line)]
+            names, below = rows[place], [row for row in rows[place + 1 :] if row]
+            if not below or not any(names) or any(map(_is_number, names)):
+                continue
+            if full and not all(name.strip() for name in names):
+                continue
+            numbers = [sum(map(_is_number, row)) for row in below]
+            alike = sum(len(row) == len(names) for row in below) >= _ALIKE * len(below)
+            if alike and 2 * max(numbers[:2]) >= max(1, numbers[len(numbers) // 2]):
+                return place
     return 0
+
+
+def _separator(line: str) -> str:
+    """Mark between the entries of a line: the most frequent one, or spaces if there is none."""
+    mark = max(_SEPARATORS, key=line.count)
+    return mark if mark in line or len(line.split()) < 2 else " "
 
 
 def _units_below(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
@@ -297,6 +308,8 @@ def _is_unit(text: str) -> bool:
 
 
 def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.lstrip("#%").split()
     try:
         return next(csv.reader([line.rstrip("\r\n")], delimiter=separator), [])
     except csv.Error:
@@ -370,11 +383,19 @@ class CsvFile:
                 "another number"
             )
         header = lines[head]
-        self._separator = max(_SEPARATORS, key=header.count)
+        self._separator = _separator(header)
+        first = _cells(lines[head + 1], self._separator) if head + 1 < len(lines) else []
         names = _cells(header, self._separator)
+        if self._separator == " " and len(first) != len(names):
+            self._separator, names = ",", [header.strip()]  # one name of several words
         self._names = distinct(name.strip() for name in names)
         if not any(self._names) or "\x00" in header:
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
+        if any(_is_number(name) and not name.strip().isdigit() for name in names):
+            raise LogError(
+                f"{path}: cannot be read as CSV: expected a line of names, found numbers in line "
+                f"{head + 1}; write one above them, such as `t [s],gyro.x [rad/s],...`"
+            )
         units = _units_below(lines[head + 1 : head + 3], self._separator, len(names))
         self._skip = head + 1 + (units is not None)
         if units is not None:
@@ -465,12 +486,12 @@ class CsvFile:
         row = 0
         try:
             with pd.read_csv(
-                _Headed(self._separator * len(self._names) + "\n", text),
+                _Headed(self._separator.join("." * (len(self._names) + 1)) + "\n", text),
                 header=0,
                 names=[*self._names, _BEYOND],
                 usecols=None if chosen is None else [*chosen, _BEYOND],
                 index_col=False,
-                sep=self._separator,
+                sep=r"\s+" if self._separator == " " else self._separator,
                 decimal=self._decimal,
                 chunksize=BLOCK,
                 skip_blank_lines=False,

@@ -31,7 +31,7 @@ from patagium.sensing.logs.importing.findings import (
     Progress,
     StampSurvey,
 )
-from patagium.sensing.logs.importing.log_findings import log_findings
+from patagium.sensing.logs.importing.log_findings import log_findings, table_range_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
@@ -292,7 +292,10 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
             )
     for item in spool.plan.items:
         if not spool.surveys[item.stream].values.count[list(item.places)].all():
-            raise LogError(f"{log.path}: {item.column.label}: expected finite numbers, found none")
+            raise LogError(
+                f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
+                "out of the mapping if it was not measured"
+            )
 
 
 def _duplicates_remedy(stamps: StampSurvey) -> str:
@@ -391,7 +394,11 @@ def read_table(
     file = Path(path)
     words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
     if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
-        return table_from_frame(_frame(file, words.skip_rows), words, str(file))
+        table = table_from_frame(_frame(file, words.skip_rows), words, str(file))
+        beyond = table_range_findings(table)
+        if tell is not None and beyond:
+            tell(beyond)
+        return table
     with tempfile.TemporaryDirectory() as folder:
         found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
         with LogRecord(found.path) as record:
