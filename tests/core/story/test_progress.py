@@ -31,6 +31,7 @@ def files(tmp_path_factory):
 @pytest.mark.parametrize("how", ["flight", "noise between samples", "table", "tune"])
 def test_identify_and_tune_tell_how_far_they_are(how, files, monkeypatch, capsys):
     monkeypatch.setattr(words, "BETWEEN_LINES", 0.0)
+    monkeypatch.chdir(files)  # where tune writes its settings
     told = ["--prior-std", "0.3", "--measurement-std", "0.1"]
     if how == "tune":
         pytest.importorskip("optuna")
