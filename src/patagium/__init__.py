@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from patagium.sensing import inverse_dynamics_force as inverse_dynamics_force
     from patagium.sensing import load_log as load_log
     from patagium.sensing import sense as sense
+    from patagium.sensing import sensor_log as sensor_log
     from patagium.sensing import sensors as sensors
     from patagium.sensing import training_data as training_data
     from patagium.simulation import cycle_statistics as cycle_statistics
@@ -83,6 +84,7 @@ _HOMES = {
         "inverse_dynamics_force",
         "load_log",
         "sense",
+        "sensor_log",
         "sensors",
         "training_data",
     ),

@@ -23,6 +23,7 @@ from patagium.cli import (
     identify,
     import_log,
     inspect,
+    motion,
     robots,
     send,
     simulate,
@@ -54,7 +55,7 @@ def _add(verb: ModuleType) -> None:
 
 
 for _verb in (
-    simulate, cycles, figures, view, inspect, import_log, identify, tune, evaluate,
+    simulate, cycles, figures, view, inspect, import_log, motion, identify, tune, evaluate,
     stream, send, robots, check,
 ):  # fmt: skip
     _add(_verb)

@@ -97,6 +97,44 @@ def comparison(
 
 
 @styled
+def intervals(
+    time: ArrayLike,
+    values: ArrayLike,
+    std: ArrayLike,
+    *,
+    names: Sequence[str],
+    units: Sequence[str],
+    columns: int = 1,
+) -> Figure:
+    """Figure of estimated quantities over time, a panel each, with their 95 % intervals.
+
+    Args:
+        time: Time, (N,) [s].
+        values: Estimated values, (N, k) [units]; NaN where they are not known.
+        std: Standard deviations, (N, k) [units].
+        names: Names of the k quantities.
+        units: Units of the k quantities.
+        columns: Panels side by side.
+
+    Raises:
+        ShapeError: If an array does not fit the others.
+    """
+    t = np.asarray(time, float)
+    middle = _columns("values", values, t.size, len(names))
+    spread = _columns("std", std, t.size, len(names))
+    figure, axes = _grid(len(names), columns)
+    for k, panel in enumerate(axes):
+        _band(panel, t, middle[:, k], 1.96 * spread[:, k])
+        panel.plot(t, middle[:, k], label="estimate", color=color(0))
+        _fit_to(panel, middle[:, k])
+        panel.set_title(names[k])
+        panel.set_ylabel(f"[{units[k]}]")
+    _time_axis(axes, columns)
+    legend_above(figure, axes[0])
+    return figure
+
+
+@styled
 def histories(
     time: ArrayLike,
     values: Mapping[str, tuple[str, Mapping[str, ArrayLike]]],

@@ -15,6 +15,7 @@ from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.record import load_log
+from patagium.sensing.logs.sensor_log import sensor_log
 from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate_motion import estimate_motion
@@ -48,6 +49,7 @@ __all__ = [
     "read_table",
     "save_sensor_log",
     "sense",
+    "sensor_log",
     "sensors",
     "training_data",
 ]

@@ -15,9 +15,16 @@ from matplotlib.figure import Figure
 from patagium.errors import FlightError
 from patagium.learning import evaluate
 from patagium.learning.parameter_paths import Trained
-from patagium.report.figures import comparison, flight_overview, histories, wingbeat
+from patagium.report.figures import (
+    comparison,
+    flight_overview,
+    histories,
+    intervals,
+    wingbeat,
+)
 from patagium.report.style import figures_for
 from patagium.robot.drawing import draw_robot
+from patagium.sensing import ForceSamples
 from patagium.simulation import cycle_statistics, gait_period, robot_of
 
 
@@ -50,6 +57,36 @@ def flight_figures(
         if model is not None:
             figures["forces"] = _forces(flight, model)
     return figures
+
+
+def motion_figure(motion: xr.Dataset, forces: ForceSamples) -> Figure:
+    """Attitude and forces of an estimated motion with their 95 % intervals, blank if not known.
+
+    Args:
+        motion: From `estimate_motion`.
+        forces: Of the air along it.
+    """
+    robot, n = forces.robot, forces.robot.dof
+    base = [i for body in robot.bodies for i in body.floating_dofs or ()]
+    shown = base[3:] or list(range(min(n, 3)))
+    measured = [robot.index(name) for name in forces.measured]
+    known = motion["known"].values[:, None]
+    spread = np.sqrt(np.einsum("nii->ni", motion["covariance"].values[:, :n, :n]))
+    turns = np.array([robot.dof_units[i] == "rad" for i in shown])
+    scale = np.where(turns, np.degrees(1.0), 1.0)
+    angles = np.where(known, motion["q"].values[:, shown] * scale, np.nan)
+    names = [robot.dof_names[i] for i in shown]
+    names += [f"force of the air, {robot.dof_names[i]}" for i in measured]
+    units = ["deg" if turn else "m" for turn in turns]
+    units += ["N" if robot.dof_units[i] == "m" else "N m" for i in measured]
+    return intervals(
+        motion["time"].values,
+        np.hstack([angles, forces.force[:, measured]]),
+        np.hstack([spread[:, shown] * scale, forces.std[:, measured]]),
+        names=names,
+        units=units,
+        columns=3,
+    )
 
 
 def _strips(flight: xr.Dataset) -> Figure:

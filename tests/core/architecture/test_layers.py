@@ -57,6 +57,7 @@ PUBLIC = {
     "replay",
     "save_flight",
     "sense",
+    "sensor_log",
     "sensing",
     "sensors",
     "simulate",

@@ -53,6 +53,33 @@ def _shortened(text: str) -> str:
     return text
 
 
+def _write_capture(path: Path) -> None:
+    """A bag of motion capture as a laboratory records it, with tumbles and swapped markers."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    from patagium_lab.stress.motion_capture import captured
+
+    kind = "geometry_msgs/msg/PoseStamped"
+    types = get_typestore(Stores.ROS1_NOETIC)
+    make = types.types
+    log, _ = captured(1)
+    reading = log["cameras"]
+    with Writer(path) as writer:
+        connection = writer.add_connection("/mocap/brick", kind, typestore=types)
+        parts = [reading[name].values for name in ("time", "position", "quaternion")]
+        for time, place, (w, x, y, z) in zip(*parts, strict=True):
+            stamp = round((1e9 + time) * 1e9)
+            when = make["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+            pose = make["geometry_msgs/msg/Pose"](
+                position=make["geometry_msgs/msg/Point"](*map(float, place)),
+                orientation=make["geometry_msgs/msg/Quaternion"](*map(float, (x, y, z, w))),
+            )
+            header = make["std_msgs/msg/Header"](seq=0, stamp=when, frame_id="world")
+            message = make[kind](header=header, pose=pose)
+            writer.write(connection, stamp, types.serialize_ros1(message, kind))
+
+
 def _said(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     program, *words = shlex.split(line)
     assert program == "patagium"
@@ -63,6 +90,8 @@ def _said(line: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def _stage(page: str) -> dict[str, Any]:
     """What a page takes for granted: it tells what comes from the reader's own machine."""
+    if page == "logs.md":
+        _write_capture(Path("flight.bag"))
     if page != "stream.md":
         return {}
     seconds = iter([0.0, 1e-3])

@@ -1,4 +1,4 @@
-"""Page of the stress study: faults, damage, calibration, endurance."""
+"""Page of the stress study: faults, damage, calibration, endurance, motion capture."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from patagium.report import Block, PageSection, Picture, Table, picture
 from patagium.report.figures import curves
 from patagium_lab.conditions import conditions
 from patagium_lab.stress.campaign import SETTLING, WINDOW, WORST_RATIO
+from patagium_lab.stress.motion_capture import summary
 from patagium_lab.stress.run import StressResults
 from patagium_lab.study import Page, table_of
 
@@ -34,6 +35,7 @@ def page(results: StressResults) -> Page:
         PageSection("Damage", _damage(results.damage)),
         PageSection("Calibration", _calibration(results.calibration)),
         PageSection("Endurance", [_endurance(results)]),
+        PageSection("Motion capture", _captures(results.captures)),
     ]
     return Page(TITLE, SUMMARY, facts, sections)
 
@@ -168,3 +170,19 @@ def _endurance(results: StressResults) -> Table:
         ["precision: error of float32 over that of float64 [1]", precision["ratio"]],
     ]
     return Table(["figure", "value"], rows, "Filters with one covariance block a neuron.")
+
+
+def _captures(rows: list[dict[str, Any]]) -> list[Block]:
+    facts = summary(rows)
+    cells: list[list[Any]] = [
+        [f"{name.replace('_', ' ')} {'' if name.startswith('seeds') else '[1]'}".strip(), value]
+        for name, value in facts.items()
+        if not isinstance(value, list)
+    ]
+    return [
+        "Each seed draws the motion of a body, with tumbles, and a log of cameras with colored "
+        "noise, jitter, lost frames, swapped markers and a bad tail. Errors are those of the "
+        "attitude where `estimate_motion` claims to know it; the ratio is that of the error to "
+        "the stated standard deviation.",
+        Table(["figure", "value"], cells, "Motion from made-up motion capture."),
+    ]

@@ -1,4 +1,4 @@
-"""Plan of the stress study: how many faults, and how long the runs are."""
+"""Plan of the stress study: how many faults and logs, and how long the runs are."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class StressPlan:
         log: Log of a quadrotor for the calibration; None: the calibration goes without it.
         glide: Samples of the steady glide.
         updates: Updates in each precision.
+        captures: Number of made-up logs of motion capture.
         workers: Number of processes.
 
     Raises:
@@ -32,8 +33,13 @@ class StressPlan:
     glide: int = GLIDE
     updates: int = UPDATES
     workers: int = WORKERS
+    captures: int = 200
 
     def __post_init__(self) -> None:
-        for name, value in (("runs", self.runs), ("jobs", self.workers)):
+        for name, value in (
+            ("runs", self.runs),
+            ("jobs", self.workers),
+            ("captures", self.captures),
+        ):
             if value < 1:
                 raise ParameterError(name, "a positive integer", value)

@@ -1,4 +1,4 @@
-"""Run of the stress study: faults by the hundred, a broken wing, ten million updates.
+"""Run of the stress study: faults and logs by the hundred, a broken wing, ten million updates.
 
 Neglected: faults of more than one kind at a time, except for the storm.
 """
@@ -13,6 +13,7 @@ from patagium_lab.stress.calibration import NOISES, flight_calibration, log_cali
 from patagium_lab.stress.campaign import FAULT_NAMES, campaign
 from patagium_lab.stress.damage import damage_row, learner_names
 from patagium_lab.stress.endurance import single_precision, steady_glide
+from patagium_lab.stress.motion_capture import capture_rows, summary
 from patagium_lab.stress.plan import StressPlan
 from patagium_lab.study import Stages
 
@@ -31,6 +32,7 @@ class StressResults:
         calibration: Row of each flight or log; see `calibration.log_calibration`.
         glide: See `endurance.steady_glide`.
         precision: See `endurance.single_precision`.
+        captures: Row of each log of motion capture; see `motion_capture.capture_row`.
     """
 
     seed: int
@@ -39,6 +41,7 @@ class StressResults:
     calibration: list[dict[str, Any]]
     glide: dict[str, Any]
     precision: dict[str, Any]
+    captures: list[dict[str, Any]]
 
     def faults(self) -> list[dict[str, Any]]:
         """Rows of the campaign by fault: counts of failures and of counted events."""
@@ -56,6 +59,7 @@ class StressResults:
             "calibration": self.calibration,
             "glide": self.glide,
             "single_precision": self.precision,
+            "motion_capture": summary(self.captures),
         }
 
 
@@ -74,14 +78,19 @@ def run(plan: StressPlan, stages: Stages) -> StressResults:
         [] if plan.log is None else [Job(log_calibration, (str(plan.log),), 10.0)],
         [Job(steady_glide, (plan.glide,), 2e-5 * plan.glide)],
         [Job(single_precision, (plan.updates,), 1e-5 * plan.updates)],
+        [
+            Job(capture_rows, (k, min(k + CHUNK, plan.captures)), 30.0)
+            for k in range(0, plan.captures, CHUNK)
+        ],
     ]
     with stages.stage("faults, damage, calibration and long runs", 0.0, 1.0) as tell:
         found = iter(run_jobs([job for part in parts for job in part], tell, plan.workers))
-    chunks, damage, flights, logs, (glide,), (precision,) = (
+    chunks, damage, flights, logs, (glide,), (precision,), captured = (
         [next(found) for _ in part] for part in parts
     )
     runs = [row for chunk in chunks for row in chunk]
-    return StressResults(plan.seed, runs, damage, [*flights, *logs], glide, precision)
+    captures = [row for rows in captured for row in rows]
+    return StressResults(plan.seed, runs, damage, [*flights, *logs], glide, precision, captures)
 
 
 def _fault_row(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:

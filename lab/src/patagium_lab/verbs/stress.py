@@ -23,12 +23,13 @@ def stress(
     updates: Annotated[
         int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
     ] = 10_000_000,
+    captures: Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")] = 200,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
     ] = Path("stress.html"),
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
-    """Fly learners through faults, damage to a wing and long runs, and write one page.
+    """Fly learners through faults, damage and long runs, estimate motion from bad logs; one page.
 
     Each run of the campaign is drawn from the seed and its number, so that it can be flown again.
     """
@@ -39,7 +40,7 @@ def stress(
     from patagium_lab.study import Stages
 
     found = None if log is None else existing(log)
-    plan = StressPlan(runs, seed, found, max(1, updates // 10), updates, jobs)
+    plan = StressPlan(runs, seed, found, max(1, updates // 10), updates, jobs, captures)
     with stage_bar("Stressing") as progress:
         results = study.run(plan, Stages(progress))
     page(results).write(output)

@@ -35,6 +35,8 @@ _MOST = np.array([0.7, np.inf])
 """Length of a step of attitude [rad] and position [m] that is a jump in any motion."""
 _FEWEST = 3
 """Fewest frames of a stretch that counts."""
+_NO_TURN = 1e-3
+"""Length of a quaternion below which it is none."""
 _BACK = 40
 """Stretches over which a chain may leave out others."""
 _UNCLEAR = 1.5
@@ -90,7 +92,7 @@ def usable_frames(rows: Array) -> Bools:
         rows: Positions [m] and quaternions, (N, 7).
     """
     finite: Bools = np.asarray(np.isfinite(rows).all(axis=1), bool)
-    finite &= np.linalg.norm(np.where(finite[:, None], rows[:, 3:], 0.0), axis=1) > 1e-3
+    finite &= np.linalg.norm(np.where(finite[:, None], rows[:, 3:], 0.0), axis=1) > _NO_TURN
     held = np.zeros(len(rows), bool)
     held[1:] = (rows[1:] == rows[:-1]).all(axis=1)
     return np.asarray(finite & ~held if held[finite].mean() < 0.5 else finite)
@@ -103,7 +105,8 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
         camera: Samples of motion capture.
     """
     seen = usable_frames(camera.rows)
-    finite = np.isfinite(camera.rows).all(axis=1)
+    turned = np.linalg.norm(np.nan_to_num(camera.rows[:, 3:]), axis=1) > _NO_TURN
+    finite = np.isfinite(camera.rows).all(axis=1) & turned
     found: list[Stretch] = []
     held = int((finite & ~seen).sum())
     if held:

@@ -210,6 +210,8 @@ class _Spectrum:
             whole = np.interp(grid, time[a:b], values[a:b])
             parts.append(whole[: len(whole) // length * length].reshape(-1, length))
         series = np.concatenate(parts)
+        if not len(series):
+            return None
         series = series[:: -(-len(series) // _MOST_SEGMENTS)]
         line = np.linspace(-1.0, 1.0, length)
         window = np.hanning(length + 2)[1:-1]

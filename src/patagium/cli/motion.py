@@ -1,0 +1,197 @@
+"""`patagium motion`: from the log of a laboratory to motion and forces with their uncertainty."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from patagium.robot import Robot
+    from patagium.sensing import ForceSamples, SensorLog
+
+EXAMPLES = (
+    "patagium motion flight.nc --robot brick.yaml --plot flight.png",
+    "patagium motion flight.bag --mapping rig.yaml --robot aerobat -o motion.nc",
+    "patagium motion flight.nc --robot aerobat --body imu2=left_plate --json",
+)
+
+
+def motion(
+    log: Annotated[
+        Path, typer.Argument(help="Imported log or sensor log (.nc), or another log to import.")
+    ],
+    robot: Annotated[
+        str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--mapping", "--map", help="Meaning of the columns or fields (YAML)."),
+    ] = None,
+    body: Annotated[
+        list[str] | None,
+        typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="File for motion and forces (.nc)."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Figure of attitude and forces (.png, .svg or .pdf).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
+) -> None:
+    """Estimate motion and forces from a log, each with its standard deviation.
+
+    Noise, clocks and swapped markers are found from the log. Stretches in which the sensors do not
+    tell the motion are named, and have no forces.
+    """
+    import json
+
+    from patagium.cli.words import say_json
+    from patagium.report.figures import save_figure
+    from patagium.sensing.force.flown_force import motion_and_force, write_motion
+    from patagium.viewer.flight_figures import motion_figure
+
+    measured = _measured(log, robot, mapping, body or [])
+    shifts, note = _shifts(measured)
+    found, forces = motion_and_force(measured, shifts=shifts)
+    target = out if out is not None else Path(f"{log.name.partition('.')[0]}-motion.nc")
+    write_motion(found, forces, target)
+    if plot is not None:
+        save_figure(motion_figure(found, forces), plot)
+    facts = json.loads(found.attrs["findings"])
+    summary = _summary(found, forces) | {"clock_shifts": shifts, **facts, "file": str(target)}
+    if as_json:
+        say_json(summary)
+        return
+    _say(measured, found, forces, summary, note)
+    typer.echo(f"Motion and forces are in {target}" + (f", the figure in {plot}" if plot else ""))
+
+
+def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:
+    """Sensor log in a file of any kind."""
+    import tempfile
+
+    from patagium.cli.logs import record_of
+    from patagium.cli.words import existing
+    from patagium.errors import ParameterError
+    from patagium.robot import load_robot
+    from patagium.sensing import load_sensor_log, sensor_log
+    from patagium.sensing.logs.importing.import_log import import_log as bring
+    from patagium.sensing.logs.record import is_log
+
+    bodies = dict(word.partition("=")[::2] for word in words)
+    machine: Robot | None = None if robot is None else load_robot(robot)
+    if is_log(log):
+        record = record_of(log, mapping)
+        if record is not None:
+            record.close()
+        return sensor_log(log, machine, bodies=bodies)
+    if log.suffix.lower() == ".nc" and mapping is None:
+        from dataclasses import replace
+
+        found = load_sensor_log(existing(log))
+        return found if machine is None else replace(found, robot=machine)
+    if mapping is None:
+        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+    with tempfile.TemporaryDirectory(prefix="patagium-") as folder:
+        target = bring([log], existing(mapping), Path(folder) / "log.nc").path
+        return sensor_log(target, machine, bodies=bodies)
+
+
+def _shifts(measured: SensorLog) -> tuple[dict[str, float], str]:
+    """Clock shifts [s] where sensors have clocks of their own, and a note in words."""
+    from patagium.errors import LogError
+    from patagium.sensing import estimate_shifts
+
+    stamps = [reading["time"].values for reading in measured.readings.values()]
+    if all(len(one) == len(stamps[0]) and (one == stamps[0]).all() for one in stamps[1:]):
+        return {}, "All quantities have the same stamps, which are taken as right."
+    try:
+        found = estimate_shifts(measured)
+    except LogError as problem:
+        return {}, f"Clocks are taken as right: {problem}."
+    late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in found.seconds.items())
+    return found.seconds, f"Clocks, found from the motion that the sensors share: {late}."
+
+
+def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
+    """Figures of the motion and the forces."""
+    import numpy as np
+
+    known, time = found["known"].values, found["time"].values
+    result: dict[str, Any] = {
+        "samples": len(time),
+        "duration": float(time[-1] - time[0]),
+        "known": float(known.mean()),
+    }
+    if "attitude_std" in found and known.any():
+        result["attitude_std"] = float(np.median(found["attitude_std"].values[known]))
+    result["forces"] = {
+        name: {
+            "unit": "N" if forces.robot.dof_units[forces.robot.index(name)] == "m" else "N m",
+            "mean": float(np.nanmean(forces.force[:, forces.robot.index(name)])),
+            "rms": float(np.sqrt(np.nanmean(forces.force[:, forces.robot.index(name)] ** 2))),
+            "std": float(np.nanmedian(forces.std[:, forces.robot.index(name)])),
+        }
+        for name in forces.measured
+    }
+    return result
+
+
+def _say(
+    measured: SensorLog,
+    found: xr.Dataset,
+    forces: ForceSamples,
+    summary: dict[str, Any],
+    note: str,
+) -> None:
+    """Print what was found, in words with units."""
+    from math import degrees
+
+    from patagium.cli.words import show_table
+    from patagium.report import Table
+
+    for name, reading in measured.readings.items():
+        made = ", ".join(reading.attrs.get("quantities", ()))
+        typer.echo(f"{name}: {len(reading['time'])} samples" + (f" of {made}." if made else "."))
+    typer.echo(note)
+    for word in summary["notes"]:
+        typer.echo(f"{word}.")
+    for one in summary["noise"]:
+        extra = f", correlated {one['correlation']:.1f} from sample to sample" * (
+            one["correlation"] > 0
+        )
+        extra += f", stamps uncertain by {1e3 * one['jitter']:.2g} ms" * (one["jitter"] > 1e-5)
+        extra += f", {one['doubted']:.1%} of the samples doubted" * (one["doubted"] > 0)
+        typer.echo(
+            f"Noise of {one['sensor']}, {one['part']}: {one['std']:.3g} {one['unit']}{extra}."
+        )
+    typer.echo(
+        f"The motion is known in {summary['known']:.1%} of {summary['duration']:.6g} s"
+        + (
+            f", its attitude to {degrees(summary['attitude_std']):.2g} deg (median)."
+            if "attitude_std" in summary
+            else "."
+        )
+    )
+    if summary["stretches"]:
+        rows: list[list[Any]] = [
+            [one["begin"], one["end"], one["reason"], one["frames"]] for one in summary["stretches"]
+        ]
+        columns = ["from [s]", "to [s]", "reason", "samples left out"]
+        show_table(Table(columns, rows, "Left out or not known"))
+    rows = [
+        [name, one["unit"], one["mean"], one["rms"], one["std"]]
+        for name, one in summary["forces"].items()
+    ]
+    if rows:
+        columns = ["coordinate", "unit", "mean", "rms", "standard deviation (median)"]
+        show_table(Table(columns, rows, "Force of the air, gravity and inertia taken off"))
+    silent = [name for name in forces.robot.dof_names if name not in forces.measured]
+    if silent:
+        typer.echo(f"No force is known of {', '.join(silent)}: nothing measures what drives them.")

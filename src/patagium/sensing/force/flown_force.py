@@ -1,0 +1,76 @@
+"""Motion and force of the air from a sensor log in one call, and their file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from patagium.errors import LogError
+from patagium.sensing.force.measured_force import (
+    ForceSamples,
+    cell_wrench,
+    inverse_dynamics_force,
+    motor_forces,
+)
+from patagium.sensing.motion.estimate_motion import estimate_motion
+from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
+from patagium.whole_file import whole_file
+
+
+def motion_and_force(
+    log: SensorLog, *, shifts: Mapping[str, float] | None = None
+) -> tuple[xr.Dataset, ForceSamples]:
+    """Motion, and force of the air by inverse dynamics with all that the log tells of forces.
+
+    Args:
+        log: The log.
+        shifts: Shift of late stamps by name of the sensor [s]; see `estimate_shifts`.
+
+    Returns:
+        The motion, and the force, which is NaN where the motion is not known.
+
+    Raises:
+        LogError: If the sensors do not see the motion.
+    """
+    late = dict(shifts or {})
+    motion = estimate_motion(log, shifts=late)
+    joints = mount = None
+    for name, sensor in log.sensors.items():
+        if isinstance(sensor, MotorCurrent):
+            joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
+        elif isinstance(sensor, LoadCell):
+            mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
+    found = inverse_dynamics_force(motion, joints=joints, mount=mount)
+    unknown = ~motion["known"].values
+    found.force[unknown] = np.nan
+    found.covariance[unknown] = np.nan
+    return motion, found
+
+
+def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> Path:
+    """Write motion and forces as netCDF4, whole or not at all.
+
+    Args:
+        motion: From `estimate_motion`.
+        forces: Of the air along it.
+        path: The file, replaced if it exists.
+
+    Raises:
+        LogError: If the file cannot be written.
+    """
+    units = {"units": "N or N m"}
+    whole = motion.assign(
+        force=(("time", "dof"), forces.force, units),
+        force_std=(("time", "dof"), forces.std, units),
+    )
+    try:
+        with whole_file(path) as draft:
+            whole.assign(known=whole["known"].astype("i1")).to_netcdf(
+                draft, format="NETCDF4", engine="netcdf4"
+            )
+    except OSError as error:
+        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return Path(path)

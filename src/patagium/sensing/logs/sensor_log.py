@@ -1,0 +1,254 @@
+"""Sensor log of an imported log: from named quantities to encoders, cameras and inertial units.
+
+The unit and the shape of a quantity tell what measured it, its name where: an attitude and a
+position are motion capture, a specific force and an angular rate an inertial unit, an angle with
+the name of a joint an encoder, a force or moment with it the joint's, a force and a moment in
+space a load cell. The noise of the sensors is left to `estimate_motion`, which learns it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from patagium.errors import LogError, ParameterError
+from patagium.robot import Robot, load_robot
+from patagium.sensing.logs.record import LogRecord, load_log
+from patagium.sensing.sensors import (
+    Encoder,
+    Imu,
+    LoadCell,
+    MotionCapture,
+    MotorCurrent,
+    Sensor,
+    SensorLog,
+    as_quaternion,
+)
+
+Array = NDArray[np.float64]
+
+_VECTORS = {
+    "m": "position",
+    "m/s^2": "specific_force",
+    "rad/s": "angular_rate",
+    "N": "force",
+    "N m": "moment",
+}
+"""Quantities with three components, by their unit."""
+
+
+def sensor_log(
+    log: str | Path | xr.Dataset,
+    robot: Robot | str | None = None,
+    *,
+    bodies: Mapping[str, str] | None = None,
+) -> SensorLog:
+    """Sensors and their readings in an imported log, for `estimate_motion`.
+
+    Attitudes with positions become motion capture, specific forces with angular rates inertial
+    units, angles named after joints an encoder, their forces motor currents of one newton metre
+    per ampere, and a force with a moment a load cell. A quantity belongs to the body whose name is
+    in its own, else to the floating body.
+
+    Args:
+        log: File that `patagium import` wrote, or what `load_log` makes of it.
+        robot: The machine, or its name or file; None for the one that the mapping named.
+        bodies: Body of each quantity whose name does not tell, by name of the quantity.
+
+    Returns:
+        The sensor log; `quantities` among the attributes of each reading names what it was made of.
+
+    Raises:
+        LogError: If the log has no quantity that tells of motion, or one of a pair is missing.
+        ParameterError: If no robot is given, or `bodies` names a quantity that is not there.
+    """
+    machine = _machine(log, robot)
+    table = log if isinstance(log, xr.Dataset) else load_log(log)
+    given = dict(bodies or {})
+    for name, body in given.items():
+        if name not in table:
+            held = ", ".join(map(str, table.data_vars))
+            raise ParameterError("bodies", f"quantities among {held}", name)
+        machine.body_index(body)
+    found = _Found(machine, np.asarray(table["time"].values, float))
+    for name in map(str, table.data_vars):
+        _place(found, name, table[name], given.get(name))
+    readings, sensors = found.sensors()
+    if not readings:
+        held = ", ".join(f"{name} [{table[name].attrs.get('units', '')}]" for name in table)
+        raise LogError(
+            "log: expected an attitude with a position, a specific force with an angular rate, or "
+            f"angles named after joints of {machine.name} ({', '.join(machine.dof_names[:8])}), "
+            f"found {held}"
+        )
+    carried = any(isinstance(sensor, LoadCell) for sensor in sensors.values())
+    return SensorLog(readings, sensors, {}, machine, "load cell" if carried else "")
+
+
+@dataclass
+class _Found:
+    """Quantities found so far, by what measured them.
+
+    Attributes:
+        robot: The machine.
+        time: Stamps of the log, (N,) [s].
+        poses: Attitude and position by body, each with its name and values.
+        units: Specific force and angular rate by body, likewise.
+        joints: Angles of joints by name, likewise.
+        efforts: Forces of joints by name, likewise.
+        cells: Force and moment by body, likewise.
+    """
+
+    robot: Robot
+    time: Array
+    poses: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
+    units: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
+    joints: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    efforts: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    cells: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
+
+    def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
+        """Readings and sensors by name."""
+        rate = 1.0 / float(np.median(np.diff(self.time)))
+        readings: dict[str, xr.Dataset] = {}
+        sensors: dict[str, Sensor] = {}
+
+        def add(sensor: Sensor, parts: Mapping[str, tuple[Any, Array]], names: list[str]) -> None:
+            readings[sensor.name] = xr.Dataset(
+                {name: (("time", *dims), values) for name, (dims, values) in parts.items()},
+                coords={"time": ("time", self.time, {"units": "s"})},
+                attrs={"quantities": names},
+            )
+            sensors[sensor.name] = sensor
+
+        for body, pose in self._base_pose().items():
+            _both(pose, "attitude", "position", body)
+            camera = MotionCapture(name=f"cameras of {body}", rate=rate, body=body)
+            parts = {
+                "position": (("axis",), pose["position"][1]),
+                "quaternion": (("part",), pose["attitude"][1]),
+            }
+            add(camera, parts, [name for name, _ in pose.values()])
+        for body, unit in self.units.items():
+            _both(unit, "specific_force", "angular_rate", body)
+            imu = Imu(
+                name=f"inertial unit of {body}",
+                rate=rate,
+                body=body,
+                accelerometer_bias=0.2,
+                gyroscope_bias=0.02,
+            )
+            parts = {name: (("axis",), values) for name, (_, values) in unit.items()}
+            add(imu, parts, [name for name, _ in unit.values()])
+        for body, cell in self.cells.items():
+            _both(cell, "force", "moment", body)
+            wrench = np.hstack([cell["force"][1], cell["moment"][1]])
+            names = [name for name, _ in cell.values()]
+            sensor = LoadCell(name=f"load cell of {body}", rate=rate, body=body)
+            add(sensor, {"wrench": (("component",), wrench)}, names)
+        if self.joints:
+            angles = np.column_stack([values for _, values in self.joints.values()])
+            encoder = Encoder(name="encoders", rate=rate, joints=tuple(self.joints))
+            names = [name for name, _ in self.joints.values()]
+            add(encoder, {"position": (("joint",), angles)}, names)
+        if self.efforts:
+            forces = np.column_stack([values for _, values in self.efforts.values()])
+            motors = MotorCurrent(
+                name="joint forces",
+                rate=rate,
+                joints=tuple(self.efforts),
+                torque_constant=1.0,
+            )
+            names = [name for name, _ in self.efforts.values()]
+            add(motors, {"current": (("joint",), forces)}, names)
+        return readings, sensors
+
+    def _base_pose(self) -> dict[str, dict[str, tuple[str, Array]]]:
+        """Poses by body, with that of the floating body from its coordinates where these are it."""
+        for body in self.robot.bodies:
+            names = [self.robot.dof_names[i] for i in body.floating_dofs or ()]
+            if not names or not set(names) <= set(self.joints):
+                continue
+            columns = [self.joints.pop(name) for name in names]
+            place = np.column_stack([values for _, values in columns[:3]])
+            angles = np.column_stack([values for _, values in columns[:2:-1]])
+            turn = as_quaternion(Rotation.from_euler("ZYX", angles))
+            pose = self.poses.setdefault(body.name, {})
+            pose.setdefault("position", (columns[0][0], place))
+            pose.setdefault("attitude", (columns[3][0], turn))
+        return self.poses
+
+
+def _machine(log: str | Path | xr.Dataset, robot: Robot | str | None) -> Robot:
+    if isinstance(robot, Robot):
+        return robot
+    if robot is not None:
+        return load_robot(robot)
+    if not isinstance(log, xr.Dataset):
+        with LogRecord(log) as record:
+            if record.robot is not None:
+                return record.robot
+    raise ParameterError("robot", "a robot: the mapping of the log named none", None)
+
+
+def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> None:
+    """Put a quantity with what measured it; one that tells nothing of motion is left out."""
+    unit = str(values.attrs.get("units", ""))
+    numbers = np.asarray(values.transpose("time", ...).values, float)
+    where = body or _body_in(name, found.robot)
+    if values.dims[-1:] == ("quaternion",):
+        if where is not None:
+            found.poses.setdefault(where, {}).setdefault("attitude", (name, numbers))
+        return
+    if values.dims[-1:] == ("axis",):
+        kind = _VECTORS.get(unit)
+        if kind is None or where is None:
+            return
+        group = {
+            "position": found.poses,
+            "specific_force": found.units,
+            "angular_rate": found.units,
+        }
+        group.get(kind, found.cells).setdefault(where, {}).setdefault(kind, (name, numbers))
+        return
+    joint = _joint_in(name, found.robot)
+    if joint is None or name.startswith(("v.", "a.")):
+        return
+    angle = found.robot.dof_units[found.robot.index(joint)]
+    if unit == angle:
+        found.joints.setdefault(joint, (name, numbers))
+    elif (
+        unit == ("N" if angle == "m" else "N m")
+        and found.robot.index(joint) in found.robot.actuated
+    ):
+        found.efforts.setdefault(joint, (name, numbers))
+
+
+def _body_in(name: str, robot: Robot) -> str | None:
+    """Body whose name is the longest one in the name of a quantity, else the floating one."""
+    named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
+    floating = [body.name for body in robot.bodies if body.floating_dofs is not None]
+    return max(named, key=len) if named else (floating or [robot.bodies[0].name])[0]
+
+
+def _joint_in(name: str, robot: Robot) -> str | None:
+    """Coordinate whose name is that of a quantity, or its last part."""
+    last = name.replace("[", ".").replace("]", "").replace("/", ".").split(".")[-1]
+    return last if last in robot.dof_names else None
+
+
+def _both(parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: str) -> None:
+    for here, missing in ((one, other), (other, one)):
+        if missing not in parts:
+            words = missing.replace("_", " ")
+            raise LogError(
+                f"{parts[here][0]}: expected {words} of {body} to go with it; add its field to "
+                "the mapping"
+            )

@@ -1,0 +1,123 @@
+"""From a table of poses to motion and forces: by the command line and in Python."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import LogError, ParameterError
+
+BODY = """
+name: brick
+gravity: 9.81
+bodies:
+  body:
+    floating: true
+    mass: 50 g
+    shape: {type: box, size: [10 cm, 6 cm, 4 cm]}
+"""
+MAPPING = """
+time: {column: t, unit: s}
+channels:
+  - {column: [x, y, z], frame: flu, unit: mm, name: position}
+  - {column: [qx, qy, qz, qw], order: xyzw, frame: flu, body: flu, name: attitude}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> Path:
+    """A brick that falls through the air while it tumbles, as cameras see it in millimetres."""
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(200) / 200.0
+    place = np.column_stack([time, 0 * time, -0.5 * 4.9 * time**2])  # half the weight is carried
+    place += 2e-4 * rng.standard_normal((200, 3))
+    turns = Rotation.from_rotvec(np.outer(time, [2.0, 6.0, 1.0]))
+    turns = turns * Rotation.from_rotvec(2e-3 * rng.standard_normal((200, 3)))
+    table = np.column_stack([time, 1e3 * place, turns.as_quat()])
+    header = "t,x,y,z,qx,qy,qz,qw"
+    np.savetxt("flight.csv", table, delimiter=",", header=header, comments="")
+    Path("brick.yaml").write_text(BODY, "utf-8")
+    Path("map.yaml").write_text(MAPPING, "utf-8")
+    return tmp_path
+
+
+def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as left:
+        run(words)
+    captured = capsys.readouterr()
+    assert not left.value.code, captured.err
+    return captured.out
+
+
+def test_a_table_becomes_motion_forces_and_a_figure(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["motion", "flight.csv", "--mapping", "map.yaml", "--robot", "brick.yaml"]
+    told = said([*words, "--plot", "forces.png"], capsys)
+    assert "cameras of body: 200 samples of attitude, position." in told or "position" in told
+    assert "The motion is known in 100.0%" in told and "Force of the air" in told
+    assert (folder / "forces.png").stat().st_size > 10_000
+    with xr.open_dataset("flight-motion.nc") as found:
+        lift = found["force"].sel(dof="z").values
+        assert found["known"].values.all()
+        std = found["force_std"].sel(dof="z").values
+    expected = 0.05 * (9.81 - 4.9)  # N
+    inner = slice(20, -20)
+    assert np.abs(lift - expected)[inner].mean() < 2 * std[inner].mean() < 0.1
+
+
+def test_an_imported_log_gives_the_same_in_python(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pt.import_log("flight.csv", "map.yaml", "log.nc")
+    measured = pt.sensor_log("log.nc", "brick.yaml")
+    assert list(measured.sensors) == ["cameras of body"]
+    motion = pt.estimate_motion(measured)
+    figures = json.loads(said(["motion", "log.nc", "--robot", "brick.yaml", "--json"], capsys))
+    assert figures["known"] == 1.0 and figures["stretches"] == []
+    noise = {one["part"]: one["std"] for one in figures["noise"]}
+    assert noise["position"] == pytest.approx(2e-4, rel=0.2)  # 600 numbers; 0.03 is one deviation
+    assert noise["attitude"] == pytest.approx(2e-3, rel=0.2)
+    rate = motion["v"].sel(dof="x").values
+    assert np.abs(rate[20:-20] - 1.0).max() < 0.02  # m/s
+    measured = pt.sensing.load_sensor_log(pt.sensing.save_sensor_log(measured, "sensors.nc"))
+    again = pt.estimate_motion(measured)
+    np.testing.assert_allclose(again["q"].values, motion["q"].values, atol=1e-9)
+
+
+def test_quantities_find_their_sensor_by_unit_shape_and_name() -> None:
+    robot = pt.load_robot("aerobat")
+    count, axes = 20, ("time", "axis")
+    zeros, still = np.zeros((count, 3)), np.tile([1.0, 0, 0, 0], (count, 1))
+    numbers = {name: ("time", np.zeros(count), {"units": "rad"}) for name in robot.dof_names[6:]}
+    log = xr.Dataset(
+        {
+            "attitude": (("time", "quaternion"), still, {"units": "1"}),
+            "position": (axes, zeros, {"units": "m"}),
+            "left_plate force": (axes, zeros, {"units": "m/s^2"}),
+            "spin": (axes, zeros, {"units": "rad/s"}),
+            "wind": (axes, zeros, {"units": "m/s"}),
+            "u1.left_plunge": ("time", np.zeros(count), {"units": "N m"}),
+            **{f"q.{name}": value for name, value in numbers.items()},
+        },
+        coords={"time": 0.01 * np.arange(count)},
+    )
+    found = pt.sensor_log(log, robot, bodies={"spin": "left_plate"})
+    kinds = {type(sensor).__name__ for sensor in found.sensors.values()}
+    assert kinds == {"MotionCapture", "Imu", "Encoder", "MotorCurrent"}
+    assert found.sensors["inertial unit of left_plate"].body == "left_plate"  # type: ignore[attr-defined]
+    with pytest.raises(LogError, match="left_plate force: expected angular rate of left_plate"):
+        pt.sensor_log(log.drop_vars("spin"), robot)
+    with pytest.raises(ParameterError, match="bodies: expected quantities among"):
+        pt.sensor_log(log, robot, bodies={"gyro": "body"})
+    with pytest.raises(LogError, match="expected an attitude with a position"):
+        pt.sensor_log(log[["wind"]], robot)
+    with pytest.raises(ParameterError, match="robot"):
+        pt.sensor_log(log)
