@@ -55,7 +55,7 @@ static void visit(panel_filter *f) {
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
   run_at_mean(f, 0);
   for (int b = 0; b < f->blocks; b++)
-    for (int first = 0; first < (f->kept ? pointed(f, b) : f->counts[b]); first += WIDTH)
+    for (int first = 0; first < f->counts[b] && (!f->kept || first < pointed(f, b)); first += WIDTH)
       read_out(f, f->starts[b] + first, run_at_points(f, b, first));
   const REAL *center = sums_of(f, f->layers - 1);
   for (int k = 0; k < m; k++) {
