@@ -4,7 +4,12 @@ At time t, after the sample there was learned, the output at t + h is predicted:
 inputs are forecast by a `Motion` from samples up to t, and the network gives the output at them,
 with the weights of time t. Without a model of the robot every input goes on as it did before:
 it is held, or its last wingbeat is repeated from where it is now, whichever erred less at the
-samples up to t. Beside the forecast stand four rivals, which see the samples up to t as well:
+samples up to t. What the network misses a wingbeat before t + h (without a wingbeat: at t) is
+known; corrected by it, the network gives the change from one wingbeat to the next. Each output
+is forecast in the way that erred least in the forecasts whose outcome is known by then: by the
+network, by the network corrected, or so with inputs that go on as before, where a model of the
+robot forecasts them otherwise. Beside the forecast stand four rivals, which see the samples up to
+t as well:
 
 - the last measured output, held,
 - the mean of all outputs so far,
@@ -30,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.learning.learners.learner import Learner
-from patagium.learning.models.memory import ModelMemory
+from patagium.learning.models.memory import ModelMemory, measured_inputs, network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.scores import ErrorSums, persistence, span_scores
 from patagium.learning.wingbeats import duration, wingbeat_period
@@ -48,6 +53,8 @@ LAGS = 4
 _RIDGE = 1e-3  # of the mean square of each regressor
 _GROWTH = 1.25  # of the samples so far, after which the wingbeat is looked for anew
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
+_KEEP = 0.9  # of the errors of each way from one known outcome to the next
+_RUN_UP = 2.0  # wingbeats in which the memory of a network settles
 _LONGEST = 2e-3  # s, step of a forecast motion, ...
 _STEPS = 20  # ... of which a horizon has this many at least, if the log has them
 
@@ -240,6 +247,39 @@ class _LeastSquares:
         return np.hstack([np.ones((len(rows), 1)), self._x[rows], *lagged])
 
 
+class _Choice:
+    """Choice of a way to forecast, output by output, by the last outcomes that are known.
+
+    Args:
+        y: Outputs, (N, n_y) [unit of y]; NaN where one is missing.
+        ways: Number of ways.
+
+    Attributes:
+        taken: Way taken last for each output, (n_y,) [1].
+    """
+
+    def __init__(self, y: Array, ways: int) -> None:
+        self._y, self._errors = y, np.zeros((ways, y.shape[1]))
+        self._waiting: list[tuple[int, Array]] = []
+        self.taken = np.zeros(y.shape[1], np.int64)
+
+    def chosen(self, last: int, target: int, guesses: Array) -> Array:
+        """Forecast, (n_y,) [unit of y].
+
+        Args:
+            last: Sample from which on nothing is known.
+            target: Sample that is forecast.
+            guesses: Forecast by each way, (ways, n_y) [unit of y].
+        """
+        while self._waiting and self._waiting[0][0] <= last:
+            place, before = self._waiting.pop(0)
+            self._errors *= _KEEP
+            self._errors += np.nan_to_num(before - self._y[place]) ** 2
+        self._waiting.append((target, guesses))
+        self.taken = self._errors.argmin(axis=0)
+        return np.asarray(guesses[self.taken, np.arange(len(self.taken))])
+
+
 class ForecastSums:
     """Errors of the forecasts of a horizon and of its rivals, over one log or its blocks.
 
@@ -337,13 +377,15 @@ class Forecaster:
         self._time, x, y = log
         self._sums, self._learner, self._half = sums, learner, half
         every = np.arange(len(y))
-        self._y, self._known = y, np.where(np.isfinite(y), y, persistence(y, every))
+        self._x, self._y = x, y
+        self._known = np.where(np.isfinite(y), y, persistence(y, every))
         step = float(np.median(np.diff(self._time)))
         self._lead = sums.lead = max(1, round(sums.seconds / step))
         self._ahead = _grid(self._lead, step)
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
+        self._choice = _Choice(y, 2 if motion is None else 3)
         self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
         self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
         last = used[used + self._lead < len(y)]
@@ -377,14 +419,43 @@ class Forecaster:
         if not np.isfinite(x).all():
             self._sums.lost += 1
             x, motion = self._inputs.path(last, self._ahead, model), self._inputs
-        self._sums.rule = motion.rule()
         period, held = self._inputs.period(last), self._known[last]
         beat = held
         if period is not None:
             beat = self._outputs.beat_before(last, float(self._ahead[-1]), period)
-        guess = model.predict(self._time[last] + self._ahead, x)
+        guess, miss = model.predict(self._time[last] + self._ahead, x), self._miss(last, period)
+        ways = [guess, guess + miss]
+        if self._motion is not self._inputs:
+            repeated = self._inputs.path(last, self._ahead, model)
+            ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
+        guess = self._choice.chosen(last, last + self._lead, np.array(ways))
+        self._sums.rule = motion.rule()
+        count = np.bincount(self._choice.taken, minlength=3)
+        before = "now" if period is None else "a wingbeat before"
+        if count[1:].any():
+            self._sums.rule += (
+                f"; {count[1:].sum()} of {len(guess)} outputs corrected by the error of the "
+                f"network {before}" + (f", {count[2]} with inputs as before" * bool(count[2]))
+            )
         found = (guess, held, self._mean[last], beat, squares)
         return dict(zip(METHODS, found, strict=True))
+
+    def _miss(self, last: int, period: float | None) -> Array:
+        """Error of the network a wingbeat before what is forecast, or now, (n_y,) [unit of y]."""
+        network, weights = self._learner.network, self._learner.weights
+        place = begin = last
+        if period is not None:
+            ahead = float(self._ahead[-1])
+            then = self._time[last] + ahead - ceil(ahead / period - 1e-9) * period
+            place = int(np.clip(np.searchsorted(self._time[: last + 1], then), 0, last))
+            if place and then - self._time[place - 1] < self._time[place] - then:
+                place -= 1
+            begin = int(np.searchsorted(self._time, self._time[place] - _RUN_UP * period))
+        if measured_inputs(network) == network.inputs:
+            begin = place
+        span = slice(begin, place + 1)
+        rows = network_inputs(network, weights, self._time[span], self._x[span])
+        return np.asarray(self._known[place] - network.evaluate(rows[-1:], weights)[0])
 
 
 def _grid(lead: int, step: float) -> Array:

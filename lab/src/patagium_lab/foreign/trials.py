@@ -94,7 +94,7 @@ def _physics(trial: Trial, flight: xr.Dataset, unseen: list[xr.Dataset]) -> dict
 
 def _learned(trial: Trial, flight: xr.Dataset, unseen: list[xr.Dataset]) -> dict[str, Any]:
     learner = CONTESTANTS[trial.contestant].make(flight)
-    result = identify(flight, learner, every=trial.every, horizons={})
+    result = identify(flight, learner, every=trial.every)
     rows = []
     for one in unseen:
         try:
