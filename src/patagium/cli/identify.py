@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from patagium.sensing import LogTable
 
 EXAMPLES = (
+    "patagium identify flight.nc --report report.html",
     "patagium identify flight.nc --network strip --hidden 8,8 --prior-std 0.3 "
     "--measurement-std 3e-4 --spread 1.7 --model model.json --report report.html",
     "patagium identify log.csv --mapping columns.yaml --network dense --hidden 16,16 --every 1 "
@@ -39,11 +40,12 @@ EXAMPLES = (
     "patagium identify flight.nc --settings settings.yaml --report report.html",
     "patagium identify flight.nc --settings settings.yaml --horizon 20ms --horizon 100ms",
     'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
-    "--aero lifting-line --measurement-std 3e-4 --report report.html",
+    "--aero lifting-line --report report.html",
 )
 
 
 _FIRST = 0.01
+_START = 1 << 18  # samples of a long log that a network is made from
 """Span that scales a dense network where nothing repeats itself [s]."""
 
 
@@ -58,8 +60,9 @@ def identify(
         int | None,
         typer.Option(
             min=1,
-            help="Use one sample in so many; 100 by default. Each prediction sees the inputs of "
-            "its own sample: it is no forecast; see --horizon.",
+            help="Use one sample in so many; by default 100 a second, or 20 a wingbeat, as far as "
+            "the network's size allows. Each prediction sees the inputs of its own sample: it is "
+            "no forecast; see --horizon.",
         ),
     ] = None,
     horizon: Annotated[
@@ -93,8 +96,8 @@ def identify(
     Each sample is predicted before it may be used; the score is the mean square error of
     these predictions over the variance of the output, compared with holding the last
     used sample. These predictions see the measured inputs of their sample; --horizon scores a
-    true forecast. Standard deviations and the learning rate have no default; `patagium tune`
-    finds them.
+    true forecast. Nothing has to be set: what was chosen, and from what, is printed, and an option
+    overrides it, one by one.
 
     With --state the learner goes on where it stopped, with the centers and scales it began
     with; all other options must be the same as before. A learner that diverged is not kept.
@@ -103,12 +106,13 @@ def identify(
     from patagium.cli.state import keep_model, keep_state, resumed
     from patagium.cli.words import progress_bar
     from patagium.errors import Outcome
+    from patagium.learning.default_learner import learner_choices
 
     kind, layers = choice.shape()
-    every = every or choice.every or 100
+    every = every or choice.every
     long = long_record(file, mapping)
     flight: Any
-    flight, table = (None, long.table(0, 2)) if long else flight_or_table(file, mapping)
+    flight, table = (None, long.table(0, _START)) if long else flight_or_table(file, mapping)
     check_estimate(estimate, aero, refine, table is None)
     if table is not None:
         network = table_network(table, kind, layers, choice.activation)
@@ -120,13 +124,16 @@ def identify(
     learner = resumed(choice.learner(network), state)
     learned = long or (flight if table is None else table)
     result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
+    result.scores["chosen"] |= learner_choices(
+        result.learner, given=bool(estimate) or not choice.default
+    )
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if result.outcome is Outcome.COMPLETED:
         keep_state(result.learner, state)
         if refine:
             with progress_bar(f"Refining what {file.name} taught"):
-                result = refined(result, flight, every)
+                result = refined(result, flight, result.scores["every"])
     keep_model(model, result.learner, None if table is None else table.input_names, file.name)
     if predictions is not None:
         result.save(predictions)
@@ -190,6 +197,8 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     if as_json:
         say_json(dict(scores))
         return
+    for name, text in scores.get("chosen", {}).items():
+        typer.echo(f"{name}: {text}")
     columns = {
         "NMSE": scores.get("nmse", {}),
         "second half": scores.get("nmse_second_half", {}),
@@ -234,23 +243,24 @@ def _look(flight: Any) -> float:
 def table_network(
     table: LogTable, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
-    """Network for a table, scaled by the ranges of its mapping.
+    """Network for a table, scaled by the ranges of its mapping, else by the first samples.
 
     Args:
         table: Rows of a log.
         kind: Kind asked for; None is dense.
-        hidden: Neurons of each hidden layer.
+        hidden: Neurons of each hidden layer; none where nobody chose them.
         activation: Activation of the hidden layers.
 
     Raises:
         ParameterError: If the kind needs a robot.
     """
     from patagium.errors import ParameterError
-    from patagium.learning.identify import network_for
+    from patagium.learning.default_learner import HIDDEN
+    from patagium.learning.table_network import network_for
 
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
-    return network_for(table, hidden, activation)
+    return network_for(table, hidden or HIDDEN, activation)
 
 
 def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:

@@ -63,14 +63,16 @@ class LearnerChoice:
     """Learner and network that the command line and a file of settings choose.
 
     Attributes:
-        kind: Kind of the learner, a key of `RECORDS`.
+        kind: Kind of the learner, a key of `RECORDS`: the extended filter where neither it nor a
+            network was chosen, nor a setting that this one has not.
         settings: Values of its settings by dotted name, such as "screening.outlier_std".
-        network: Kind of the network; None where nothing was chosen.
-        hidden: Neurons of each hidden layer, or several of these; None where nothing was chosen.
+        network: Kind of the network; None: the default of a robot, a dense one of a table.
+        hidden: Neurons of each hidden layer, or several of these; None: those of the network.
         activation: Activation of the hidden layers.
         seed: Seed of the initial weights.
         every: One sample in so many is used; None where no file says it.
         given: Whether any option was given.
+        default: Whether network and learner are those that are taken where nobody chose.
     """
 
     kind: str = "cubature"
@@ -81,6 +83,7 @@ class LearnerChoice:
     seed: int = 0
     every: int | None = None
     given: bool = False
+    default: bool = False
 
     def learner(self, network: Any) -> Any:
         """New learner of a network.
@@ -102,13 +105,15 @@ class LearnerChoice:
             raise ParameterError(words.get(name, name), error.expected, error.found) from None
 
     def shape(self) -> tuple[NetworkKind | None, tuple[int, ...]]:
-        """Kind and hidden layers of the network; a linear learner takes inputs and outputs only.
+        """Kind and hidden layers of the network, None and none where nobody chose them.
+
+        A linear learner takes inputs and outputs only.
 
         Raises:
             ParameterError: If the linear learner is to have hidden layers or wings.
         """
         if self.kind != "linear":
-            layers = (28,) if self.network is NetworkKind.FLOW else (8, 8)
+            layers = {None: (), NetworkKind.FLOW: (28,)}.get(self.network, (8, 8))
             return self.network, self.hidden or layers
         if self.hidden is not None or self.network in WINGED:
             option = "--network" if self.hidden is None else "--hidden"
@@ -137,7 +142,7 @@ def with_learner_options(
         @wraps(verb)
         def with_choice(**values: Any) -> None:
             found = {one.name: values.pop(one.name) for one in options}
-            verb(**values, choice=_chosen(found))
+            verb(**values, choice=_chosen(found, several=several))
 
         keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in both]
         with_choice.__dict__["__signature__"] = inspect.Signature(keywords)
@@ -187,7 +192,7 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     if not several:
         help_text = f"{file}; command-line options override it."
         yield _parameter("settings", Path, typer.Option(help=help_text))
-    network = "Kind of the network; by default strip for flights, dense for tables."
+    network = "Kind of the network; by default strips for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default (flow: 28)." + repeat
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
     yield _parameter("network", NetworkKind, typer.Option(help=network, **shown))
@@ -195,7 +200,8 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     yield _parameter("hidden", many, option)
     activation = typer.Option(help="Activation of the hidden layers; softplus by default.", **shown)
     yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
-    learner = typer.Option(help="Kind of the learner; cubature by default.", **shown)
+    kinds = "Kind of the learner; cubature by default, extended for the default network."
+    learner = typer.Option(help=kinds, **shown)
     yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
@@ -221,6 +227,8 @@ def _setting(
         default = f"{one.default:g}" if isinstance(one.default, float) else str(one.default)
         where = f"off by default, {default} with other options of {group}"
         words.append(where.replace("_", " ") if group else f"{default} by default")
+    elif meaning.found:
+        words.append(f"by default {meaning.found}")
     text = "; ".join(words) + "."
     option = typer.Option(f"--{word}", help=text, hidden=hidden, rich_help_panel=PANEL, **reading)
     many: Any = list[plain] if several and not group else plain  # type: ignore[valid-type]
@@ -248,7 +256,7 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
 """Type of an option and how its text is read, for each type of a setting."""
 
 
-def _chosen(found: dict[str, Any]) -> LearnerChoice:
+def _chosen(found: dict[str, Any], *, several: bool) -> LearnerChoice:
     """Choice of the values of `_options`; a file of settings gives what was not given."""
     path = found.pop("settings", None)
     given = {name: value for name, value in found.items() if value is not None}
@@ -266,7 +274,12 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
             value = given[old] if value is None else value
         if value is not None:
             settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
-    choice = LearnerChoice(settings=settings, given=bool(shape or settings or path), **shape)
+    given_one = bool(shape or settings or path)
+    if given.keys().isdisjoint(("learner", "network", "hidden", "activation")) and path is None:
+        own = {one.name for one in settings_of("extended")}
+        if several is False and {name.partition(".")[0] for name in settings} <= own:
+            shape |= {"kind": "extended", "default": True}
+    choice = LearnerChoice(settings=settings, given=given_one, **shape)
     return choice if path is None else _completed(choice, set(shape), path)
 
 
@@ -315,19 +328,25 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
 def winged_network(
     kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
 ) -> Network:
-    """Network of the wings of a robot; that of strips unless another kind is chosen.
+    """Network of the wings of a robot; strips see their pitch rate.
 
     Args:
-        kind: Key of `WINGED`, or None.
+        kind: Key of `WINGED`; None: the default network, or strips where there are hidden layers.
         robot: Robot with wings.
-        hidden: Neurons of each hidden layer.
+        hidden: Neurons of each hidden layer; none for the default network.
         air: Air that it flies in.
         activation: Activation of the hidden layers.
     """
     from patagium import learning
+    from patagium.learning.default_learner import default_network
 
-    make = getattr(learning, WINGED[kind or NetworkKind.STRIP])
-    network: Network = make(robot, hidden, air=air, activation=activation)
+    if kind is None and not hidden:
+        return default_network(robot, air)
+    chosen = kind or NetworkKind.STRIP
+    make, more = getattr(learning, WINGED[chosen]), {}
+    if chosen is NetworkKind.STRIP:
+        more["rotation"] = True
+    network: Network = make(robot, hidden, air=air, activation=activation, **more)
     return network
 
 

@@ -31,12 +31,13 @@ if TYPE_CHECKING:
     from patagium.robot import Robot
 
 EXAMPLES = (
+    "patagium stream udp://127.0.0.1:9000 --robot aerobat --state learner.state",
     "patagium stream udp://127.0.0.1:9000 --robot aerobat --network strip --prior-std 0.3 "
     "--measurement-std 3e-4 --spread 1.7 --outlier-std 5 --noise-memory 2000 "
     "--record stream.nc --model model.json",
     "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
     "--covariance node --prior-std 0.5 --measurement-std 1e-3 --idle 5",
-    "sensors | patagium stream - --robot robot.yaml --prior-std 0.3 --measurement-std 1e-3 --live",
+    "sensors | patagium stream - --robot robot.yaml --live",
 )
 _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
@@ -94,6 +95,7 @@ def stream(
     """
     from patagium.cli.state import keep_model, keep_state, resumed
     from patagium.cli.words import answer
+    from patagium.learning.default_learner import learner_choices
     from patagium.live.loop import Counters, Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
@@ -118,8 +120,12 @@ def stream(
         raise problem
     keep_state(student, state)
     keep_model(model, pipeline.learner, pipeline.inputs, source)
+    chosen = learner_choices(pipeline.learner, given=not choice.default)
+    for name, text in chosen.items():
+        typer.echo(f"{name}: {text}", err=True)
     for reason in intake.examples:
         typer.echo(f"patagium: not used: {reason}", err=True)
+    facts["chosen"] = chosen
     answer(facts if as_json else _flat(facts), as_json=as_json)
     if problem is not None:
         raise problem

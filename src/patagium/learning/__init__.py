@@ -12,11 +12,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from patagium.learning.default_learner import default_learner as default_learner
     from patagium.learning.identify import evaluate as evaluate
     from patagium.learning.identify import evaluate_table as evaluate_table
     from patagium.learning.identify import identify as identify
     from patagium.learning.identify import identify_table as identify_table
-    from patagium.learning.identify import network_for as network_for
     from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
     from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
     from patagium.learning.learners.gradient import GradientLearner as GradientLearner
@@ -52,13 +52,16 @@ if TYPE_CHECKING:
     from patagium.learning.settings import NoiseEstimation as NoiseEstimation
     from patagium.learning.settings import Screening as Screening
     from patagium.learning.stream import stream as stream
+    from patagium.learning.table_network import network_for as network_for
     from patagium.learning.tuning.settings_file import Settings as Settings
     from patagium.learning.tuning.settings_file import load_settings as load_settings
     from patagium.learning.tuning.tune import Tuned as Tuned
     from patagium.learning.tuning.tune import tune as tune
 
 _NAMES = {
-    "identify": ("evaluate", "evaluate_table", "identify", "identify_table", "network_for"),
+    "identify": ("evaluate", "evaluate_table", "identify", "identify_table"),
+    "table_network": ("network_for",),
+    "default_learner": ("default_learner",),
     "learners.cubature": ("CubatureLearner",),
     "learners.extended": ("ExtendedLearner",),
     "learners.gradient": ("GradientLearner",),

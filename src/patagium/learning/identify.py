@@ -14,10 +14,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
+from patagium.learning.default_learner import choices, chosen_every, default_learner
 from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
-from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
@@ -25,6 +25,7 @@ from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
+from patagium.learning.table_network import scaling_samples
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
@@ -41,9 +42,9 @@ class _Predicts(Protocol):
 
 def identify(
     flight: xr.Dataset | ForceSamples,
-    learner: Learner,
+    learner: Learner | None = None,
     *,
-    every: int = 100,
+    every: int | None = None,
     inputs: Sequence[str] | None = None,
     horizons: Horizons = None,
     robot: Robot | None = None,
@@ -51,15 +52,14 @@ def identify(
 ) -> Identification:
     """Identification of the air's force from a flight, sample by sample.
 
-    The force is taken from the flight by inverse dynamics (`training_data`), or as it was
-    measured; each sample is predicted before it may be used (`stream`).
+    The force is found by inverse dynamics (`training_data`), or as it was measured; each sample
+    is predicted before it may be used (`stream`).
 
     Args:
-        flight: Record with q, v, a, u1; or measured forces, whose standard deviations
-            the learner then takes as noise on top of its own.
-        learner: What learns; it goes on from where it stands, and is changed. Its network
-            sees the inputs and gives generalized forces, or what it says it measures.
-        every: 100 to use one sample in 100.
+        flight: Record with q, v, a, u1; or measured forces, whose std is noise on top.
+        learner: What learns; it goes on from where it stands, and is changed. Its network sees
+            the inputs and gives generalized forces, or what it measures; None: `default_learner`.
+        every: 100 to use one sample in 100; None: as `chosen_every` says.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
         horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
             as "100ms": the state of a robot in free flight is propagated by its equations with
@@ -75,24 +75,31 @@ def identify(
         ShapeError: If the network does not fit the inputs or the outputs.
         ParameterError: If an input has no such name.
     """
-    time, x, y, units = samples(flight, learner.network, inputs, robot)
-    motion, period = None, None
+    chosen = learner or default_learner(flight if robot is None else robot)
+    time, x, y, units = samples(flight, chosen.network, inputs, robot)
+    motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
     if horizons and not isinstance(flight, ForceSamples):
-        machine, period = robot_of(flight) if robot is None else robot, gait_period(flight)
-        motion = robot_motion(flight, machine, learner.network, inputs, period)
-    return stream(
-        learner,
+        machine = robot_of(flight) if robot is None else robot
+        motion = robot_motion(flight, machine, chosen.network, inputs, period)
+    step = float(np.median(np.diff(time)))
+    taken = chosen_every(chosen, step, period) if every is None else every
+    result = stream(
+        chosen,
         time,
         x,
         y,
-        every=every,
+        every=taken,
         horizons=horizons,
         units=units,
-        std=stds(flight, learner.network),
+        std=stds(flight, chosen.network),
         motion=motion,
         period=period,
         progress=progress,
     )
+    result.scores["chosen"] = choices(
+        chosen, taken, step, learner_given=learner is not None, every_given=every is not None
+    )
+    return result
 
 
 def evaluate(
@@ -243,74 +250,47 @@ def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
 
 
-def network_for(
-    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
-) -> DenseNetwork:
-    """Dense network for the columns of a table, scaled by their stated ranges.
-
-    Center and half width of each range; nothing is taken from the samples, so that a
-    stream through it does not look ahead.
-
-    Args:
-        table: The log.
-        hidden: Neurons of each hidden layer.
-        activation: "softplus" or "tanh".
-
-    Raises:
-        LogError: If the mapping states no range for a column.
-    """
-    names = (*table.input_names, *table.output_names)
-    bounds = np.vstack([table.input_range, table.output_range])
-    silent = [name for name, row in zip(names, bounds, strict=True) if np.isnan(row).any()]
-    if silent:
-        raise LogError(
-            f"{table.source}: expected a range for {', '.join(silent)} in the mapping, such as "
-            "`range: [-1, 1]`: the network is scaled by it without looking ahead"
-        )
-    center, scale = bounds.mean(axis=1), np.diff(bounds, axis=1)[:, 0] / 2
-    n = len(table.input_names)
-    return DenseNetwork(
-        n,
-        hidden,
-        table.output_names,
-        activation,
-        input_center=center[:n],
-        input_scale=scale[:n],
-        output_center=center[n:],
-        output_scale=scale[n:],
-    )
-
-
 def identify_table(
     table: LogTable,
-    learner: Learner,
+    learner: Learner | None = None,
     *,
-    every: int = 100,
+    every: int | None = None,
     horizons: Horizons = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identification from a table, sample by sample; see `stream`.
 
+    Where the mapping states no range for a column, the first samples scale the network
+    (`scaling_samples`): they are neither predicted nor learned.
+
     Args:
         table: The log.
-        learner: What learns; it is changed.
-        every: 100 to use one sample in 100.
+        learner: What learns; it is changed. None: the default, a dense network.
+        every: 100 to use one sample in 100; None: as `chosen_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
     """
+    chosen, first = learner or default_learner(table), scaling_samples(table)
+    step = float(np.median(np.diff(table.time)))
+    taken = chosen_every(chosen, step) if every is None else every
     result = stream(
-        learner,
-        table.time,
-        table.x,
-        table.y,
-        every=every,
+        chosen,
+        table.time[first:],
+        table.x[first:],
+        table.y[first:],
+        every=taken,
         horizons=horizons,
         names=table.output_names,
         units=table.output_units,
-        gaps=table.gaps,
+        gaps=table.gaps[table.gaps > first] - first,
         progress=progress,
     )
     result.scores["gaps_found"] = table.describe_gaps()
+    result.scores["samples"] = len(table.time)
+    result.scores["samples_that_scaled"] = first
+    result.scores["chosen"] = choices(
+        chosen, taken, step, learner_given=learner is not None, every_given=every is not None
+    )
     return result
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import LogError, Outcome
+from patagium.learning.default_learner import choices, chosen_every, default_learner
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.registry import load_learner
@@ -34,6 +35,7 @@ from patagium.learning.stream import (
     forecasters,
     used_samples,
 )
+from patagium.learning.table_network import scaling_samples
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole
@@ -48,9 +50,9 @@ _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 def identify_record(
     record: LogRecord,
-    learner: OnlineLearner,
+    learner: OnlineLearner | None = None,
     *,
-    every: int = 100,
+    every: int | None = None,
     horizons: Horizons = None,
     progress: Progress | None = None,
     course: Path | None = None,
@@ -61,7 +63,8 @@ def identify_record(
     Args:
         record: The log, with inputs and outputs.
         learner: What learns; it is changed, or another goes on in its place: see the result.
-        every: 100 to use one sample in 100.
+            None: the default, a dense network.
+        every: 100 to use one sample in 100; None: as `chosen_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
         course: File to go on from, in which progress is kept; removed at the end.
@@ -74,9 +77,19 @@ def identify_record(
     Raises:
         LogError: If the log holds no samples, or `course` is of another log or learner.
     """
-    run = _LongRun(record, learner, every, named_horizons(horizons), max(block, 10 * every), course)
+    start = record.table(0, min(record.count, BLOCK))
+    chosen = learner or default_learner(start)
+    step = float(np.median(np.diff(start.time)))
+    taken = chosen_every(chosen, step) if every is None else every
+    run = _LongRun(record, chosen, taken, named_horizons(horizons), max(block, 10 * taken), course)
+    run.begin = run.begin or scaling_samples(start)
     run.go(progress)
-    return run.result()
+    result = run.result()
+    result.scores["samples_that_scaled"] = scaling_samples(start)
+    result.scores["chosen"] = choices(
+        run.learner, taken, step, learner_given=learner is not None, every_given=every is not None
+    )
+    return result
 
 
 class _LongRun:

@@ -157,7 +157,8 @@ def _remarks(scores: Mapping[str, Any]) -> list[Note]:
         remarks.append(
             Note(f"{scores['gaps']} gap(s) in time: each ends a hold interval, none is bridged.")
         )
-    return remarks
+    chosen = scores.get("chosen", {})
+    return remarks + [Note(f"{name.capitalize()}: {text}.") for name, text in chosen.items()]
 
 
 def _calibration(scores: Mapping[str, Any]) -> list[Any]:

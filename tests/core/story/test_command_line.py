@@ -325,10 +325,19 @@ def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, spe
 
 
 def test_a_learner_is_not_given_what_it_does_not_take(flight: Path, speak: Speak) -> None:
-    missing = speak("identify", flight, "--prior-std", "0.3")
-    assert missing.code == 2 and "--measurement-std" in missing.err
     foreign = speak("identify", flight, "--learner", "gradient", "--learning-rate", "1", *LEARN)
     assert foreign.code == 2 and "gradient learner has none" in foreign.err
+
+
+def test_identify_needs_nothing_and_says_what_it_chose(flight: Path, speak: Speak) -> None:
+    answer = speak("identify", flight)
+    assert answer.code == 0
+    chosen = dict(line.split(": ", 1) for line in answer.out.splitlines()[:5])
+    assert set(chosen) == {"network", "learner", "noise", "prior", "every"}
+    assert chosen["learner"].endswith("the default") and "innovations" in chosen["noise"]
+    half = speak("identify", flight, "--prior-std", "0.3", "--every", "50").out
+    assert "prior: 0.3; set by you" in half and "every: one sample in 50" in half
+    assert "noise" in half and "from the samples and the innovations" in half
 
 
 def test_debug_shows_where_it_went_wrong() -> None:

@@ -75,7 +75,7 @@ def test_a_network_beside_learns_with_them(identify: Say) -> None:
     answer = identify(*LEARN, *beside, "--prior-std", "0.3", "--json")
     assert answer.code == 0
     assert set(json.loads(answer.out)["parameter_value"]) == {"lift_slope", "zero_lift_angle"}
-    assert "--prior-std" in identify(*LEARN, *beside).err
+    assert "prior: 1;" in identify(*LEARN, *beside).out
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
-from patagium.learning.identify import evaluate_table, identify_table, network_for
+from patagium.learning.identify import evaluate_table, identify_table
 from patagium.learning.model_file import model_of
+from patagium.learning.table_network import network_for, scaling_samples
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.table import LogTable, table_from_frame
 
@@ -46,10 +47,34 @@ def test_a_network_is_scaled_by_the_stated_ranges_alone() -> None:
     assert network_for(log(seed=1), (4,)).describe() == network.describe()
 
 
-def test_a_column_without_a_range_is_named() -> None:
-    words = {**WORDS, "outputs": [{"column": "force", "unit": "N"}]}
-    with pytest.raises(LogError, match=r"expected a range for force in the mapping"):
-        network_for(log(words=words), (4,))
+UNRANGED = {**WORDS, "outputs": [{"column": "force", "unit": "N", "name": "lift"}]}
+
+
+def test_a_short_log_with_a_column_without_a_range_is_refused_with_the_remedy() -> None:
+    with pytest.raises(LogError, match=r"first 1 s .* lift, found 400 .* state a range"):
+        network_for(log(words=UNRANGED), (4,))
+
+
+def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() -> None:
+    """The first second is 475 samples of 2 ms before the gap of 50 ms, in the order of the log."""
+    table = log(900, words=UNRANGED)
+    network = network_for(table, (4,))
+    first = table.y[: scaling_samples(table)]
+    assert scaling_samples(table) == 475 and scaling_samples(log()) == 0
+    np.testing.assert_allclose(network.output_scale, (first.max() - first.min()) / 2)
+    later = log(900, words=UNRANGED)
+    later.y[475:] *= 3.0  # nothing looks ahead
+    assert network_for(later, (4,)).describe() == network.describe()
+    scores = identify_table(table, every=1).scores
+    assert scores["samples_that_scaled"] == 475
+    assert scores["samples"] == 900 and scores["samples_predicted"] == 425
+    assert scores["nmse_second_half"]["lift"] < 0.05
+
+
+def test_a_table_is_learned_without_any_setting() -> None:
+    scores = identify_table(log(3000)).scores
+    assert scores["nmse_second_half"]["lift"] < 0.01 and scores["every"] == 5  # 100 of 500 Hz
+    assert scores["chosen"]["network"].startswith("dense, 8,8")
 
 
 def test_a_table_is_learned_and_its_gap_is_stated() -> None:

@@ -10,8 +10,9 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
-from patagium.learning.identify import identify_table, network_for
+from patagium.learning.identify import identify_table
 from patagium.learning.long_log import identify_record
+from patagium.learning.table_network import network_for
 from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping

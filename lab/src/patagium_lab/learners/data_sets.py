@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.learning.identify import network_for
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_from_description
+from patagium.learning.table_network import network_for
 from patagium.robot import load_robot
 from patagium.sensing.force.air_force import training_data
 from patagium.sensing.logs.importing.import_log import read_table

@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.identify import evaluate_table, identify_table, network_for
+from patagium.learning.identify import evaluate_table, identify_table
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
+from patagium.learning.table_network import network_for
 from patagium.report import PageSection
 from patagium.report import Table as ReportTable
 from patagium.sensing.logs.importing.import_log import read_table

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.identify import network_for
 from patagium.learning.models.dense import DESCRIBED, DenseNetwork, described
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, GroupedNetwork
 from patagium.learning.models.structure import stacked
+from patagium.learning.table_network import network_for
 from patagium.sensing.logs.table import LogTable
 
 Array = NDArray[np.float64]

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.identify import identify_table, network_for
+from patagium.learning.identify import identify_table
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
+from patagium.learning.table_network import network_for
 from patagium.robot import load_robot
 from patagium.sensing.force.air_force import training_data
 from patagium.sensing.logs.importing.import_log import read_table

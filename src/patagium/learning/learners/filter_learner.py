@@ -26,8 +26,8 @@ from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     OnlineLearner,
     as_input,
-    described,
     diverged,
+    found_part,
     shaped_sample,
 )
 from patagium.learning.models.network import Network
@@ -300,7 +300,7 @@ class FilterLearner(OnlineLearner):
         network = self._network.describe()
         settings = self.settings.describe(self.kind)
         given = {"kind": self.kind, "network": network, **settings, "seed": self._seed}
-        return described(given, self.found)
+        return given | found_part(self.found)
 
     def kept_covariance(self) -> WeightCovariance:
         """Covariance of the weights as kept after the last sample."""

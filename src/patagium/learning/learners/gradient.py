@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import vector
-from patagium.learning.learners.learner import OnlineLearner, as_input, described, diverged
+from patagium.learning.learners.learner import OnlineLearner, as_input, diverged, found_part
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.settings import GradientSettings, chosen_settings
 
@@ -132,7 +132,7 @@ class GradientLearner(OnlineLearner):
             **asdict(self.settings),
             "seed": self._seed,
         }
-        return described(given, self.found)
+        return given | found_part(self.found)
 
     @property
     def found(self) -> dict[str, Any]:

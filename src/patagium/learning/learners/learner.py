@@ -247,14 +247,13 @@ class OnlineLearner(Learner):
         raise NotImplementedError
 
 
-def described(given: dict[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    """Description of a learner; with "found" where settings were found.
+def found_part(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Part of a learner's description that holds what was found; empty where all was given.
 
     Args:
-        given: Kind, network and settings.
         found: Settings that nobody gave, by name.
     """
-    return given | ({"found": dict(found)} if found else {})
+    return {"found": dict(found)} if found else {}
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:

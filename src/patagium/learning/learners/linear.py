@@ -19,7 +19,7 @@ from patagium.learning.filters.numbers import PRIOR
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
-from patagium.learning.learners.learner import OnlineLearner, as_input, described, diverged
+from patagium.learning.learners.learner import OnlineLearner, as_input, diverged, found_part
 from patagium.learning.models.dense import DenseNetwork, LinearNetwork
 from patagium.learning.models.network import scale_of
 from patagium.learning.settings import (
@@ -147,7 +147,7 @@ class LinearLearner(OnlineLearner):
             "measurement_std": None if chosen.measurement_std is None else std,
             "forgetting_factor": self._forgetting,
         }
-        return described(given, self.found)
+        return given | found_part(self.found)
 
     @property
     def found(self) -> dict[str, Any]:

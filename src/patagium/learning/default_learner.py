@@ -1,0 +1,167 @@
+"""Default learner: network, learner and share of the samples where nobody chose them.
+
+What was chosen, and from what, is kept with the scores of an identification (`choices`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import ceil
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from patagium.aerodynamics import Air
+from patagium.learning.learners.extended import ExtendedLearner
+from patagium.learning.learners.learner import Learner, OnlineLearner
+from patagium.learning.models.network import Network
+from patagium.learning.models.strip import StripNetwork
+from patagium.learning.settings import FilterSettings, LowRank
+from patagium.learning.table_network import network_for
+from patagium.robot import Robot
+from patagium.sensing.force.measured_force import ForceSamples
+from patagium.sensing.logs.table import LogTable
+from patagium.simulation import air_of, robot_of
+
+HIDDEN = (8, 8)
+"""Neurons of each hidden layer where nobody chose them."""
+UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
+"""Updates a second; at least so many a wingbeat; never more a second than the last."""
+_OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
+# s a sample, s a multiplication and addition (ten times a compiled one), share of the time
+
+
+def default_network(robot: Robot, air: Air | None = None) -> Network:
+    """Network that learns the air of a robot with wings where nobody chose one.
+
+    Args:
+        robot: Robot with strips.
+        air: Air that it flies in; None: air at rest at sea level.
+    """
+    return StripNetwork(robot, HIDDEN, air, rotation=True)
+
+
+def default_learner(
+    subject: xr.Dataset | ForceSamples | LogTable | Robot,
+    air: Air | None = None,
+    settings: FilterSettings | None = None,
+    seed: int = 0,
+) -> OnlineLearner:
+    """Learner for a flight, a table or a robot where nobody chose one.
+
+    The extended Kalman filter, whose noise and prior are found, on the default network of the
+    robot, or on a dense network for the columns of a table.
+
+    Args:
+        subject: What it learns from, or the robot that will send samples.
+        air: Air that the robot flies in; None: that of a flight, else at rest at sea level.
+        settings: Settings that are not to be found; None: all are.
+        seed: Seed of the initial weights.
+    """
+    if isinstance(subject, LogTable):
+        return ExtendedLearner(network_for(subject, HIDDEN), settings, seed=seed)
+    if isinstance(subject, xr.Dataset):
+        robot, air = robot_of(subject), air_of(subject) if air is None else air
+    else:
+        robot = subject.robot if isinstance(subject, ForceSamples) else subject
+    return ExtendedLearner(default_network(robot, air), settings, seed=seed)
+
+
+def update_time(learner: Learner) -> float:
+    """Time of an update that any computer of today keeps [s], from the number of weights.
+
+    It is estimated, not measured, so that a busy computer learns what an idle one learns: 20 us,
+    and half a nanosecond a multiplication and addition, several times what compiled code takes.
+
+    Args:
+        learner: Its covariance's structure says how many there are.
+    """
+    n, outputs = learner.network.size, learner.network.outputs
+    structure = getattr(getattr(learner, "settings", None), "covariance", "full")
+    if isinstance(structure, LowRank):
+        operations = n * (structure.rank + outputs) ** 2
+    elif structure in ("layer", "node"):
+        layers = [[len(neuron) for neuron in layer] for layer in learner.network.neurons]
+        blocks = [sum(layer) for layer in layers] if structure == "layer" else sum(layers, [])
+        operations = sum(size * size for size in blocks) * (outputs + 8) + n * outputs**2
+    else:
+        operations = n * n * (outputs + 8)
+    return _OVERHEAD + _OPERATION * operations
+
+
+def chosen_every(learner: Learner, step: float, period: float | None = None) -> int:
+    """Share of the samples that is used where nobody chose it: one in so many.
+
+    One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
+    no more than the estimated time of an update allows (`update_time`). More often does not tell
+    more: the errors of a model last for a part of a wingbeat, and a filter that takes them for
+    independent is too sure of itself.
+
+    Args:
+        learner: What learns.
+        step: Median time between two samples [s].
+        period: Of a wingbeat [s]; None: not known.
+    """
+    wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
+    rate = min(wanted, FASTEST, _LOAD / update_time(learner))
+    return max(1, ceil(1 / (rate * step) - 1e-6))
+
+
+def choices(
+    learner: Learner, every: int, step: float, *, learner_given: bool, every_given: bool
+) -> dict[str, str]:
+    """Choices of an identification in words: what was set, and what was found from what.
+
+    Args:
+        learner: After it learned.
+        every: One sample in so many was used.
+        step: Median time between two samples [s].
+        learner_given: Whether network and learner were chosen by hand.
+        every_given: Whether the share of the samples was.
+    """
+    rate = f"one sample in {every}, {1 / (every * step):.4g} updates a second"
+    found = f"from {1 / step:.4g} samples a second, the wingbeat and the number of weights"
+    words = learner_choices(learner, given=learner_given)
+    return words | {"every": f"{rate}; {'set by you' if every_given else found}"}
+
+
+def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
+    """Choices of network, learner and its settings in words; see `choices`.
+
+    Args:
+        learner: After it learned.
+        given: Whether network and learner were chosen by hand.
+    """
+    described, network = learner.describe(), learner.network
+    by = "set by you" if given else "the default"
+    layers = ",".join(map(str, network.hidden)) or "no hidden layer"
+    kind = described["network"]["kind"]
+    return {
+        "network": f"{kind}, {layers}, {network.size} weights; {by}",
+        "learner": f"{described['kind']}; {by}",
+        **_found_words(described),
+    }
+
+
+def _found_words(described: Mapping[str, Any]) -> dict[str, str]:
+    """Noise, prior and step of a learner, in words; those that it has."""
+    found, words = described.get("found", {}), {}
+    sources = {
+        "measurement_std": ("noise", "from the samples and the innovations"),
+        "prior_std": ("prior", "the rule for dimensionless weights"),
+        "learning_rate": ("step", "the rule for dimensionless weights"),
+    }
+    for name, (label, source) in sources.items():
+        value = described.get(name)
+        if name in found:
+            words[label] = f"{_span(found[name])}; {source}"
+        elif value is not None:
+            words[label] = f"{_span(value)}; set by you"
+    return words
+
+
+def _span(value: Any) -> str:
+    """A number, or the span of several."""
+    low, high = np.min(value), np.max(value)
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}, by output"

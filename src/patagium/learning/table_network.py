@@ -1,0 +1,89 @@
+"""Dense network for the columns of a table, scaled by stated ranges or by the first samples.
+
+Samples that scale a network are not predicted, so that nothing looks ahead. Neglected: columns
+that begin at rest, whose first samples say nothing of their range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import LogError
+from patagium.learning.models.dense import DenseNetwork
+from patagium.sensing.logs.table import LogTable
+
+Array = NDArray[np.float64]
+
+SCALING_TIME, SCALING_SAMPLES = 1.0, 50
+"""Time [s] and least number of the samples that scale columns without a stated range."""
+
+
+def network_for(
+    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
+) -> DenseNetwork:
+    """Dense network for the columns of a table, scaled by their ranges.
+
+    Center and half width of each range that the mapping states; of the others those of the first
+    samples, which `identify_table` then does not predict (`scaling_samples`).
+
+    Args:
+        table: The log, or the beginning of it.
+        hidden: Neurons of each hidden layer.
+        activation: "softplus" or "tanh".
+
+    Raises:
+        LogError: If the log is too short to scale a column without a range.
+    """
+    bounds = _bounds(table)
+    count = scaling_samples(table)
+    first = np.hstack([table.x, table.y])[:count]
+    for k in np.flatnonzero(np.isnan(bounds).any(axis=1)).tolist():
+        known = first[np.isfinite(first[:, k]), k]
+        low, high = (known.min(), known.max()) if len(known) else (-1.0, 1.0)
+        if high - low <= 1e-9 * max(abs(low), abs(high)):  # it stood still
+            low, high = low - 1.0, high + 1.0
+        bounds[k] = low, high
+    center, scale = bounds.mean(axis=1), np.diff(bounds, axis=1)[:, 0] / 2
+    n = len(table.input_names)
+    return DenseNetwork(
+        n,
+        hidden,
+        table.output_names,
+        activation,
+        input_center=center[:n],
+        input_scale=scale[:n],
+        output_center=center[n:],
+        output_scale=scale[n:],
+    )
+
+
+def scaling_samples(table: LogTable) -> int:
+    """Number of first samples that scale the columns without a stated range; 0 without any.
+
+    Args:
+        table: The log, or the beginning of it: more than a second, and 50 samples.
+
+    Raises:
+        LogError: If it has no samples after them.
+    """
+    names = np.array([*table.input_names, *table.output_names])
+    silent = names[np.isnan(_bounds(table)).any(axis=1)]
+    if not len(silent):
+        return 0
+    second = int(np.searchsorted(table.time, table.time[0] + SCALING_TIME))
+    count = max(second, SCALING_SAMPLES)
+    if count >= len(table.time) - 1:
+        raise LogError(
+            f"{table.source}: expected more than the first {SCALING_TIME:g} s and "
+            f"{SCALING_SAMPLES} samples, which scale {', '.join(silent)}, found "
+            f"{len(table.time)} samples; state a range in the mapping, such as `range: [-1, 1]`"
+        )
+    return count
+
+
+def _bounds(table: LogTable) -> Array:
+    """Stated ranges of inputs and outputs, (n, 2); NaN where there is none."""
+    return np.vstack([table.input_range, table.output_range])

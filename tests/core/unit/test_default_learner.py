@@ -1,0 +1,85 @@
+"""Default learner: what is taken where nobody chose, and the words for it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.learning.default_learner import chosen_every, default_learner, update_time
+from patagium.learning.learners.registry import learner_from_description
+from patagium.live.pipeline import Pipeline
+from patagium.native import compiler_name
+from patagium.sensing.force.air_force import packet_columns
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    robot = pt.load_robot("aerobat")
+    return pt.simulate(
+        robot,
+        pt.QuasiSteady(robot),
+        pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5),
+        duration=1.0,
+        time_step=1e-3,
+        q=robot.coordinates(pitch=0.1),
+        v=robot.coordinates(x=4.0),
+    )
+
+
+def test_a_flight_is_learned_without_any_choice(flight: xr.Dataset) -> None:
+    result = pt.identify(flight)
+    # the held sample errs by 4e-2 there, one in ten used
+    assert result.scores["nmse_second_half_mean"] < 4e-3
+    assert result.scores["every"] == 10
+    chosen = result.scores["chosen"]
+    assert all(word in chosen["learner"] for word in ("extended", "default"))
+    assert chosen["noise"].endswith("from the samples and the innovations")
+    json.dumps(chosen)
+    again = pt.identify(flight)
+    assert np.array_equal(again.learner.weights, result.learner.weights)
+
+
+def test_what_is_set_by_hand_is_said(flight: xr.Dataset) -> None:
+    network = pt.StripNetwork(pt.load_robot("aerobat"), (3,))
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-3)
+    chosen = pt.identify(flight, learner, every=50).scores["chosen"]
+    assert all(words.endswith("set by you") for words in chosen.values()), chosen
+
+
+def test_the_share_of_the_samples_follows_rate_wingbeat_and_size() -> None:
+    robot = pt.load_robot("aerobat")
+    learner = default_learner(robot)
+    assert update_time(learner) < 1e-3
+    assert chosen_every(learner, 1e-4) == 100 and chosen_every(learner, 1e-3) == 10
+    assert chosen_every(learner, 0.02) == 1  # a log slower than that is used whole
+    assert chosen_every(learner, 1e-4, period=0.05) == 25  # twenty a wingbeat of 20 Hz
+    assert chosen_every(learner, 1e-4, period=1e-3) >= 10  # never above 1 kHz
+    large = pt.ExtendedLearner(pt.DenseNetwork(20, (60, 60), 14))
+    assert chosen_every(large, 1e-3) > 100  # as far as a computer keeps up
+    nodes = pt.ExtendedLearner(pt.DenseNetwork(20, (60, 60), 14), covariance="node")
+    assert chosen_every(nodes, 1e-3) == 10
+
+
+def test_the_pipeline_finds_in_c_what_python_finds(flight: xr.Dataset) -> None:
+    robot = pt.load_robot("aerobat")
+    columns = len(packet_columns(robot))
+    parts = [flight[name].transpose("time", ...).values for name in ("q", "v", "a", "u1")]
+    packets = np.hstack([flight.time.values[:, None], *parts])[::5]
+    assert packets.shape[1] == columns
+    fast, plain = default_learner(robot), default_learner(robot)
+    pipeline = Pipeline(fast, robot)
+    pipeline.run(packets)
+    assert pipeline.compiled == (compiler_name() is not None)
+    form = pipeline.form
+    cuts = 1 + np.cumsum([0, robot.coordinate_count, robot.dof, robot.dof])
+    for row in packets:
+        x, y = form.function(*np.split(row, cuts)[1:], form.parameters)
+        plain.update(np.atleast_1d(x), np.atleast_1d(y), row[0])
+    assert np.array_equal(fast.weights, plain.weights)  # the same kernel
+    assert fast.describe()["found"] == plain.describe()["found"]
+    made = learner_from_description(fast.describe())  # before any sample
+    assert np.isnan(made.measurement_std).all()
