@@ -463,9 +463,6 @@ CASES: dict[str, Make] = {
 }  # fmt: skip
 
 
-UNREADABLE = ("csv lists, bare", "no names")
-
-
 def seeded(name: str) -> Draw:
     return np.random.default_rng(sum(name.encode()))
 
@@ -476,8 +473,7 @@ def test_layouts(name: str, tmp_path: Path) -> None:
     case = CASES[name](tmp_path, seeded(name))
     mapping, out = tmp_path / "map.yaml", tmp_path / "out.nc"
     mapping.write_text(yaml.safe_dump(case.words), encoding="utf-8")
-    if name not in UNREADABLE:
-        inspect_log(case.log)
+    inspect_log(case.log)
     if case.refused:
         with pytest.raises(LogError) as refusal:
             import_log(case.log, mapping, out)
@@ -575,6 +571,12 @@ def test_an_index_column_without_a_name_is_no_matter(tmp_path: Path) -> None:
     import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")
     with LogRecord(tmp_path / "out.nc") as record:
         np.testing.assert_array_equal(record.values(("lift",))[:, 0], np.arange(50))
+
+
+def test_a_table_that_cannot_be_read_is_listed_with_the_remedy(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,g,f\n0,[1,2,3],4\n1,[2,3,4],5\n")
+    (topic,) = inspect_log(tmp_path / "log.csv").topics
+    assert "expected 3 entries a line" in topic.problem and "in quotes" in topic.problem
 
 
 def test_text_logs_of_ardupilot_are_answered_with_the_command(tmp_path: Path) -> None:

@@ -106,6 +106,7 @@ class Topic:
         about: Estimated number of rows where `count` is None.
         guess: Note about stamps that had to be guessed without a mapping.
         unplaced: Content that is not read, by path, with the reason.
+        hint: Remedy where a mapping names a path that the topic does not have.
     """
 
     name: str
@@ -118,6 +119,7 @@ class Topic:
     about: int = 0
     guess: str = ""
     unplaced: Mapping[str, str] = field(default_factory=dict)
+    hint: str = ""
 
 
 class LogFile(Protocol):
@@ -232,7 +234,8 @@ def find_topic(log: LogFile, name: str, where: str) -> Topic:
             f"{_closest(name, log.topics)}; it holds {_some(t or 'a table' for t in log.topics)}"
         )
     if topic.problem:
-        raise LogError(f"{where}: topic {name!r} of {log.path}: {topic.problem}")
+        of = f"topic {name!r} of {log.path}" if name else str(log.path)
+        raise LogError(f"{where}: {of}: {topic.problem}")
     return topic
 
 
@@ -305,10 +308,12 @@ def _missing(topic: Topic, path: str, where: str) -> str:
         return f"{where}: {path!r} cannot be read as numbers: {topic.unplaced[path]}"
     held = f"topic {topic.name!r}" if topic.name else "the file"
     kind = f" ({topic.kind})" if topic.name else ""
+    near = get_close_matches(path.lower(), [name.lower() for name in topic.channels], 1)
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}
     return (
         f"{where}: expected {path!r}, but {held}{kind} holds "
         f"{_some(topic.channels)}{_closest(path, [*topic.channels, *sorted(stems)])}"
+        + ("" if near or not topic.hint else f"; {topic.hint}")
     )
 
 

@@ -275,8 +275,11 @@ def header_place(lines: Sequence[str]) -> int:
             if full and not all(name.strip() for name in names):
                 continue
             numbers = [sum(map(_is_number, row)) for row in below]
+            typical = numbers[len(numbers) // 2]
             alike = sum(len(row) == len(names) for row in below) >= _ALIKE * len(below)
-            if alike and 2 * max(numbers[:2]) >= max(1, numbers[len(numbers) // 2]):
+            if not alike or not typical or 2 * max(numbers[:2]) < typical:
+                continue
+            if numbers[0] or _units_below(below, len(names)) is not None:
                 return place
     return 0
 
@@ -287,10 +290,14 @@ def _separator(line: str) -> str:
     return mark if mark in line or len(line.split()) < 2 else " "
 
 
-def _units_below(lines: Sequence[str], separator: str, count: int) -> list[str] | None:
-    """Units of the columns in the line below the names; None if that line holds samples."""
-    rows = [_cells(line, separator) for line in lines]
-    if len(rows) < 2 or len(rows[0]) != count or not any(map(_is_number, rows[1])):
+def _units_below(rows: Sequence[Sequence[str]], count: int) -> list[str] | None:
+    """Units of the columns in the row below the names; None if that row holds samples.
+
+    Args:
+        rows: Entries of the rows below the names.
+        count: Number of names.
+    """
+    if len(rows) < 2 or len(rows[0]) > count or not any(map(_is_number, rows[1])):
         return None
     units = [cell.strip().strip("[]()") for cell in rows[0]]
     if not any(units) or any(map(_is_number, rows[0])):
@@ -384,29 +391,30 @@ class CsvFile:
             )
         header = lines[head]
         self._separator = _separator(header)
-        first = _cells(lines[head + 1], self._separator) if head + 1 < len(lines) else []
-        names = _cells(header, self._separator)
-        if self._separator == " " and len(first) != len(names):
+        names, *below = [_cells(line, self._separator) for line in lines[head : head + 3]]
+        if self._separator == " " and len(names) not in map(len, below):
             self._separator, names = ",", [header.strip()]  # one name of several words
+            below = [_cells(line, ",") for line in lines[head + 1 : head + 3]]
         self._names = distinct(name.strip() for name in names)
         if not any(self._names) or "\x00" in header:
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
-        if any(_is_number(name) and not name.strip().isdigit() for name in names):
-            raise LogError(
-                f"{path}: cannot be read as CSV: expected a line of names, found numbers in line "
-                f"{head + 1}; write one above them, such as `t [s],gyro.x [rad/s],...`"
-            )
-        units = _units_below(lines[head + 1 : head + 3], self._separator, len(names))
+        units = _units_below(below, len(names))
         self._skip = head + 1 + (units is not None)
         if units is not None:
             self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
             self.notes.append("the last line has no end: it may be cut off")
         look = "".join(lines[self._skip :])
-        self._decimal = "," if self._separator == ";" and _comma_decimal(look) else "."
+        rows = [_cells(line, self._separator) for line in lines[self._skip :]]
+        self._decimal = "," if self._separator == ";" and _comma_decimal(rows) else "."
         self._lists: dict[str, tuple[str, int]] = {}
         stated = dict(zip(self._names, units or (), strict=False))
-        self.topics: dict[str, Topic] = {"": self._table(look, stated)}
+        try:
+            topic = self._table(look, stated)
+        except LogError as problem:  # which `inspect` lists
+            reason = str(problem).removeprefix(f"{path}: ")
+            topic = Topic("", "table", None, {}, StampSource("rows"), reason)
+        self.topics: dict[str, Topic] = {"": topic}
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
@@ -427,6 +435,8 @@ class CsvFile:
         Raises:
             LogError: If a line has more entries than there are names.
         """
+        if self.topics[""].problem:
+            raise LogError(f"{self.path}: {self.topics[''].problem}")
         with reading(self.path, "CSV"), self._opened() as text:
             for _ in range(self._skip):
                 text.readline()
@@ -520,6 +530,16 @@ class CsvFile:
             ) from problem
 
     def _table(self, look: str, units: Mapping[str, str]) -> Topic:
+        """Topic of the columns, by the first lines.
+
+        Raises:
+            LogError: If there is no line of names, or a line has more entries than names.
+        """
+        if any(_is_number(name) and not name.isdigit() for name in self._names):
+            raise LogError(
+                f"{self.path}: expected a line of names, found numbers in line {self._skip}; write "
+                "one above them, such as `t [s],gyro.x [rad/s],...`"
+            )
         with reading(self.path, "CSV"):
             frames = list(self._frames(io.StringIO(look), None))
         types, unplaced, stated = {}, {}, dict(units)
@@ -543,6 +563,8 @@ class CsvFile:
                 unplaced[name] = f"text such as {found[:40]!r}"
         stamped = dict.fromkeys(self._calendar, 1.0)
         topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
+        topic = replace(topic, hint="if these are no names, state the lines before the names as "
+                        "`skip_rows` in the mapping")  # fmt: skip
         lines = look.count("\n") or 1
         packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
         return replace(topic, about=int(packed * lines / max(1, len(look))))
@@ -578,9 +600,9 @@ def _is_calendar(column: Any) -> bool:
     return bool(_calendar(column.astype(str)).notna().mean() > 0.5)
 
 
-def _comma_decimal(look: str) -> bool:
-    fields = [field for field in look.replace("\n", ";").split(";") if _is_number(field)]
-    return any("," in field for field in fields) and not any("." in field for field in fields)
+def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
+    numbers = [cell for row in rows for cell in row if _is_number(cell)]
+    return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
 
 
 class ParquetFile:

@@ -23,6 +23,7 @@ from patagium.sensing.logs.files.channels import (
     StampSource,
     Topic,
 )
+from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import guessed_base
 from patagium.sensing.logs.importing.findings import (
@@ -166,11 +167,12 @@ def inspect_log(
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
             for topic in lost
-            if topic.count
+            if topic.problem != NO_MESSAGE
         ]
         if broken:
             found.append(Finding("warning", str(log.path), "breaks off", broken))
-        if not any(topic.rows or topic.unplaced for topic in facts):
+        listed = any(topic.problem not in ("", NO_MESSAGE) for topic in lost)
+        if not listed and not any(topic.rows or topic.unplaced for topic in facts):
             reason = f": {broken}" if broken else ""
             raise LogError(f"{log.path}: expected samples, found none in {log.format}{reason}")
         guesses = [part.topic.guess for part in readable if part.topic.guess]
