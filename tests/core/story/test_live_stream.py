@@ -52,7 +52,7 @@ def packets(flight):
 @pytest.fixture
 def pipeline():
     robot = pt.load_robot("aerobat")
-    network = pt.StripNetwork(robot, (4,))
+    network = pt.StripNetwork(robot, (4,), rotation=True)
     return Pipeline(
         pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7),
         robot,
@@ -83,7 +83,7 @@ def learned_from(source, pipeline, sinks=(), rhythms=(), most=None, room=COUNT):
 
 def weights_after(packets):
     robot = pt.load_robot("aerobat")
-    network = pt.StripNetwork(robot, (4,))
+    network = pt.StripNetwork(robot, (4,), rotation=True)
     learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7)
     Pipeline(learner, robot).run(packets)
     return learner.weights
