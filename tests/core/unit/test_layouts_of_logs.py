@@ -19,7 +19,8 @@ from patagium.errors import LogError
 from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import parse_mapping
-from patagium.sensing.logs.record import LogRecord
+from patagium.sensing.logs.record import LogRecord, load_log
+from patagium.sensing.logs.sensor_log import sensor_log
 
 Array = NDArray[np.float64]
 Words = dict[str, Any]
@@ -577,6 +578,19 @@ def test_a_table_that_cannot_be_read_is_listed_with_the_remedy(tmp_path: Path) -
     (tmp_path / "log.csv").write_text("t,g,f\n0,[1,2,3],4\n1,[2,3,4],5\n")
     (topic,) = inspect_log(tmp_path / "log.csv").topics
     assert "expected 3 entries a line" in topic.problem and "in quotes" in topic.problem
+
+
+def test_sensors_are_found_in_a_log_that_is_a_flight(tmp_path: Path) -> None:
+    case = CASES["flight, measured"](tmp_path, seeded("flight"))
+    mapping = tmp_path / "map.yaml"
+    mapping.write_text(yaml.safe_dump(case.words), encoding="utf-8")
+    path = import_log(case.log, mapping, tmp_path / "out.nc").path
+    for log in (path, load_log(path)):
+        found = sensor_log(log)
+        assert list(found.readings) == ["cameras of body", "encoders", "joint forces"]
+        flap = found.readings["encoders"]["position"].to_numpy()[:, 0]
+        with LogRecord(path) as record:
+            np.testing.assert_array_equal(flap, record.values(("q.flap",))[:, 0])
 
 
 def test_text_logs_of_ardupilot_are_answered_with_the_command(tmp_path: Path) -> None:

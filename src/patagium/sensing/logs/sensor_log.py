@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
+from patagium.sensing.force.air_force import PARTS, packet_columns, recorded
 from patagium.sensing.logs.record import LogRecord, load_log
 from patagium.sensing.sensors import (
     Encoder,
@@ -31,6 +32,7 @@ from patagium.sensing.sensors import (
     SensorLog,
     as_quaternion,
 )
+from patagium.simulation import robot_of
 
 Array = NDArray[np.float64]
 
@@ -70,7 +72,7 @@ def sensor_log(
         ParameterError: If no robot is given, or `bodies` names a quantity that is not there.
     """
     machine = _machine(log, robot)
-    table = log if isinstance(log, xr.Dataset) else load_log(log)
+    table = _by_coordinate(log if isinstance(log, xr.Dataset) else load_log(log), machine)
     given = dict(bodies or {})
     for name, body in given.items():
         if name not in table:
@@ -191,11 +193,28 @@ def _machine(log: str | Path | xr.Dataset, robot: Robot | str | None) -> Robot:
         return robot
     if robot is not None:
         return load_robot(robot)
-    if not isinstance(log, xr.Dataset):
+    if isinstance(log, xr.Dataset):
+        if "robot" in log.attrs:
+            return robot_of(log)
+    else:
         with LogRecord(log) as record:
             if record.robot is not None:
                 return record.robot
     raise ParameterError("robot", "a robot: the mapping of the log named none", None)
+
+
+def _by_coordinate(table: xr.Dataset, robot: Robot) -> xr.Dataset:
+    """Log of a flight with one quantity for each coordinate, such as `q.roll`, as it was named."""
+    if not set(PARTS) <= set(table) or "dof" not in table.dims:
+        return table
+    units = {column.name: column.unit for column in packet_columns(robot)[1:]}
+    single: dict[str, Any] = {}
+    for part in PARTS:
+        names = robot.coordinate_names if part == "q" else robot.dof_names
+        for name, values in zip(names, recorded(table, part, robot).T, strict=True):
+            label = f"{part}.{name}"
+            single[label] = ("time", values, {"units": units[label]})
+    return table.drop_vars(PARTS).assign(single)
 
 
 def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> None:
