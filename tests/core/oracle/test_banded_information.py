@@ -14,7 +14,7 @@ from patagium.sensing.motion.banded import SEEN, Information, Knots
 @pytest.fixture(params=["compiled", "plain"], autouse=True)
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "plain":
-        monkeypatch.setattr(banded, "load_kernel", lambda name: None)
+        monkeypatch.setattr(banded, "_library", lambda: None)
 
 
 def test_the_weights_are_those_of_a_spline(rng: np.random.Generator) -> None:

@@ -35,6 +35,8 @@ _MOST = np.array([0.7, np.inf])
 """Length of a step of attitude [rad] and position [m] that is a jump in any motion."""
 _FEWEST = 3
 """Fewest frames of a stretch that counts."""
+_LONG = 0.75
+"""Time over which a stretch is longer than most swaps [s]."""
 _NO_TURN = 1e-3
 """Length of a quaternion below which it is none."""
 _BACK = 40
@@ -249,7 +251,10 @@ def _longest_chain(
     best, before = score.copy(), np.full(count, -1)
     for j in range(1, count):
         for i in range(max(0, j - _BACK), j):
-            if best[i] + score[j] > best[j] and _continues(steps, int(last[i]), int(first[j])):
+            if best[i] + score[j] <= best[j]:
+                continue
+            spans = steps.time[last[[i, j]]] - steps.time[first[[i, j]]]
+            if _continues(steps, int(last[i]), int(first[j]), bool(spans.min() > _LONG)):
                 best[j], before[j] = best[i] + score[j], i
     chain, k = set(), int(np.argmax(best))
     while k >= 0:
@@ -258,12 +263,11 @@ def _longest_chain(
     return chain
 
 
-def _continues(
-    steps: _Steps,
-    i: int,
-    j: int,
-) -> bool:
-    """Whether frame j may follow frame i: its pose is one that a steady motion leads to."""
+def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
+    """Whether frame j may follow frame i: its pose is one that a steady motion leads to.
+
+    Where any attitude may, only a long stretch is believed after another.
+    """
     span = steps.time[j] - steps.time[i]
     before, after = steps.rates[max(0, i - 2)], steps.rates[min(len(steps.time) - 1, j + 2)]
     mean, apart = 0.5 * (before + after), np.abs(after - before)
@@ -278,7 +282,10 @@ def _continues(
     lengths = np.array([np.linalg.norm(mean[:3]), np.linalg.norm(mean[3:])]) * span
     change = np.array([np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])]) * span
     usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
-    return bool((errors < np.minimum(usual + 0.5 * lengths + 0.5 * change, _MOST)).all())
+    allowed = usual + 0.5 * lengths + 0.5 * change
+    if allowed[0] > _MOST[0]:
+        return long and bool(errors[1] < allowed[1])
+    return bool((errors < allowed).all())
 
 
 def _left_out(

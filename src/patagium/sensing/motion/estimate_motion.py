@@ -26,7 +26,7 @@ from patagium.sensing.motion.camera_faults import (
     on_regular_clock,
     open_gaps,
 )
-from patagium.sensing.motion.first_motion import first_motion, noise_correlation
+from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
     FrameModel,
     Motion,
@@ -259,23 +259,27 @@ def _samples(
     if not isinstance(stream.model, EncoderModel):
         base = floating_base(stream.model.frame.robot)  # type: ignore[attr-defined]
         linked = base is None or base.turn[0] in group
-        return Samples(stream, used, _correlation(stream, used, order)) if linked else None
+        return Samples(stream, used, _noise(stream, used, order)) if linked else None
     others = [k for k, i in enumerate(stream.model.columns) if i not in group]
     if len(others) == len(stream.model.columns):
         return None
     rows = stream.rows.copy()
     rows[:, others] = np.nan
-    return Samples(replace(stream, rows=rows), used, (0.0,))
+    return Samples(replace(stream, rows=rows), used, (_UNTOLD,))
 
 
-def _correlation(stream: Stream, used: NDArray[np.bool_], order: int) -> tuple[float, ...]:
-    """Correlation of the noise of cameras from frame to frame, by part; none for other sensors."""
+_UNTOLD = Noise(float("nan"), 0.0)
+"""Noise of a part whose spectrum is not asked."""
+
+
+def _noise(stream: Stream, used: NDArray[np.bool_], order: int) -> tuple[Noise, ...]:
+    """Noise of cameras by part, as their spectrum shows it; not told for other sensors."""
     if not isinstance(stream.model, CaptureModel):
-        return (0.0,) * len(stream.model.parts)
+        return (_UNTOLD,) * len(stream.model.parts)
     kept = used & np.isfinite(stream.rows).all(axis=1)
     time, rows = stream.time[kept], stream.rows[kept]
     place, turn = captured_motion(Stream(stream.name, stream.model, time, rows))
-    return noise_correlation(time, place, order), noise_correlation(time, turn, order)
+    return spectral_noise(time, place, order), spectral_noise(time, turn, order)
 
 
 def filtered_motion(

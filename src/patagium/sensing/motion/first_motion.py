@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ _SEGMENT, _MOST_SEGMENTS = 128, 24
 """Samples of a spectrum, and most spectra of a series."""
 _CORRELATIONS = (0.0, 0.2, 0.4, 0.55, 0.7)
 """Correlations of neighboring samples that are tried."""
+_LEVELS = np.array([0.5, 0.7, 1.0, 1.4, 2.0])
+"""Densities of noise that are tried, over those at the highest frequencies."""
 _EVIDENCE = 4.0
 """Gain of log-likelihood from which a correlation is believed."""
 _QUIET = 1e-12
@@ -153,12 +156,29 @@ def spectral_density(
     )
 
 
-def noise_correlation(
-    time: Array,
-    values: Array,
-    order: int,
-) -> float:
-    """Correlation of the noise of neighboring samples, most likely for all columns together [1].
+class Noise(NamedTuple):
+    """Noise of samples as their spectrum shows it.
+
+    Attributes:
+        std: Standard deviation [unit]; NaN if there are too few samples.
+        correlation: Correlation of neighboring samples [1].
+    """
+
+    std: float
+    correlation: float
+
+    def within(self, share: float) -> float:
+        """Density over a share of all frequencies, the lowest, over that of white noise [1].
+
+        Args:
+            share: Share of the frequencies below half the rate, above 0 and below 1.
+        """
+        lowest = (1 + self.correlation) / (1 - self.correlation)
+        return float(2 / np.pi * np.arctan(lowest * np.tan(0.5 * np.pi * share)) / share)
+
+
+def spectral_noise(time: Array, values: Array, order: int) -> Noise:
+    """Noise of samples, most likely for all columns together.
 
     Args:
         time: Times of the samples, (N,) [s].
@@ -167,13 +187,17 @@ def noise_correlation(
     """
     spectra = [found for one in values.T if (found := _Spectrum.of(time, one)) is not None]
     if not spectra:
-        return 0.0
-    misfits = [
-        sum(float(one.misfits(order, tried)[0].min(axis=2).sum(axis=0).min()) for one in spectra)
-        for tried in _CORRELATIONS
-    ]
-    best = int(np.argmin(misfits))
-    return _CORRELATIONS[best] if misfits[0] - misfits[best] > _EVIDENCE else 0.0
+        return Noise(float("nan"), 0.0)
+    tried = []
+    for correlation in _CORRELATIONS:
+        misfit, variance = 0.0, []
+        for one in spectra:
+            by_noise = one.misfits(order, correlation)[0].min(axis=2).sum(axis=0)
+            misfit += float(by_noise.min())
+            variance.append(one.floor(correlation) * _LEVELS[np.argmin(by_noise)] / one.step)
+        tried.append((misfit, Noise(float(np.sqrt(np.mean(variance))), correlation)))
+    white, best = tried[0], min(tried, key=lambda one: one[0])
+    return best[1] if white[0] - best[0] > _EVIDENCE else white[1]
 
 
 @dataclass(frozen=True)
@@ -232,15 +256,21 @@ class _Spectrum:
 
         The model is density / w^(2 order) and noise with a correlation from sample to sample.
         """
-        count = max(1, self.power.shape[1] // 3)
-        shape = (1 - correlation**2) / (
-            1 + correlation**2 - 2 * correlation * np.cos(self.turn * self.step)
-        )
-        floor = float(np.median((self.power / shape)[:, -count:].mean(axis=1)))
-        floor = max(floor, _QUIET**2 * self.step)
+        floor, shape = self.floor(correlation), self._shape(correlation)
         places = np.logspace(np.log10(0.3 * self.turn[0]), np.log10(self.turn[-1]), 40)
         density = floor * places ** (2 * order)
-        noise = floor * np.array([0.5, 0.7, 1.0, 1.4, 2.0])
+        noise = floor * _LEVELS
         model = noise[:, None, None] * shape + density[:, None] / self.turn ** (2 * order)
         misfit = np.log(model).sum(axis=-1) + np.einsum("sf,ndf->snd", self.power, 1 / model)
         return misfit, density
+
+    def floor(self, correlation: float) -> float:
+        """Density of noise with a correlation as the highest frequencies show it [unit^2 s]."""
+        count = max(1, self.power.shape[1] // 3)
+        high = (self.power / self._shape(correlation))[:, -count:].mean(axis=1)
+        return max(float(np.median(high)), _QUIET**2 * self.step)
+
+    def _shape(self, correlation: float) -> Array:
+        """Spectrum of noise with a correlation over that of white noise, (F,)."""
+        turned = np.cos(self.turn * self.step)
+        return np.asarray((1 - correlation**2) / (1 + correlation**2 - 2 * correlation * turned))

@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.robot import Robot
 from patagium.sensing.motion.banded import SEEN, Information, Knots
+from patagium.sensing.motion.first_motion import Noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
 from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
@@ -41,9 +42,9 @@ _FIRST_STEP = 2.0
 """First time between knots over that between samples."""
 _SHORTEST_WINDOW = 0.2
 """Shortest stretch of time with a density of its own [s]."""
-_MOST_STEPS, _ENOUGH = 30, 0.03
+_MOST_STEPS, _ENOUGH = 40, 0.05
 """Most Gauss-Newton steps; relative change of densities and noise at which they end."""
-_LEAST_KNOWN, _LIKE_OTHERS = 2.0, 0.33
+_LEAST_KNOWN, _LIKE_OTHERS = 2.0, 0.5
 """Least number of well-determined parameters of a coordinate, and least share of the largest such
 number of its body: what the samples do not show of a motion may still be there."""
 _PRIOR_COUNT = 20.0
@@ -54,6 +55,10 @@ _FREE = 6e5
 """Density over a gap, times a power of its length, at which nothing is known in its middle."""
 _LONGEST_TURN = 0.5
 """Longest change of a control point of the attitude in a step [rad]."""
+_FOLLOWED = 0.1
+"""Share of the frequencies that the motion takes, at first."""
+_HASTE = 1.4
+"""Power of the change of a density by which its slow approach is sped up."""
 _FAR = 4.0
 """Standard deviations beyond which a sample loses weight."""
 
@@ -65,11 +70,12 @@ class Samples:
     Args:
         stream: The samples.
         used: Whether each sample counts, (N,).
-        correlation: Correlation of the noise from sample to sample of each part, (parts,) [1].
+        first: Noise of each part as its spectrum shows it.
 
     Attributes:
         variance: Variance of the noise of each value, (k,) [square of its unit].
-        color: Density of the noise at low frequency over that of white noise, (parts,) [1].
+        color: Density of the noise at the frequencies of the motion over that of white noise,
+            (parts,) [1].
         jitter: Variance of the stamps as each part shows it, (parts,) [s^2].
         weight: Weight of each sample, (N, parts) [1].
         nis: Mean square of the residuals of each part over what is expected, (parts,) [1].
@@ -77,7 +83,7 @@ class Samples:
 
     stream: Stream
     used: NDArray[np.bool_]
-    correlation: tuple[float, ...]
+    first: tuple[Noise, ...]
     variance: Array = field(init=False)
     color: Array = field(init=False)
     jitter: Array = field(init=False)
@@ -87,10 +93,13 @@ class Samples:
     def __post_init__(self) -> None:
         count = len(self.stream.model.parts)
         self.variance = np.array(self.stream.model.variances, float)
-        correlation = np.array(self.correlation)
-        self.color, self.jitter = (1 + correlation) / (1 - correlation), np.zeros(count)
+        self.color = np.array([one.within(_FOLLOWED) for one in self.first])
+        self.jitter = np.zeros(count)
         self.weight = np.ones((len(self.stream.time), count))
         self.nis = np.ones(count)
+        for k, part, place in self.parts():
+            if np.isfinite(self.first[k].std):
+                self.variance[place] = max(self.first[k].std, FLOOR[part.unit]) ** 2
 
     def parts(self) -> list[tuple[int, Part, slice]]:
         """Number, part and place among the values of each part."""
@@ -107,7 +116,7 @@ class Samples:
                 "part": part.name,
                 "unit": part.unit,
                 "std": float(np.sqrt(self.variance[place].mean())),
-                "correlation": float((self.color[k] - 1) / (self.color[k] + 1)),
+                "correlation": self.first[k].correlation,
                 "jitter": float(np.sqrt(self.jitter[k])),
                 "doubted": float((self.weight[self.used, k] < 0.5).mean()),
                 "nis": float(self.nis[k]),
@@ -207,6 +216,8 @@ def _learn_part(
     share = np.clip(
         found.leverage * one.weight[:, k, None] / (marginal * one.color[k]), 0.0, 0.9999
     )
+    followed = float(np.clip(share[valid].mean(), 1e-4, 0.98))
+    one.color[k] = one.first[k].within(followed)
     lost = np.clip(share * one.color[k], 0.0, 0.98)  # of the noise, by following it
     square = found.residual**2 / marginal
     features = np.stack([np.broadcast_to(base, rate.shape) / marginal, rate / marginal])
@@ -380,7 +391,8 @@ class MotionFit:
             length = np.linalg.norm(change[:, self.turn], axis=1, keepdims=True)
             change[:, self.turn] *= np.minimum(1.0, _LONGEST_TURN / np.maximum(length, 1e-300))
         self.spline = self.spline.moved(change)
-        moved = 0.0
+        std = np.sqrt(self.covariance.matrix[:, -1]).reshape(change.shape)
+        moved = 0.3 * float((np.abs(change) / std).max())
         for one, found in zip(self.samples, linear, strict=True):
             moved = max(
                 moved,
@@ -561,6 +573,7 @@ class MotionFit:
         least = np.maximum(_LEAST_KNOWN, _LIKE_OTHERS * self._most_known(count)) / count
         ratio = np.maximum(np.clip(ratio, 1e-3, 1e3), np.minimum(least, 1.5) ** self.order)
         self._learn_liveliness(mean / drive[:, :n] / ratio, known)
+        ratio = ratio**_HASTE
         self.density = self.density * ratio
         return float(np.abs(np.log(ratio)).max()) / (2 * self.order)
 
