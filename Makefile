@@ -72,6 +72,7 @@ pages: $(STAMP)
 	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json
 	@$(BIN)/patagium reproduce --out $(OUT)/demo --page docs/results.md
 	@$(BIN)/patagium rig --out $(OUT)/rig --page docs/rig.md
+	@$(BIN)/patagium foreign --out $(OUT)/foreign --page docs/foreign.md $(if $(LOG),--log $(LOG))
 	@$(if $(LOG),$(BIN)/patagium bench learners -o docs/learners.md --log $(LOG), \
 	  echo "docs/learners.md is left as it is: LOG=log16.csv.gz makes it anew")
 

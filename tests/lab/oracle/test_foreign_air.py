@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -162,12 +163,16 @@ def test_the_lattice_lifts_a_still_wing_as_theory_does() -> None:
     assert wrench[3] > 0  # it raises the left wing
 
 
+@pytest.mark.parametrize("name", ["mujoco", "pterasoftware"])
 def test_without_the_program_a_sentence_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch,
+    name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pterasoftware", None)
+    monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ParameterError, match=r"pip install 'patagium-lab\[foreign\]'"):
-        lattice_wrench(WINGS["wing-square"], BEAT)
+        if name == "mujoco":
+            MujocoAir(subject_robot("wing-square"), Air())
+        else:
+            lattice_wrench(WINGS["wing-square"], BEAT)
 
 
 def test_a_record_leaves_untold_what_the_program_does_not_tell() -> None:

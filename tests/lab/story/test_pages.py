@@ -14,6 +14,7 @@ from patagium_lab.bench.page import page as bench_page
 from patagium_lab.bench.plan import GROUPS, PARTS
 from patagium_lab.bench.run import TIMERS
 from patagium_lab.bench.targets import TARGETS, figure_text, speed_targets
+from patagium_lab.foreign import page as foreign_page
 from patagium_lab.learners.entries import ENTRIES
 from patagium_lab.reproduction import page as reproduction_page
 from patagium_lab.rig import page as rig_page
@@ -116,6 +117,7 @@ def test_every_group_of_the_bench_has_its_place_on_the_page() -> None:
         ("benchmarks.md", [title for title, _, _ in PARTS]),
         ("results.md", reproduction_page.RESULTS),
         ("rig.md", rig_page.RESULTS),
+        ("foreign.md", foreign_page.RESULTS),
     ],
 )
 def test_a_page_of_the_documentation_has_every_part(page: str, titles: list[str]) -> None:
@@ -130,7 +132,9 @@ def test_the_page_of_the_learners_has_every_learner() -> None:
     assert numbers - {"#", "---:"} == {str(number) for number in range(len(ENTRIES))}
 
 
-@pytest.mark.parametrize("page", ["validation", "results", "rig", "benchmarks", "learners"])
+@pytest.mark.parametrize(
+    "page", ["validation", "results", "rig", "benchmarks", "learners", "foreign"]
+)
 def test_a_page_shows_every_picture_beside_it(page: str) -> None:
     text = (DOCS / f"{page}.md").read_text("utf-8")
     assert text.startswith("<!-- Written by patagium") and f"\n{page}\n" in (

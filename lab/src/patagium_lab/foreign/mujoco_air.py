@@ -19,6 +19,7 @@ from patagium.errors import FlightError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import FourierGait
 from patagium_lab.foreign.kinematics import Wingbeat
+from patagium_lab.foreign.programs import MUJOCO, program
 from patagium_lab.foreign.record import ForeignOrigin
 from patagium_lab.rivals.mujoco_model import MujocoModel, mujoco_xml, numbers_text
 
@@ -44,9 +45,13 @@ class MujocoAir(MujocoModel):
         robot: Machine with numbers, not symbols.
         air: Density and steady wind.
         body_drag: Whether bodies without strips have MuJoCo's drag of a box.
+
+    Raises:
+        ParameterError: If MuJoCo is not installed.
     """
 
     def __init__(self, robot: Robot, air: Air, *, body_drag: bool = False) -> None:
+        program(MUJOCO)
         super().__init__(robot, _with_fluid(robot, air, body_drag))
         self.robot = robot
         self.model.dof_damping[:] = np.array(robot.damping, float)[self.order]

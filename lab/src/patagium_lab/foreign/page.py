@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from patagium.report import Block, Note, PageSection, Table, cell_text
+from patagium.report import Block, Note, PageSection, Picture, Table, cell_text, picture
+from patagium_lab.comparisons import score_bars
 from patagium_lab.foreign.contestants import CONTESTANTS, NOISE, PRIOR
 from patagium_lab.foreign.flights import DURATION, GAITS, STEP
 from patagium_lab.foreign.subjects import DRAG, FREE, LATTICE, MOUNTED, TITLES
@@ -26,6 +27,9 @@ LIMITS = {LATTICE: (0.002, 0.02), MOUNTED: (0.03, 0.05), FREE: (0.1, 0.2), DRAG:
 """Largest error of the worst output, known and unseen, that the default learner may have."""
 COVERED = ((0.88, 0.99), (0.80, 0.995))
 """Least and largest share of the truth in the 95 % interval, known and unseen."""
+GLANCE = "Unseen wingbeats at a glance"
+RESULTS = ("Targets", GLANCE, *TITLES.values(), "What was kept apart", "How it is scored")
+"""Titles of the sections, but for those of the measured sets."""
 DEFAULT = "default"
 """Name of the contestant that needs no learner, once there is one."""
 HELD = "held"
@@ -53,8 +57,10 @@ _MADE = {
     f"wingbeat, {BEATS} wingbeats of which the first is left out, wake of constant shape. It has "
     "added mass and the wake's memory, and no viscosity, stall or leading-edge vortex. Its "
     "velocities are backward differences, which lag by half a step, so each force is ascribed to "
-    "half a step before its own time. Its added mass, a second difference, keeps a lag of about "
-    "half a step. Splines give samples 1 ms apart.",
+    "half a step before its own time; its added mass, a second difference, still lags by up to "
+    "half a step. On two wingbeats flown with steps half as long, the forces and the flapping "
+    "moment differ by .02 to .35 % of their variance, the feathering moment by 6 to 11 %: the "
+    "truth is that of this step. Splines give samples 1 ms apart.",
 }
 
 
@@ -70,6 +76,7 @@ def page(results: Results) -> Page:
     targets = target_rows(rows)
     sections = [
         PageSection("Targets", [_targets_note(rows, targets), _targets(targets)]),
+        PageSection(GLANCE, [_glance(rows, airs)]),
         *(_air(air, [row for row in rows if row["air"] == air]) for air in airs),
         *results.sections,
         PageSection("What was kept apart", _split(metrics)),
@@ -199,8 +206,27 @@ def _targets(rows: Sequence[Row]) -> Table:
     return table_of(columns, rows, "Errors are mean squares over the variance of the output [1].")
 
 
+def _glance(rows: Sequence[Row], airs: Sequence[str]) -> Picture:
+    """Figure of the median error of every contestant on unseen wingbeats, by air."""
+    names = _names(rows)
+    scores = {}
+    for air in airs:
+        own = [[row for row in rows if row["air"] == air and _is(row, name)] for name in names]
+        each = [figures(some, "unseen", "worst") for some in own]
+        medians = np.array([np.median(one) if len(one) else np.nan for one in each])
+        scores[TITLES[air]] = np.where(np.isfinite(medians), medians, np.nan)
+    figure = score_bars([_title(name) for name in names], scores)
+    caption = "Error of the worst output on wingbeats that were never seen, median over flights."
+    return picture(figure, caption)
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    """Contestants that have rows, in the order of the page."""
+    return [name for name in (HELD, PHYSICS, *CONTESTANTS) if any(_is(row, name) for row in rows)]
+
+
 def _air(air: str, rows: Sequence[Row]) -> PageSection:
-    names = [name for name in (HELD, PHYSICS, *CONTESTANTS) if any(_is(row, name) for row in rows)]
+    names = _names(rows)
     blocks: list[Block] = [_MADE[air]]
     for apart, where in ((False, "for choosing"), (True, "kept apart")):
         side = [row for row in rows if row["apart"] is apart]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from patagium_lab.conditions import conditions
 from patagium_lab.foreign.flights import Case, cases, kept_flight, stored_wrenches
 from patagium_lab.foreign.plan import ForeignPlan
+from patagium_lab.foreign.programs import LATTICE_PROGRAM, MUJOCO, installed
 from patagium_lab.foreign.subjects import LATTICE
 from patagium_lab.foreign.trials import PHYSICS, Trial, run_trial
 from patagium_lab.gallery import Gallery
@@ -105,11 +105,11 @@ def _side(plan: ForeignPlan, side: Sequence[Case]) -> list[Trial]:
 
 
 def _available(case: Case, flights: Path) -> bool:
-    program = "pterasoftware" if case.air == LATTICE else "mujoco"
+    wing = case.air == LATTICE
     return (
         case.path(flights).is_file()
-        or (case.air == LATTICE and case.key in stored_wrenches())
-        or find_spec(program) is not None
+        or (wing and case.key in stored_wrenches())
+        or installed(LATTICE_PROGRAM if wing else MUJOCO)
     )
 
 

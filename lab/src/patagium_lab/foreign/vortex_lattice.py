@@ -21,6 +21,7 @@ from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium_lab.foreign.kinematics import Wingbeat
 from patagium_lab.foreign.mujoco_air import Motion, carried_motion
+from patagium_lab.foreign.programs import LATTICE_PROGRAM, program
 from patagium_lab.foreign.record import ForeignOrigin
 from patagium_lab.foreign.wings import AXES, SingleWing
 
@@ -95,11 +96,7 @@ def lattice_solver(wing: SingleWing, wingbeat: Wingbeat, air: Air, steps: int = 
     Raises:
         ParameterError: If PteraSoftware is not installed.
     """
-    try:
-        import pterasoftware as ptera
-    except ImportError:
-        expected = "installed for this: pip install 'patagium-lab[foreign]'"
-        raise ParameterError("pterasoftware", expected, "not installed") from None
+    ptera = program(LATTICE_PROGRAM)
     plane = _airplane(ptera, wing)
     period = 1.0 / wingbeat.frequency
     moved = [_turns(wingbeat, name) for name in AXES]
