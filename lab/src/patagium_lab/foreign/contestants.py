@@ -1,9 +1,8 @@
 """Contestants of the study: every network, and what needs no network.
 
 A contestant makes a learner for a flight. It may look at the robot, the air, and the first
-wingbeat, which scales inputs, outputs and noise; nobody sees more before it is scored. The noise
-is a tenth of each output's standard deviation in that wingbeat, and no contestant has a setting of
-its own: what is compared is the form of the model.
+wingbeat, which scales inputs and outputs of the dense network and of least squares; nobody sees
+more before it is scored. No contestant is given a setting: what a learner needs it finds itself.
 """
 
 from __future__ import annotations
@@ -30,16 +29,11 @@ from patagium.learning import (
     StripNetwork,
 )
 from patagium.learning.learners.learner import Learner
-from patagium.learning.models.network import flight_terms
 from patagium.sensing import training_data
 from patagium.simulation import air_of, gait_period, robot_of
 
 Array = NDArray[np.float64]
 
-NOISE = 0.1
-"""Standard deviation of the measurement, over that of each output in the first wingbeat."""
-PRIOR = 0.3
-"""Standard deviation of a weight before any sample."""
 FEATURES = 100
 """Number of random features of the recursive least squares."""
 NUMBERS = {"polar.lift_amplitude": 0.5, "polar.drag_offset": 0.5, "added_mass.factor": 0.3}
@@ -78,9 +72,7 @@ def _filtered(make: Callable[[xr.Dataset], Network]) -> Make:
     """Maker of an extended filter of a network."""
 
     def learner(flight: xr.Dataset) -> Learner:
-        network = make(flight)
-        _, _, y = _first_beat(flight, flight_terms(network).added_mass)
-        return ExtendedLearner(network, prior_std=PRIOR, measurement_std=_noise(flight, y))
+        return ExtendedLearner(make(flight))
 
     return learner
 
@@ -103,7 +95,7 @@ def _grey_with_flow(flight: xr.Dataset) -> Network:
 
 
 def _dense(flight: xr.Dataset, hidden: tuple[int, ...] = (8, 8)) -> DenseNetwork:
-    _, x, y = _first_beat(flight)
+    x, y = _first_beat(flight)
     (x_center, x_scale), (y_center, _) = _spans(x), _spans(y)
     return DenseNetwork(
         x.shape[1],
@@ -118,11 +110,7 @@ def _dense(flight: xr.Dataset, hidden: tuple[int, ...] = (8, 8)) -> DenseNetwork
 
 def _least_squares(features: int) -> Make:
     def learner(flight: xr.Dataset) -> Learner:
-        _, _, y = _first_beat(flight)
-        linear = _dense(flight, ())
-        return LinearLearner(
-            linear, features=features, prior_std=1.0, measurement_std=_noise(flight, y)
-        )
+        return LinearLearner(_dense(flight, ()), features=features)
 
     return learner
 
@@ -145,11 +133,11 @@ CONTESTANTS = {
 """Contestants by name."""
 
 
-def _first_beat(flight: xr.Dataset, added_mass: bool = False) -> tuple[Array, Array, Array]:
-    """Time, state and force of the first wingbeat; see `training_data`."""
-    time, x, y = training_data(flight, with_added_mass=added_mass)
+def _first_beat(flight: xr.Dataset) -> tuple[Array, Array]:
+    """State and force of the first wingbeat; see `training_data`."""
+    time, x, y = training_data(flight)
     first = time <= time[0] + (gait_period(flight) or time[-1])
-    return time[first], x[first], y[first]
+    return x[first], y[first]
 
 
 def _scales(flight: xr.Dataset, y: Array) -> Array:
@@ -158,10 +146,6 @@ def _scales(flight: xr.Dataset, y: Array) -> Array:
     std = y.std(axis=0)
     least = np.where(turns, std[turns].max(), std[~turns].max() if (~turns).any() else 0.0)
     return np.asarray(np.maximum(std, _LEAST * least))
-
-
-def _noise(flight: xr.Dataset, y: Array) -> Array:
-    return NOISE * _scales(flight, y)
 
 
 def _spans(values: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from patagium.report import Block, Note, PageSection, Picture, Table, cell_text, picture
 from patagium_lab.comparisons import score_bars
-from patagium_lab.foreign.contestants import CONTESTANTS, NOISE, PRIOR
+from patagium_lab.foreign.contestants import CONTESTANTS
 from patagium_lab.foreign.flights import DURATION, GAITS, STEP
 from patagium_lab.foreign.subjects import DRAG, FREE, LATTICE, MOUNTED, TITLES
 from patagium_lab.foreign.trials import PHYSICS
@@ -341,9 +341,9 @@ def _notes(metrics: Metrics) -> list[str]:
         "Known: the second half of the learned flight, each sample predicted before it may be "
         "used. Unseen: other wingbeats of the same robot and side of the split, weights frozen. "
         "The held sample has the last used sample of the flight that is scored.",
-        f"Contestants have one rule for all settings: noise {NOISE:g} of each output's standard "
-        f"deviation in the first wingbeat, prior standard deviation {PRIOR:g}, extended filter. "
-        "The first wingbeat scales the dense network and least squares.",
+        "No contestant is given a setting: noise, prior and scales are what a learner finds "
+        "itself (docs/settings.md). Networks learn by the extended filter. The first wingbeat "
+        "scales inputs and outputs of the dense network and of least squares.",
         "Physics alone: blade elements and added mass by theory, nothing learned.",
         "The force is what inverse dynamics gives, without noise of sensors: added mass and "
         "everything else that the other program lets the air do.",
