@@ -63,7 +63,7 @@ def _write_capture(path: Path) -> None:
     kind = "geometry_msgs/msg/PoseStamped"
     types = get_typestore(Stores.ROS1_NOETIC)
     make = types.types
-    log, _ = captured(1)
+    log, _ = captured(13)
     reading = log["cameras"]
     with Writer(path) as writer:
         connection = writer.add_connection("/mocap/brick", kind, typestore=types)

@@ -248,13 +248,23 @@ def _longest_chain(
     count = len(first)
     score = (last - first + 1).astype(float)
     score[score < _FEWEST] = -np.inf
-    best, before = score.copy(), np.full(count, -1)
+    best, before, ahead = score.copy(), np.full(count, -1), score.copy()
+    step = float(np.median(np.diff(steps.time)))
+    for i in range(count - 2, -1, -1):
+        for j in range(i + 1, min(count, i + _BACK)):
+            if score[i] + ahead[j] > ahead[i] and _continues(
+                steps,
+                int(last[i]),
+                int(first[j]),
+                long=False,
+            ):
+                ahead[i] = score[i] + ahead[j]
     for j in range(1, count):
         for i in range(max(0, j - _BACK), j):
             if best[i] + score[j] <= best[j]:
                 continue
-            spans = steps.time[last[[i, j]]] - steps.time[first[[i, j]]]
-            if _continues(steps, int(last[i]), int(first[j]), bool(spans.min() > _LONG)):
+            long = min(best[i], ahead[j]) * step > _LONG
+            if _continues(steps, int(last[i]), int(first[j]), bool(long)):
                 best[j], before[j] = best[i] + score[j], i
     chain, k = set(), int(np.argmax(best))
     while k >= 0:
@@ -284,7 +294,7 @@ def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
     usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
     allowed = usual + 0.5 * lengths + 0.5 * change
     if allowed[0] > _MOST[0]:
-        return long and bool(errors[1] < allowed[1])
+        return long
     return bool((errors < allowed).all())
 
 

@@ -228,7 +228,7 @@ def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:
     found += [
         Stretch(first, last, "no samples to tell the motion", 0)
         for first, last in ends
-        if last > first
+        if last - first > 1e-6  # rounding of the stamps
     ]
     return found
 
