@@ -17,7 +17,7 @@ from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 
 VERBS = (
-    *("simulate", "cycles", "figures", "view", "inspect", "import", "identify", "tune"),
+    *("simulate", "cycles", "figures", "view", "inspect", "import", "motion", "identify", "tune"),
     *("evaluate", "stream", "send", "robots", "check"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
