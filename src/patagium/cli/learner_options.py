@@ -42,6 +42,7 @@ ACTIVATIONS = ("softplus", "tanh")
 class NetworkKind(StrEnum):
     """Networks of each strip, of the flow at all wings, both also with memory, and of anything."""
 
+    LINEAR_STRIP = "linear_strip"
     STRIP = "strip"
     HIDDEN_STRIP = "hidden_strip"
     FLOW = "flow"
@@ -50,12 +51,13 @@ class NetworkKind(StrEnum):
 
 
 WINGED = {
+    NetworkKind.LINEAR_STRIP: "LinearStripNetwork",
     NetworkKind.STRIP: "StripNetwork",
     NetworkKind.HIDDEN_STRIP: "HiddenStripNetwork",
     NetworkKind.FLOW: "FlowNetwork",
     NetworkKind.HIDDEN_FLOW: "HiddenFlowNetwork",
 }
-"""Networks of a robot with wings, which see q and v: their classes in `patagium.learning`."""
+"""Networks of a robot with wings, which see its motion: classes in `patagium.learning`."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,10 @@ class LearnerChoice:
             ParameterError: If the linear learner is to have hidden layers or wings.
         """
         if self.kind != "linear":
-            layers = {None: (), NetworkKind.FLOW: (28,)}.get(self.network, (8, 8))
+            bare = {None: (), NetworkKind.LINEAR_STRIP: (), NetworkKind.FLOW: (28,)}
+            layers = bare.get(self.network, (8, 8))
+            if self.hidden and self.network is NetworkKind.LINEAR_STRIP:
+                raise ParameterError("--hidden", "nothing: the network is linear", self.hidden)
             return self.network, self.hidden or layers
         if self.hidden is not None or self.network in WINGED:
             option = "--network" if self.hidden is None else "--hidden"
@@ -192,7 +197,7 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     if not several:
         help_text = f"{file}; command-line options override it."
         yield _parameter("settings", Path, typer.Option(help=help_text))
-    network = "Kind of the network; by default strips for a robot with wings, dense for tables."
+    network = "Network; by default linear_strip for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default (flow: 28)." + repeat
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
     yield _parameter("network", NetworkKind, typer.Option(help=network, **shown))
@@ -340,7 +345,7 @@ def winged_network(
     from patagium import learning
     from patagium.learning.default_learner import default_network
 
-    if kind is None and not hidden:
+    if kind is NetworkKind.LINEAR_STRIP or (kind is None and not hidden):
         return default_network(robot, air)
     chosen = kind or NetworkKind.STRIP
     make, more = getattr(learning, WINGED[chosen]), {}

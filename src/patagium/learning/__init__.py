@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from patagium.learning.models.flow import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.learning.models.grey_box import GreyBox as GreyBox
     from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
+    from patagium.learning.models.linear_strip import LinearStripNetwork as LinearStripNetwork
     from patagium.learning.models.network import Encoding as Encoding
     from patagium.learning.models.network import Network as Network
     from patagium.learning.models.registry import (
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from patagium.learning.settings import ChangeDetection as ChangeDetection
     from patagium.learning.settings import FilterSettings as FilterSettings
     from patagium.learning.settings import LowRank as LowRank
+    from patagium.learning.settings import Misfit as Misfit
     from patagium.learning.settings import NoiseEstimation as NoiseEstimation
     from patagium.learning.settings import Screening as Screening
     from patagium.learning.stream import stream as stream
@@ -72,13 +74,17 @@ _NAMES = {
     "models.flow": ("FlowNetwork", "HiddenFlowNetwork"),
     "models.grey_box": ("GreyBox",),
     "models.hidden_strip": ("HiddenStripNetwork",),
+    "models.linear_strip": ("LinearStripNetwork",),
     "models.network": ("Encoding", "Network"),
     "models.registry": ("network_from_description", "register_network"),
     "models.strip": ("StripNetwork",),
     "models.structure": ("register_blocks",),
     "refinement": ("refine",),
     "result": ("Identification", "load_identification"),
-    "settings": ("ChangeDetection", "FilterSettings", "LowRank", "NoiseEstimation", "Screening"),
+    "settings": (
+        *("ChangeDetection", "FilterSettings", "LowRank", "Misfit", "NoiseEstimation"),
+        "Screening",
+    ),
     "stream": ("stream",),
     "tuning.settings_file": ("Settings", "load_settings"),
     "tuning.tune": ("Tuned", "tune"),

@@ -5,7 +5,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import Any
 
@@ -15,8 +15,9 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner, OnlineLearner
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
-from patagium.learning.models.strip import StripNetwork
+from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import FilterSettings, LowRank
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
@@ -32,14 +33,17 @@ _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
 
-def default_network(robot: Robot, air: Air | None = None) -> Network:
+def default_network(
+    robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None
+) -> Network:
     """Network that learns the air of a robot with wings where nobody chose one.
 
     Args:
         robot: Robot with strips.
         air: Air that it flies in; None: air at rest at sea level.
+        measured: Coordinates whose force is measured; None: all.
     """
-    return StripNetwork(robot, HIDDEN, air, rotation=True)
+    return LinearStripNetwork(robot, air, measured)
 
 
 def default_learner(
@@ -65,7 +69,9 @@ def default_learner(
         robot, air = robot_of(subject), air_of(subject) if air is None else air
     else:
         robot = subject.robot if isinstance(subject, ForceSamples) else subject
-    return ExtendedLearner(default_network(robot, air), settings, seed=seed)
+    measured = subject.measured if isinstance(subject, ForceSamples) else None
+    network = default_network(robot, air, measured)
+    return ExtendedLearner(network, settings, seed=seed)
 
 
 def update_time(learner: Learner) -> float:
@@ -135,16 +141,16 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     """
     described, network = learner.describe(), learner.network
     by = "set by you" if given else "the default"
-    layers = ",".join(map(str, network.hidden)) or "no hidden layer"
+    layers = ",".join(map(str, network.hidden)) or "linear in its weights"
     kind = described["network"]["kind"]
     return {
         "network": f"{kind}, {layers}, {network.size} weights; {by}",
         "learner": f"{described['kind']}; {by}",
-        **_found_words(described),
+        **_found_words(described, own=bool(np.isfinite(own_prior(network)).all())),
     }
 
 
-def _found_words(described: Mapping[str, Any]) -> dict[str, str]:
+def _found_words(described: Mapping[str, Any], *, own: bool) -> dict[str, str]:
     """Noise, prior and step of a learner, in words; those that it has."""
     found, words = described.get("found", {}), {}
     sources = {
@@ -158,6 +164,8 @@ def _found_words(described: Mapping[str, Any]) -> dict[str, str]:
             words[label] = f"{_span(found[name])}; {source}"
         elif value is not None:
             words[label] = f"{_span(value)}; set by you"
+        elif name == "prior_std" and own:
+            words[label] = "that of the network, for each weight; the default"
     return words
 
 

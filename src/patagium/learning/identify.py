@@ -27,7 +27,7 @@ from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import state_columns, training_data
+from patagium.sensing.force.air_force import recorded, state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
@@ -159,7 +159,7 @@ def compare(
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
-    checks = [check(model, k, x[k], y[k]) for k in chosen]  # type: ignore[arg-type]
+    checks = [check(model, k, (x[k], y[k])) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
     if checks:
@@ -210,16 +210,16 @@ def samples(
     if isinstance(flight, ForceSamples):
         machine = flight.robot if robot is None else robot
         time, state, force = flight.time, flight.state, flight.force
-        if terms.added_mass or terms.acceleration:
-            raise ParameterError(
-                "network", "one that needs no accelerations", type(network).__name__
-            )
+        acceleration = flight.a
+        if terms.acceleration and acceleration is None:
+            raise ParameterError("a", "accelerations, which the network sees", None)
     else:
         machine = robot_of(flight) if robot is None else robot
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
+        acceleration = recorded(flight, "a", machine) if terms.acceleration else None
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
-    if terms.acceleration and not isinstance(flight, ForceSamples):
-        x = np.hstack([x, flight["a"].transpose("time", "dof").values])
+    if terms.acceleration and acceleration is not None:
+        x = np.hstack([x, acceleration])
     measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
     balance = terms.strip_forces
     if balance is not None:

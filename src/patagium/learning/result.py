@@ -108,21 +108,28 @@ class Check(NamedTuple):
     std: Array
 
 
-def check(learner: Learner, sample: int, x: Array, y: Array, std: Array | None = None) -> Check:
+def check(
+    learner: Learner,
+    number: int,
+    sample: tuple[Array, Array],
+    std: Array | None = None,
+    time: float | None = None,
+) -> Check:
     """Check of the predicted mean and standard deviation at one sample.
 
     Args:
         learner: What predicts.
-        sample: Its number.
-        x: Its input, (n_x,) [units of x].
-        y: What was measured, (n_y,) [unit of y].
+        number: Number of the sample.
+        sample: Its input, (n_x,) [units of x], and what was measured, (n_y,) [unit of y].
         std: Of its noise on top of the learner's, (n_y,) [unit of y]; None for none.
+        time: Of a sample of the flow that is being learned [s]; None: of any flow.
     """
-    if std is not None and isinstance(learner, FilterLearner):
-        mean, covariance = learner.predict(x, std)
+    x, y = sample
+    if isinstance(learner, FilterLearner):
+        mean, covariance = learner.predict(x, std, time)
     else:
         mean, covariance = learner.predict(x)
-    return Check(sample, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
+    return Check(number, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
 
 
 def record_of(

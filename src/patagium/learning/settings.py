@@ -264,6 +264,35 @@ class NoiseEstimation:
 
 
 @dataclass(frozen=True)
+class Misfit:
+    """Error of the model itself, as the data show it; see `learning/filters/misfit.py`.
+
+    No model of the air is the air. Its error comes again with the same flow, so that it is
+    correlated in time: the filter assumes a noise of that size over the time in which the
+    outputs change, and states the interval that recent innovations had, wider where the flow
+    leaves what was seen. The noise of the measurement itself is `measurement_std`.
+
+    Args:
+        floor: Least error that is assumed, over the root mean square of each output.
+
+    Raises:
+        ParameterError: If it is not above 0.
+    """
+
+    floor: float = setting(
+        0.06,
+        "Least error of the model that the filter assumes, over the rms of each output",
+        low=0.0,
+        above=True,
+        high=10.0,
+        option="misfit",
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True)
 class ChangeDetection:
     """Settings of change detection: alarm rate and growth of the covariance.
 
@@ -328,7 +357,8 @@ class FilterSettings:
     Args:
         prior_std: Standard deviation of each weight before any sample, divided by sqrt(fan-in) of
             its neuron (biases: fan-in 1); one number or (n,) [1]; None: 1. Weights of which the
-            network has its own (`GreyBox`) keep that.
+            network has its own (`GreyBox`) keep that; where it has all of them
+            (`LinearStripNetwork`), the number is a factor on them.
         measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
             None: a tenth of each output's scale at first, then as `noise_estimation` says.
         process_std: Standard deviation by which each weight wanders between two samples, one
@@ -347,10 +377,12 @@ class FilterSettings:
         noise_estimation: How the variances of the measurement follow the innovations, from
             measurement_std on; None: it is known, or, where no measurement_std is given,
             estimated with the default memory.
+        misfit: Error of the model itself beside the noise of the measurement; None: it has none.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
-        ParameterError: If a number is out of its range, or "cholesky" is not of "full".
+        ParameterError: If a number is out of its range, "cholesky" is not of "full", or the noise
+            is estimated and the misfit too.
     """
 
     prior_std: Numbers | None = setting(
@@ -425,6 +457,7 @@ class FilterSettings:
         "Estimation of the measurement noise from the innovations",
         search=Alternatives((None, {"memory": 50}, {"memory": 200})),
     )
+    misfit: Misfit | None = group(Misfit, "Error of the model itself, found from the data")
     change_detection: ChangeDetection | None = group(
         ChangeDetection, "Detection of changes, which opens the covariance anew"
     )
@@ -432,6 +465,8 @@ class FilterSettings:
     def __post_init__(self) -> None:
         checked_structure(self.covariance)
         _check_fields(self)
+        if self.misfit is not None and self.noise_estimation is not None:
+            raise ParameterError("noise_estimation", "None beside misfit", self.noise_estimation)
         if self.square_root == "cholesky" and self.covariance != "full":
             raise ParameterError(
                 "covariance", '"full" with square_root="cholesky"', self.covariance

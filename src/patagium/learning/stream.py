@@ -327,13 +327,17 @@ class BlockRun:
             FilterDiverged: If the prediction is not finite.
         """
         guess = self.learner.network.evaluate(rows, self.learner.weights)
+        times = self.samples.time[hold.begin : hold.end]
+        if isinstance(self.learner, FilterLearner):
+            guess = guess + self.learner.carried(times)
         if not np.isfinite(guess).all():
             raise FilterDiverged(f"the prediction is not finite; {REMEDY}", Outcome.NOT_FINITE)
         self.prediction[hold.begin : hold.end] = guess
         self.reached = hold.end
         for k in self._checked[hold.begin]:
             row, y = rows[k - hold.begin], self.samples.y[k]
-            self.checks.append(check(self.learner, k, row, y, self.samples.std_at(k)))
+            at = self.samples.time[k]
+            self.checks.append(check(self.learner, k, (row, y), self.samples.std_at(k), at))
 
     def score(self, scorer: Scorer, held: Array, begin: int = 0, half: int | None = None) -> None:
         """Count the samples so far.

@@ -142,6 +142,24 @@ SCREENING = struct(
     double *scale: m: mean square distance of the measurements from it so far
     double *largest: m: largest scale that the noise grew with
     int64_t *seen: m: samples of the channel so far
+    double floor: error of the model at least, over the rms of each output; 0: there is none
+    double span: samples in a span of correlation
+    double least: variance, at least
+    double *clock: stamp of the sample before, NaN: unknown; mean time between two, 0: unknown
+    double *left: m: what the last sample left
+    double *carried: m: what of it is expected at this sample
+    double *lagged: m: mean product of an innovation and of what the sample before left
+    double *power: m: mean square of what the sample before left
+    double *level: m: mean square of the measurements
+    double *change: m: mean square of their changes from sample to sample
+    double *before: m: measured before, with or without screening
+    double *residual: m: mean square of what a sample leaves
+    double *recent: m: mean square of the errors of late
+    double *alone: m: that of the weights' predictions alone
+    double *width: m: logarithm of the width of the interval, so that it holds 95 %
+    double *usual: m: mean variance that the weights gave of late
+    double *interval: m: variance that the filter states
+    int64_t *heard: m: samples of the channel so far
     """,
 )
 

@@ -335,6 +335,7 @@ def test_identify_needs_nothing_and_says_what_it_chose(flight: Path, speak: Spea
     chosen = dict(line.split(": ", 1) for line in answer.out.splitlines()[:5])
     assert set(chosen) == {"network", "learner", "noise", "prior", "every"}
     assert chosen["learner"].endswith("the default") and "innovations" in chosen["noise"]
+    assert "linear_strip" in chosen["network"] and "the network" in chosen["prior"]
     half = speak("identify", flight, "--prior-std", "0.3", "--every", "50").out
     assert "prior: 0.3; set by you" in half and "every: one sample in 50" in half
     assert "noise" in half and "from the samples and the innovations" in half

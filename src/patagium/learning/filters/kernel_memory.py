@@ -80,6 +80,7 @@ def screening_memory(screen: Screen) -> Any:
         share=screen.share,
         ratio=screen.monitor.ratio,
         relative=screen.relative,
+        floor=screen.misfit.floor,
         **addresses(arrays),
     )
 

@@ -115,12 +115,17 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
             does not know.
         ShapeError: If a standard deviation has another shape.
     """
-    if settings.measurement_std is None:
+    silent = settings.measurement_std is None and settings.noise_estimation is None
+    if silent and settings.misfit is None:
+        settings = replace(settings, misfit=getattr(network, "own_misfit", None))
+    if settings.measurement_std is not None:
+        noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
+    elif settings.misfit is not None:
+        noise = np.zeros(network.outputs)
+    else:
         noise = np.full(network.outputs, np.nan)
         estimation = settings.noise_estimation or NoiseEstimation()
         settings = replace(settings, noise_estimation=estimation)
-    else:
-        noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
     linear = learner == "extended"
     if linear:
         settings = replace(settings, spread=None, square_root="transform", dtype="float64")
@@ -152,9 +157,14 @@ def compact_settings(numbers: FilterNumbers) -> FilterSettings:
 
 
 def _prior_variance(network: Network, std: Numbers | None) -> Array:
-    """Diagonal of P0, (n,): of the network where it knows it itself."""
+    """Diagonal of P0, (n,): of the network where it knows it itself.
+
+    Where it knows it of all weights, a number that is stated is a factor on its deviations.
+    """
     own = own_prior(network)
     stated = scale_of("prior_std", PRIOR if std is None else std, network.size)
+    if not np.isnan(own).any():
+        return np.asarray((own * stated) ** 2)
     return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
 
 

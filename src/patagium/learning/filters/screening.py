@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.errors import Outcome
+from patagium.learning.filters.misfit import Misfit
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
 from patagium.learning.settings import ChangeDetection, FilterSettings
@@ -166,6 +167,11 @@ class Screen:
         self.parts["offset"][:] = offset
         self.relative = RELATIVE_NOISE if np.isnan(noise).any() else 0.0
         self.stated = np.zeros(channels)
+        self.misfit = Misfit(
+            0.0 if chosen.misfit is None else chosen.misfit.floor, noise.copy(), offset
+        )
+        if self.misfit.floor:
+            self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
         self.numbers[:3] = np.nan, -inf, np.nan
 
     @property
@@ -178,6 +184,9 @@ class Screen:
             "past": self.monitor.past,
             **self.parts,
             **self.marks,
+            **self.misfit.parts,
+            "heard": self.misfit.heard,
+            "clock": self.misfit.clock,
         }
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
@@ -201,6 +210,9 @@ class Screen:
     @property
     def variances(self) -> Array:
         """Variances of the measurement at the mean load, (n_y,) [y^2]."""
+        if self.misfit.floor:
+            alone = self.misfit.parts["alone"]
+            return np.where(self.misfit.heard > 0, alone, np.nan)
         if self.share == 0:
             return self.parts["noise"].copy()
         return self.parts["steady"] + self.parts["loaded"]
@@ -217,7 +229,7 @@ class Screen:
         Args:
             variance: Variance added, (n_y,) [y^2].
         """
-        place = self.stated if self.share else self.parts["noise"]
+        place = self.stated if self.share or self.misfit.floor else self.parts["noise"]
         before = place.copy()
         place += variance
         try:
@@ -281,14 +293,56 @@ class Screen:
             readout: Readout of the network at the sample, (n_y, r) [unit of y].
         """
         parts = self.parts
-        if self.share:
+        if self.share or self.misfit.floor:
             parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
+        if self.share:
             if self.relative:
                 for k in np.flatnonzero(self.marks["seen"] == 0).tolist():
                     self._start_noise(k, float(parts["load"][k]))
             own = parts["steady"] + parts["loaded"] * self._relative_load()
             parts["noise"][:] = own + self.stated
+        if self.misfit.floor:
+            parts["noise"][:] = self.misfit.noise(parts["load"]) + self.stated
         return parts["noise"].copy()
+
+    def stated_covariance(self, covariance: Array, *, carried: bool) -> Array:
+        """Covariance of y as the filter states it, (n_y, n_y) [y^2].
+
+        Args:
+            carried: Whether what the last sample left is part of the prediction.
+            covariance: P_yy as the filter assumes it, (n_y, n_y) [y^2].
+        """
+        if not self.misfit.floor:
+            return covariance
+        scale = self.misfit.stated(np.diag(covariance), self.parts["noise"], carried)
+        return np.asarray(scale[:, None] * covariance * scale)
+
+    def carried_on(self, mean: Array) -> Array:
+        """Mean of y with what of the last error is still there at this sample, (n_y,) [y].
+
+        Args:
+            mean: Mean that the weights give, (n_y,) [y].
+        """
+        return mean + self.misfit.parts["carried"] if self.misfit.floor else mean
+
+    def stated_innovation(self, innovation: Array) -> Array:
+        """Innovation in the units that the filter assumes, larger where it states less, (n_y,).
+
+        Args:
+            innovation: Innovation, (n_y,) [y].
+        """
+        if not self.misfit.floor:
+            return innovation
+        error = np.where(self.left_out, 0.0, innovation - self.misfit.parts["carried"])
+        return np.asarray(error / self.misfit.scale)
+
+    def follow(self, measured: Array) -> None:
+        """Scale of the outputs from one more measurement.
+
+        Args:
+            measured: Measurement y, (n_y,) [unit of y].
+        """
+        self.misfit.follow(measured, float(self.numbers[_STAMP]))
 
     def screened(self, found: Moments, measured: Array) -> Screened | None:
         """Sample as it is learned from; None where no channel is left.
@@ -312,11 +366,14 @@ class Screen:
         remainder[out, out] = 1.0
         return Screened(Moments(found.mean, slopes, remainder), innovation)
 
-    def learned(self, measured: Array, gain: Array, inverse: Array, nis: float) -> None:
+    def learned(
+        self, mean: Array, innovation: Array, gain: Array, inverse: Array, nis: float
+    ) -> None:
         """Update the variances and the test for changes after a sample.
 
         Args:
-            measured: Measurement y, (n_y,) [unit of y].
+            mean: Mean of y that the weights gave, (n_y,) [y].
+            innovation: Innovation, (n_y,) [y].
             gain: P_yy^-1 e, (n_y,) [1/y].
             inverse: Diagonal of P_yy^-1, (n_y,) [1/y^2].
             nis: e' P_yy^-1 e.
@@ -324,7 +381,10 @@ class Screen:
         self.whole[_LEARNED] += 1
         kept = self.marks["left_out"] == 0
         if self.share:
-            self._learn_noise(measured, gain, inverse, kept)
+            self._learn_noise(mean + innovation, gain, inverse, kept)
+        if self.misfit.floor:
+            left = self.parts["noise"] * gain
+            self.misfit.learned(int(self.whole[_LEARNED]), left, innovation, kept)
         if self.monitor.alarmed_by(nis, int(kept.sum())):
             self.note("changes")
 

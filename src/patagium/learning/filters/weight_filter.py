@@ -102,7 +102,8 @@ class WeightFilter:
             return Prediction(*self._kernel.predict(x))
         look = self._look(self.numbers.network.encode_one(x))
         found, _ = self._structure.moments(self._advanced(), look)
-        return Prediction(found.mean, found.covariance)
+        stated = self.screen.stated_covariance(found.covariance, carried=False)
+        return Prediction(found.mean, stated)
 
     def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
         """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance.
@@ -190,6 +191,7 @@ class WeightFilter:
         refused = self.screen.admit()
         if refused:
             return refused, prediction
+        self.screen.follow(y)  # before the noise is found
         before, encoding = self._advanced(), self.numbers.network.encode_one(x)
         look = self._look(encoding)
         if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
@@ -197,7 +199,8 @@ class WeightFilter:
             return Outcome.BAD_INPUT, prediction
         try:
             found, directions = self._structure.moments(before, look)
-            prediction = Prediction(found.mean, found.covariance)
+            stated = self.screen.stated_covariance(found.covariance, carried=True)
+            prediction = Prediction(self.screen.carried_on(found.mean), stated)
             sample = self._screened(found, y)
             if isinstance(sample, Outcome):
                 return sample, prediction
@@ -220,15 +223,16 @@ class WeightFilter:
         """Mean and covariance after the sample; MatrixLost if they would not be finite."""
         inverse = inverse_root(moments.covariance).T
         whitened = inverse @ innovation
-        gain, nis = inverse.T @ whitened, float(whitened @ whitened)
+        stated = inverse @ self.screen.stated_innovation(innovation)
+        gain, nis = inverse.T @ whitened, float(stated @ stated)
         if not np.isfinite(nis):
             return Outcome.NOT_FINITE
         mean, kept = self._structure.learned(before, look, directions, moments, gain)
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
         self._place(mean, nis, kept)
-        measured, diagonal = moments.mean + innovation, np.einsum("ij,ij->j", inverse, inverse)
-        self.screen.learned(measured, gain, diagonal, nis)
+        squares = np.einsum("ij,ij->j", inverse, inverse)
+        self.screen.learned(moments.mean, innovation, gain, squares, nis)
         return Outcome.COMPLETED
 
 

@@ -147,11 +147,16 @@ class FilterLearner(OnlineLearner):
         return self._innovation_covariance
 
     @renamed_arguments(deviation="std")
-    def predict(self, x: ArrayLike, std: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Measurement at x before it is made, as `update` would see it.
+    def predict(
+        self, x: ArrayLike, std: ArrayLike | None = None, time: float | None = None
+    ) -> tuple[Array, Array]:
+        """Measurement at x before it is made.
 
         Args:
             x: Input, (n_x,) [units of x].
+            time: Of the measurement [s], in the flow that is being learned: with `misfit`, what
+                of the last error is expected then is part of the mean. None: what the weights
+                alone give, in any flow.
             std: Standard deviation of this measurement on top of `measurement_std`, (n_y,) [unit
                 of y]; see `update`.
 
@@ -169,11 +174,27 @@ class FilterLearner(OnlineLearner):
         try:
             with self._noisier(std):
                 mean, covariance = self._filter.predict(sample)
+            if time is not None and self._screen.misfit.floor:
+                mean, covariance = self._screen.misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
+
+    def carried(self, times: Array) -> Array:
+        """Part of the last sample's error that is expected on top of the weights' prediction.
+
+        Zero without `misfit`.
+
+        Args:
+            times: Times after the last sample, (N,) [s].
+
+        Returns:
+            (N, n_y) [unit of y].
+        """
+        misfit, nothing = self._screen.misfit, np.zeros((len(times), self._network.outputs))
+        return np.array([misfit.at(time) for time in times]) if misfit.floor else nothing
 
     @renamed_arguments(deviation="std")
     def update(

@@ -134,7 +134,8 @@ class LinearLearner(OnlineLearner):
         self._screen.marks["left_out"][:] = ~kept
         expected = seen * scale**2 + noise
         gain = np.where(kept, innovation, 0.0) / expected
-        self._screen.learned(y, gain, 1 / expected, float("nan"))
+        mean = y - innovation
+        self._screen.learned(mean, innovation, gain, 1 / expected, float("nan"))
         return innovation
 
     def describe(self) -> dict[str, Any]:

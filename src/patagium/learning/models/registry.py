@@ -10,6 +10,7 @@ from patagium.learning.models.dense import DenseNetwork, LinearNetwork
 from patagium.learning.models.flow import FlowNetwork, HiddenFlowNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 
@@ -17,7 +18,7 @@ _KINDS: dict[str, Any] = {
     network.kind: network
     for network in (
         *(DenseNetwork, LinearNetwork, StripNetwork, HiddenStripNetwork),
-        *(FlowNetwork, HiddenFlowNetwork, GreyBox),
+        *(FlowNetwork, HiddenFlowNetwork, LinearStripNetwork, GreyBox),
     )
 }
 _OWN = frozenset(_KINDS)

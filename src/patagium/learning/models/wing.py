@@ -27,12 +27,13 @@ Array = NDArray[np.float64]
 class RobotNetwork(Network):
     """An immutable network of the air's force on a robot, whose last part is a perceptron.
 
-    A network names its own arguments in `options` and has an attribute for each; pickles and
-    descriptions follow.
+    A network names its own arguments in `options` and those it shares with others in `shared`,
+    and has an attribute for each; pickles and descriptions follow.
 
     Attributes:
         kind: Name in descriptions.
-        options: Arguments of the constructor beside robot, hidden, air and activation.
+        shared: Arguments of the constructor that most networks have, beside the robot.
+        options: Other arguments of the constructor.
         readers: Inverse of `describe` of those arguments that are not JSON themselves.
         robot: The machine.
         air: Density and steady wind.
@@ -40,6 +41,7 @@ class RobotNetwork(Network):
     """
 
     kind: ClassVar[str]
+    shared: ClassVar[tuple[str, ...]] = ("hidden", "air", "activation")
     options: ClassVar[tuple[str, ...]]
     readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"air": air_from_description}
     robot: Robot
@@ -62,6 +64,11 @@ class RobotNetwork(Network):
         """Neurons of each hidden layer of the perceptron."""
         return self.perceptron.widths[1:-1]
 
+    @property
+    def activation(self) -> str:
+        """Activation of the hidden layers of the perceptron."""
+        return self.perceptron.activation
+
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
         values = {name: _described(value) for name, value in self._arguments().items()}
@@ -78,7 +85,7 @@ class RobotNetwork(Network):
             ParameterError: If a key is missing or unknown.
             RobotFileError: If the text of the robot does not describe one.
         """
-        keys = ("robot", "hidden", "air", "activation", *cls.options)
+        keys = ("robot", *cls.shared, *cls.options)
         values = described(cls.kind, description, keys)
         values |= {name: read(values[name]) for name, read in cls.readers.items()}
         make: Callable[..., Self] = cls
@@ -86,10 +93,8 @@ class RobotNetwork(Network):
 
     def _arguments(self) -> dict[str, Any]:
         """Arguments that make the network again."""
-        activation = self.perceptron.activation
-        common = {"robot": self.robot, "hidden": self.hidden, "air": self.air}
-        own = {name: getattr(self, name) for name in self.options}
-        return {**common, "activation": activation, **own}
+        names = (*self.shared, *self.options)
+        return {"robot": self.robot, **{name: getattr(self, name) for name in names}}
 
 
 class WingNetwork(RobotNetwork, PerceptronNetwork):

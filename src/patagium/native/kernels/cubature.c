@@ -101,7 +101,7 @@ static void moments(panel_filter *f, double *remainder, double *work) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-int cubature_predict(void *memory) {
+static int predict(void *memory) {
   panel_filter *f = memory;
   if (f->kept && !(find_largest(f) && factor_covariance(f))) return COVARIANCE_LOST;
   visit(f);
@@ -109,8 +109,10 @@ int cubature_predict(void *memory) {
   return predicted(&f->base);
 }
 
+int cubature_predict(panel_filter *f) { return stated(&f->base, predict(f)); }
+
 /* Learn one sample. */
-int cubature_update(panel_filter *f) { return learn_by_panels(f, cubature_predict); }
+int cubature_update(panel_filter *f) { return learn_by_panels(f, predict); }
 
 /* Lanes of a vector: the caller lays out the memory by it. */
 int cubature_lanes(void) { return WIDTH; }

@@ -194,7 +194,7 @@ static int predict(void *memory) {
   return predicted(&f->base);
 }
 
-int extended_predict(extended_filter *e) { return predict(e); }
+int extended_predict(extended_filter *e) { return stated(&e->filter.base, predict(e)); }
 
 /* Learn one sample. */
 int extended_update(extended_filter *e) { return learn_by_panels(&e->filter, predict); }

@@ -170,7 +170,7 @@ static void drift(node_filter *f) {
 }
 
 /* Mean and covariance of y (noise included) before it is measured. */
-int node_predict(void *memory) {
+static int predict(void *memory) {
   node_filter *f = memory;
   const int m = f->outputs, last = f->widths[f->layers], padded = padded_of(f);
   const double growth = f->drifts ? 1 : f->growth;
@@ -196,6 +196,8 @@ int node_predict(void *memory) {
   finish_moments(f, total);
   return predicted(&f->base);
 }
+
+int node_predict(node_filter *f) { return stated(&f->base, predict(f)); }
 
 /* Weights of a group by their steps: growth times cross (rows of `terms`) times gain. */
 static void move(node_filter *f, const group *g, int terms, double growth, const double *gain) {
@@ -316,7 +318,7 @@ static void learn_neurons(void *memory, const double *gain, const double *g) {
 
 /* Learn one sample. */
 int node_update(node_filter *f) {
-  static const structure neurons = {node_predict, neurons_in_range, screen_neurons, invert_total,
+  static const structure neurons = {predict, neurons_in_range, screen_neurons, invert_total,
                                     learn_neurons};
   return learn_sample(&f->base, f, &neurons);
 }

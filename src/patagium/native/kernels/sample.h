@@ -8,6 +8,7 @@
 #define PATAGIUM_SAMPLE_H
 
 #include <math.h>
+#include <string.h>
 
 #include "screening.h"
 #include "small.h"
@@ -30,6 +31,38 @@ static int predicted(const weight_filter *f) {
   return isfinite(sum) ? COMPLETED : NOT_FINITE;
 }
 
+/* Normalized innovation squared by the stated variances; g g' = P_yy^-1. */
+static double stated_nis(const weight_filter *f, const double *g) {
+  const int m = f->outputs, stride = f->stride;
+  double scaled[stride], inner[stride], nis = 0;
+  memset(scaled, 0, sizeof scaled);
+  for (int k = 0; k < m; k++)
+    if (!f->screen->left_out[k])
+      scaled[k] = (f->innovation[k] - f->screen->carried[k]) *
+                  sqrt(f->covariance[k * m + k] / f->screen->interval[k]);
+  combine(m, stride, scaled, g, inner);
+  for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
+  return nis;
+}
+
+/* Covariance of y as the filter states it, in the place of that which it assumes. */
+static void state(const weight_filter *f) {
+  const int m = f->outputs;
+  double scale[m];
+  if (f->screen->floor == 0) return;
+  for (int k = 0; k < m; k++) scale[k] = sqrt(f->screen->interval[k] / f->covariance[k * m + k]);
+  for (int k = 0; k < m; k++)
+    for (int l = 0; l < m; l++) f->covariance[k * m + l] *= scale[k] * scale[l];
+}
+
+/* Moments that the weights alone give, as the filter states them. */
+static int stated(const weight_filter *f, int outcome) {
+  if (outcome != COMPLETED) return outcome;
+  state_interval(f->screen, f->covariance, 0);
+  state(f);
+  return COMPLETED;
+}
+
 /* Why there is no prediction. */
 static int unpredicted(const weight_filter *f) {
   const int features = f->items * f->widths[0], rows = f->items * f->widths[f->layers];
@@ -45,9 +78,11 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
   const int refused = admit(f->screen);
   if (refused) return refused;
+  follow(f->screen, f->measured);
   const int lost = s->predict(memory);
   if (lost) return lost == NOT_FINITE ? unpredicted(f) : lost;
   if (!s->in_range(memory)) return NOT_FINITE;
+  state_interval(f->screen, f->covariance, 1);
   const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
   if (!kept) return BLIND;
   s->screen(memory);
@@ -56,10 +91,13 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   combine(m, stride, inner, turned, gain);
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
-  f->nis = nis;
+  f->nis = f->screen->floor == 0 ? nis : stated_nis(f, g);
+  for (int k = 0; k < m && f->screen->floor != 0; k++) f->predicted[k] += f->screen->carried[k];
   learn_noise(f->screen, f->measured, gain, stride, g);
-  watch(f->screen, nis, kept);
+  learn_misfit(f->screen, f->covariance, f->innovation, gain);
+  watch(f->screen, f->nis, kept);
   s->learn(memory, gain, g);
+  state(f);
   return COMPLETED;
 }
 

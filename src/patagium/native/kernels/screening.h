@@ -25,7 +25,7 @@ enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `who
 #define LEAST_NOISE 1e-6  /* variance that is found, at least, over the square of the scale */
 #define LEAST_SCALE 1e-2  /* square of a scale, at least, over the network's own */
 
-#include "screening_struct.h"
+#include "misfit.h"
 
 /* Whether the sample is later than the one before; an event otherwise. */
 static int admit(screening *s) {
@@ -78,11 +78,15 @@ static int follow_scale(screening *s, int k, double y) {
 
 /* Variance of each channel at this sample; readout: rows of m numbers. */
 static void find_noise(screening *s, int rows, const double *readout) {
-  if (s->share == 0) return;
+  if (s->share == 0 && s->floor == 0) return;
   const int m = s->channels;
   for (int k = 0; k < m; k++) s->load[k] = 0;
   for (int r = 0; r < rows; r++)
     for (int k = 0; k < m; k++) s->load[k] += readout[r * m + k] * readout[r * m + k];
+  if (s->floor != 0) {
+    assume(s);
+    return;
+  }
   for (int k = 0; k < m; k++) {
     if (s->relative > 0 && !s->seen[k]) start_noise(s, k, s->load[k]);
     const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;

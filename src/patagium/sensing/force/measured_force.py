@@ -50,6 +50,7 @@ class ForceSamples:
         covariance: Of the force, (N, n, n) [N^2, N^2 m^2]; NaN likewise.
         robot: The machine.
         source: How it was measured.
+        a: Generalized accelerations, (N, n) [m/s^2, rad/s^2]; None: not known.
 
     Raises:
         ShapeError: If arrays do not fit each other or the robot.
@@ -62,9 +63,12 @@ class ForceSamples:
     covariance: Array
     robot: Robot
     source: str
+    a: Array | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.time), self.robot.dof)
+        if self.a is not None and self.a.shape != shape:
+            raise ShapeError("a", shape, self.a.shape)
         for name in ("q", "v", "force"):
             if getattr(self, name).shape != shape:
                 raise ShapeError(name, shape, getattr(self, name).shape)
@@ -94,7 +98,7 @@ class ForceSamples:
             kept: A slice, indices in order, or a bool for each sample.
         """
         chosen = kept if isinstance(kept, slice) else np.asarray(kept)
-        names = ("time", "q", "v", "force", "covariance")
+        names = ["time", "q", "v", "force", "covariance", *(["a"] if self.a is not None else [])]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
@@ -299,7 +303,8 @@ class ForceParts:
         known = np.where(self._known, force, np.nan)
         lost = np.isnan(known)
         covariance[lost[:, :, None] | lost[:, None, :]] = np.nan
-        return ForceSamples(self.time, self.q, self.v, known, covariance, self.robot, source)
+        motion = self.time, self.q, self.v
+        return ForceSamples(*motion, known, covariance, self.robot, source, a=self.a)
 
     def _signal(self, name: str, signal: Measured | None, width: int) -> Measured:
         """Signal of the motion's length; zeros where it was not measured."""

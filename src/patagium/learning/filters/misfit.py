@@ -1,0 +1,204 @@
+"""Error of the model, found from the data: noise that a filter assumes, interval that it states.
+
+A model of the air that is not the air errs in the same way whenever the same flow comes again:
+its error is correlated, so that many samples of one wingbeat tell no more of the weights than a
+few. A filter that takes the error for white noise becomes sure of weights that fit one gait and
+no other. Here the variance that the filter assumes of a sample is
+
+    R_k = c max((floor rms(y_k))^2, 3 <r_k^2>),
+
+r = y - y(W) what a sample leaves after it was learned, averaged over 100 spans of correlation;
+a span has c = rms(y) / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s
+whatever the rate of the samples. The measurement's own noise, where it is known, is added.
+
+What a sample leaves is still there a moment later: the next sample is predicted with rho r on
+top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, to the power of the time since in mean steps.
+Predictions of other flow, without a time, are the weights' alone.
+
+The variance that the filter states is another thing than the one that it assumes:
+
+    <e_k^2> + 15 max(h_k - <h_k>, 0),
+
+with e the errors of such predictions and h the variance that the weights alone give, both averaged
+over 5 spans: in flow like that of late it is what the errors are, and it grows in flow that excites
+weights which the flow of late did not. In the flow that is being learned its width is turned up by
+each error outside of it and down by those inside, until it holds 95 %.
+
+`kernels/misfit.h` does the same in C on the same arrays. The numbers 3, 5, 15, 20 and 100 were
+chosen on flights in foreign air (docs/foreign.md). Neglected: noise that is larger in some flow
+than in other, but for the weights' part.
+
+References:
+    Kennedy & O'Hagan (2001), Bayesian calibration of computer models, J. R. Stat. Soc. B 63;
+    Gibbs & Candes (2021), Adaptive conformal inference under distribution shift, NeurIPS 34.
+"""
+
+from __future__ import annotations
+
+from math import exp, isfinite, log
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_FIRST, _WILD = 10, 100.0  # all as in misfit.h
+_UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
+_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 15.0
+_MIDDLE, _STEP = 20.0, 10.0
+_QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.05
+_LAST, _MEAN_STEP = range(2)  # of `clock`
+PARTS = (
+    *("level", "change", "before", "residual", "recent", "usual", "interval"),
+    *("left", "carried", "lagged", "power", "alone", "width"),
+)
+
+
+class Misfit:
+    """Memory of a model's error, arrays that the kernels share.
+
+    Args:
+        floor: Error that is assumed at least, over the rms of each output; 0: no error.
+        known: Variances of the measurement itself, (n_y,) [y^2].
+        offset: Value of y that its scale is about, (n_y,) or () [y].
+
+    Attributes:
+        floor: As given.
+        parts: Arrays by name, (n_y,) each [1, y or y^2].
+        clock: Stamp of the last sample [s], NaN: unknown; mean time between two [s], 0: unknown.
+        heard: Samples of each channel so far, (n_y,) [1].
+        span: Samples in a span of correlation.
+        scale: Standard deviation stated over that assumed, of the last sample, (n_y,) [1].
+    """
+
+    def __init__(self, floor: float, known: Array, offset: ArrayLike = 0.0) -> None:
+        self.floor, self._known = floor, known
+        self._offset = np.broadcast_to(np.asarray(offset, float), known.shape)
+        self.parts = {name: np.zeros(len(known)) for name in PARTS}
+        self.clock = np.array([np.nan, 0.0])
+        self.heard = np.zeros(len(known), np.int64)
+        self.span, self._least = _UNSEEN, 0.0
+        self.scale, self._weights = np.ones(len(known)), np.zeros(len(known))
+
+    def at(self, time: float) -> Array:
+        """Part of the last error that is expected at a time, (n_y,) [y].
+
+        Args:
+            time: Time [s]; NaN: one step after the last sample.
+        """
+        step, ahead = time - self.clock[_LAST], 1.0
+        if isfinite(step) and self.clock[_MEAN_STEP] > 0:
+            ahead = max(step, 0.0) / self.clock[_MEAN_STEP]
+        lagged, power = self.parts["lagged"], self.parts["power"]
+        known = power > 0
+        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, 1.0), 0.0)
+        return np.asarray(self.parts["left"] * rho**ahead)
+
+    def carry(self, mean: Array, covariance: Array, time: float) -> tuple[Array, Array]:
+        """Moments with what of the last error is expected, from those of the weights alone.
+
+        Args:
+            mean: Mean that the weights give, (n_y,) [y].
+            covariance: As the filter stated it for them just now, (n_y, n_y) [y^2].
+            time: Time [s].
+        """
+        parts, interval = self.parts, self.parts["interval"]
+        nearer = (interval - parts["alone"] + parts["recent"]) * np.exp(2 * parts["width"])
+        nearer = np.maximum(nearer, self._least)
+        scale = np.sqrt(np.where(nearer > 0, nearer, interval) / interval)
+        return mean + self.at(time), scale[:, None] * covariance * scale
+
+    def follow(self, measured: Array, time: float) -> None:
+        """Mean squares of the measurements and of their changes, and what the last error left.
+
+        Args:
+            time: Of the sample [s]; NaN: unknown.
+            measured: Measurement y, (n_y,) [unit of y]; NaN where it is missing.
+        """
+        if not self.floor:
+            return
+        step, mean = time - self.clock[_LAST], self.clock[_MEAN_STEP]
+        if isfinite(step) and step > 0:
+            counted = min(step, _STEP * mean) if mean > 0 else step
+            self.clock[_MEAN_STEP] += (counted - mean) / (_STEP if mean > 0 else 1.0)
+        self.parts["carried"][:] = self.at(time)
+        self.clock[_LAST] = time
+        level, change, before, residual = (self.parts[name] for name in PARTS[:4])
+        for k, y in enumerate(measured.tolist()):
+            if not isfinite(y):
+                continue
+            self.heard[k] += 1
+            n = int(self.heard[k])
+            level[k] += (_capped((y - self._offset[k]) ** 2, level[k], n) - level[k]) / n
+            if n == 1:
+                residual[k] = _START * level[k]
+            else:
+                change[k] += (_capped((y - before[k]) ** 2, change[k], n) - change[k]) / (n - 1)
+            before[k] = y
+
+    def noise(self, load: Array) -> Array:
+        """Variances that the filter assumes, (n_y,) [y^2].
+
+        Args:
+            load: Squares of the network's own scale, where nothing was measured yet, (n_y,) [y^2].
+        """
+        level, change = self.parts["level"], self.parts["change"]
+        largest = float(level.max())
+        moving = (level > _STILL * largest) & (change > 0)
+        self.span = _UNSEEN
+        if moving.any():
+            logs = [log(a / b) / 2 for a, b in zip(level[moving], change[moving], strict=True)]
+            self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _MOST)
+        self._least = _LEAST * largest
+        own = _LEAST * np.where(load > 0, load, 1.0)
+        least = np.full_like(level, self._least) if largest > 0 else own
+        misfit = np.maximum(self.floor**2 * level, _LEFT * self.parts["residual"])
+        return np.asarray(self._known + np.maximum(self.span * misfit, least))
+
+    def stated(self, variances: Array, noise: Array, carried: bool) -> Array:
+        """Standard deviation that the filter states over that which it assumes, (n_y,) [1].
+
+        Args:
+            variances: Diagonal of P_yy, (n_y,) [y^2].
+            noise: The part of it that is noise, (n_y,) [y^2].
+            carried: Whether what the last sample left is part of the prediction.
+        """
+        self._weights, interval = variances - noise, self.parts["interval"]
+        beyond = np.maximum(self._weights - self.parts["usual"], 0.0)
+        interval[:] = self.parts["recent" if carried else "alone"] + _BEYOND * beyond
+        if carried:
+            interval *= np.exp(2 * self.parts["width"])
+        interval[:] = np.where(interval > 0, np.maximum(interval, self._least), variances)
+        self.scale = np.sqrt(interval / variances)
+        return self.scale
+
+    def learned(self, count: int, left: Array, innovation: Array, kept: NDArray[np.bool_]) -> None:
+        """Averages after a sample.
+
+        Args:
+            count: Samples learned so far, this one included.
+            left: What the sample leaves, y - y(W), (n_y,) [y].
+            innovation: (n_y,) [y].
+            kept: Channels that were learned from, (n_y,) [1].
+        """
+        slow = max(1.0 / (count + _FIRST), 1.0 / (_LONG * self.span))
+        fast = max(1.0 / count, 1.0 / (_SHORT * self.span))
+        middle = max(1.0 / (count + _FIRST), 1.0 / (_MIDDLE * self.span))
+        residual, recent, usual = (self.parts[name] for name in PARTS[3:6])
+        last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])
+        before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
+        last[:] = np.where(kept, left, carried)
+        error = innovation - carried
+        for k in np.flatnonzero(kept).tolist():
+            missed = error[k] ** 2 > _QUANTILE * self.parts["interval"][k]
+            width[k] += _TURN * (float(missed) - _OUTSIDE)
+            lagged[k] += middle * (innovation[k] * before[k] - lagged[k])
+            power[k] += middle * (before[k] ** 2 - power[k])
+            residual[k] += slow * (left[k] ** 2 - residual[k])
+            recent[k] += fast * (_capped(error[k] ** 2, recent[k], count) - recent[k])
+            alone[k] += fast * (_capped(innovation[k] ** 2, alone[k], count) - alone[k])
+            usual[k] += fast * (self._weights[k] - usual[k])
+
+
+def _capped(square: float, mean: float, count: int) -> float:
+    return min(square, _WILD * mean) if count > _FIRST else square

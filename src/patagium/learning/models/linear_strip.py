@@ -1,0 +1,411 @@
+"""Forces of strips and bodies that are linear in the weights: physics first, then corrections.
+
+    y = sum_k w_k y_k(q, v, a)
+
+The terms y_k are those of known physics (blade elements, added mass, circulation, drag of
+separated flow, drag of bodies without wings), each of which any wing has to some degree, and
+corrections: polynomials of the flow at a strip times the coefficients of its section. All weights
+are dimensionless; the prior says what is expected of each, and how far it may be from that. Flow
+that was never seen is predicted by the physics as far as it was confirmed, flow that was seen by
+what was measured. The priors were chosen on flights in foreign air (docs/foreign.md). Neglected:
+history of the flow, neighboring strips, Reynolds number, gusts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.local_flow import body_airflows, velocity_at
+from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import Twist, generalized_force
+from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
+from patagium.errors import ParameterError
+from patagium.learning.models.network import Encoding, FlightTerms
+from patagium.learning.models.perceptron import Perceptron
+from patagium.learning.models.wing import WingNetwork
+from patagium.learning.settings import Misfit
+from patagium.native import load_functions
+from patagium.robot.model import Body, Robot, Strip
+
+Array = NDArray[np.float64]
+Wrenches = dict[int, tuple[ca.SX, ca.SX]]
+
+
+class Term(NamedTuple):
+    """Physical term of the air's force, and the prior of its weight.
+
+    Attributes:
+        name: What the term is.
+        mean: Weight that is expected [1].
+        std: Standard deviation of the weight [1].
+    """
+
+    name: str
+    mean: float
+    std: float
+
+
+WHOLE_TERMS = (
+    Term("blade elements", 1.0, 1.0),
+    Term("added mass", 1.0, 2.0),
+    Term("circulation beside added mass", 1.0, 5.0),
+)
+"""Terms of the whole robot: `QuasiSteady`, and the two parts of `AddedMass`."""
+STRIP_TERMS = (
+    Term("acceleration of the air carried along", 0.0, 2.0),
+    Term("attached lift", 0.0, 2.0),
+    Term("lift of separated flow", 0.0, 5.0),
+    Term("lift by camber", 0.0, 0.5),
+    Term("lift by pitching", 0.0, 5.0),
+    Term("normal force of separated flow", 0.0, 2.0),
+    Term("normal force at small incidence", 0.0, 2.0),
+    Term("drag along the flow", 0.0, 0.5),
+    Term("drag of the area across the flow", 0.0, 2.0),
+    Term("chordwise force by pitching", 0.0, 0.5),
+    Term("moment of incidence", 0.0, 2.0),
+    Term("moment by pitching", 0.0, 2.0),
+    Term("drag along the span", 0.0, 0.2),
+)
+"""Terms of every strip, the same weight for all strips."""
+BODY_TERMS = (
+    Term("drag along x", 0.0, 5.0),
+    Term("drag along y", 0.0, 5.0),
+    Term("drag along z", 0.0, 5.0),
+    Term("drag of rotation", 0.0, 2.0),
+)
+"""Terms of every body without strips."""
+_OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
+_CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
+_POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
+_NOTHING = 1e-6  # prior of weights that stand for nothing
+
+
+class LinearStripNetwork(WingNetwork):
+    """Force of the air as a sum of physical terms and corrections, linear in the weights.
+
+    x is [q, v, a], y the generalized force of the air, added mass included. In strip axes at
+    mid-chord, relative to the air, with u the forward and n the normal velocity, s that along
+    the span, p, r and y the rates of pitch, flap and yaw times the chord, V^2 = u^2 + n^2, the
+    corrections are
+
+        s u, s n, r u, r n, y u, y n, and V^2 times f^3, f^2 d, f d^2, d^3, f^4, f^3 d, f^2 d^2,
+        f d^3, d^4, f d |d|, d f |f| with (f, d) = (u, n) / V,
+
+    each with a coefficient of the section's force forward, normal and along the span and of its
+    moment about mid-chord, shared by all strips. The terms are in `terms`.
+
+    Taught by `ExtendedLearner` it is learned exactly: recursive least squares with a prior, as
+    long as the covariance is "full". Where no noise is stated, the filter takes the network's
+    error as `Misfit` says.
+
+    Args:
+        robot: The machine; its numbers are taken as they are.
+        air: Density and steady wind; gusts are not known to the network.
+        measured: Coordinates whose force y is; None: all.
+
+    Attributes:
+        terms: Physical terms, whose weights follow the corrections.
+
+    Raises:
+        ParameterError: If the robot has no strips, or a name is not one of its coordinates.
+
+    References:
+        Dickinson, Lehmann & Sane (1999), Science 284 (blade elements); Theodorsen (1935), NACA
+        TR 496 (added mass, attached lift); Sane & Dickinson (2002), J. Exp. Biol. 205 (pitching);
+        Hoerner (1965), Fluid-Dynamic Drag (separated flow, bodies).
+    """
+
+    kind = "linear_strip"
+    shared = ("air",)
+    options = ("measured",)
+
+    def __init__(
+        self, robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None
+    ) -> None:
+        if not robot.strips:
+            raise ParameterError("robot", "a robot with wings", robot.name)
+        self.robot, self.air = robot, Air() if air is None else air
+        self._names = robot.dof_names if measured is None else tuple(measured)
+        rows = [robot.index(name) for name in self._names]
+        self.terms = _terms(robot)
+        slots = _slots(len(self.terms))
+        self.items = len(robot.strips) + slots
+        self.perceptron = Perceptron((_POLYNOMIALS + slots, _OUTPUTS))
+        self.offset = np.zeros(len(self._names))
+        self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
+        symbolic, _ = robot.symbolic()
+        key, label = f"linear strip network {self._names} {symbolic!r}", f"air of {robot.name}"
+        self._encode = load_functions(key, lambda: [_function(robot, rows)], label=label)["encode"]
+
+    @property
+    def inputs(self) -> int:
+        """Length of [q, v, a]."""
+        return self.robot.state_size + self.robot.dof
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y."""
+        return self._names
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Names of the coordinates whose force y is."""
+        return self._names
+
+    @property
+    def flight_terms(self) -> FlightTerms:
+        """Accelerations among the inputs, added mass in the outputs."""
+        return FlightTerms(acceleration=True, added_mass=True)
+
+    @property
+    def own_prior(self) -> Array:
+        """Standard deviation of each weight before any sample, (n,) [1]."""
+        corrections = np.concatenate([np.full(count, std) for count, std in _CORRECTIONS])
+        return self._placed(corrections, [term.std for term in self.terms], _NOTHING)
+
+    @property
+    def own_misfit(self) -> Misfit:
+        """Error of this network that a filter assumes where no noise is stated."""
+        return Misfit()
+
+    def initial(self, seed: int) -> Array:
+        """Weights that are expected, those of physics alone, whatever the seed, (n,).
+
+        Args:
+            seed: Not used: nothing is drawn.
+        """
+        return self._placed(np.zeros(_POLYNOMIALS), [term.mean for term in self.terms], 0.0)
+
+    def encode(self, x: Array) -> Encoding:
+        """Polynomials and slots, (N, m, n_in), and forces of unit outputs, (N, n_y, 4 m).
+
+        State by state: code of many states at once takes longer to compile than it saves.
+        """
+        count, (inputs, outputs) = len(x), self.perceptron.widths
+        features = np.empty((count, self.items, inputs))
+        readout = np.empty((count, self.outputs, self.items * outputs))
+        for k, row in enumerate(np.ascontiguousarray(x)):
+            features[k], readout[k], _ = self.encode_one(row)
+        return Encoding(features, readout, self.offset)
+
+    def term_weights(self, weights: Array) -> dict[str, float]:
+        """Weights of the physical terms by name.
+
+        Args:
+            weights: Weights, (n,) [1].
+        """
+        inputs, _ = self.perceptron.widths
+        matrix = np.asarray(weights, float)[: _OUTPUTS * inputs].reshape(_OUTPUTS, inputs)
+        values = matrix[:, _POLYNOMIALS:].T.ravel()[: len(self.terms)]
+        return {term.name: float(w) for term, w in zip(self.terms, values, strict=True)}
+
+    def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:
+        """Numbers of the corrections, of the terms and of what stands for nothing, (n,)."""
+        inputs, _ = self.perceptron.widths
+        matrix = np.zeros((_OUTPUTS, inputs))
+        matrix[:, :_POLYNOMIALS] = corrections
+        slots = np.full((inputs - _POLYNOMIALS) * _OUTPUTS, others)
+        slots[: len(terms)] = terms
+        matrix[:, _POLYNOMIALS:] = slots.reshape(-1, _OUTPUTS).T
+        return np.concatenate([matrix.ravel(), np.full(_OUTPUTS, others)])
+
+
+class _Flow(NamedTuple):
+    """Motion of a strip at mid-chord relative to the air, in its own axes.
+
+    Attributes:
+        strip: The strip.
+        axes: Forward, normal and spanwise direction, body axes, (3, 1) each [1].
+        middle: Mid-chord from the body's origin, body axes, (3, 1) [m].
+        velocity: Forward u, normal n, along the span s [m/s].
+        spin: Rates of pitch, flap and yaw times the chord [m/s].
+        rate: Normal acceleration times the chord, and that of pitch times its square [m^2/s^2].
+    """
+
+    strip: Strip
+    axes: tuple[ca.SX, ca.SX, ca.SX]
+    middle: ca.SX
+    velocity: tuple[ca.SX, ca.SX, ca.SX]
+    spin: tuple[ca.SX, ca.SX, ca.SX]
+    rate: tuple[ca.SX, ca.SX]
+
+    @property
+    def speed(self) -> ca.SX:
+        """V, across the span, never zero [m/s]."""
+        return smooth_norm(self.velocity[0] ** 2 + self.velocity[1] ** 2)
+
+
+def _flow(strip: Strip, airflow: Twist, acceleration: tuple[ca.SX, ca.SX, ca.SX]) -> _Flow:
+    """Motion of a strip.
+
+    Args:
+        strip: The strip.
+        airflow: Velocity of its body relative to the air, body axes.
+        acceleration: Of the body: angular velocity, angular acceleration, acceleration.
+    """
+    forward, normal = vector(strip.forward), vector(strip.normal)
+    span, chord = cross(normal, forward), strip.chord
+    middle = vector(strip.quarter_chord) - forward * (chord / 4)
+    moving, turning = velocity_at(airflow, middle), airflow.angular
+    w, dw, rising = acceleration
+    rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
+    return _Flow(
+        strip,
+        (forward, normal, span),
+        middle,
+        (ca.dot(forward, moving), ca.dot(normal, moving), ca.dot(span, moving)),
+        (
+            -chord * ca.dot(span, turning),
+            chord * ca.dot(forward, turning),
+            chord * ca.dot(normal, turning),
+        ),
+        (chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw)),
+    )
+
+
+def _size(x: ca.SX) -> ca.SX:
+    """|x|, smooth at zero."""
+    return x * smooth_sign(x)
+
+
+def _polynomials(flow: _Flow) -> ca.SX:
+    """Polynomials of the flow, (17, 1) [m^2/s^2]; see `LinearStripNetwork`."""
+    (u, n, s), (_, r, y), speed = flow.velocity, flow.spin, flow.speed
+    f, d = u / speed, n / speed
+    spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
+    directions = [f**3, f**2 * d, f * d**2, d**3, f**4, f**3 * d, f**2 * d**2, f * d**3, d**4]
+    directions += [f * d * _size(n) / speed, d * f * _size(u) / speed]
+    return ca.vertcat(*spanwise, *[speed**2 * one for one in directions])
+
+
+def _strip_terms(flow: _Flow) -> ca.SX:
+    """Force forward, normal, along the span and moment of `STRIP_TERMS`, (4, m) [m^2/s^2].
+
+    Times density, chord and width over two they are forces; the last row, times the chord too,
+    is a moment about mid-chord that raises the leading edge.
+    """
+    (u, n, s), (p, r, _), speed = flow.velocity, flow.spin, flow.speed
+    normal_rate, pitch_rate = flow.rate
+    quarter = smooth_sign(u) / 4  # of the chord ahead of mid-chord: where lift acts
+    wash = -(n - quarter * p)  # normalwash at three quarters of the chord
+    rising = normal_rate - p * u - r * s  # rate of n, the axes turning along
+    across = 2 * _size(n)
+    columns = [
+        (0, -pi / 2 * rising, 0, -pi / 64 * pitch_rate),
+        (-2 * pi * wash * n, 2 * pi * wash * u, 0, 2 * pi * wash * u * quarter),
+        (across * n / speed * n, -across * n / speed * u, 0, 0),
+        (-speed * n, speed * u, 0, quarter * speed * u),
+        (-p * n, p * u, 0, 0),
+        (0, -across * n, 0, 0),
+        (0, -2 * speed * n, 0, 0),
+        (-speed * u, -speed * n, 0, 0),
+        (-across * u, -across * n, 0, 0),
+        (p * n, 0, 0, 0),
+        (0, 0, 0, u * n),
+        (0, 0, 0, -speed * p),
+        (0, 0, -speed * s, 0),
+    ]
+    return ca.horzcat(*[ca.vertcat(*column) for column in columns])
+
+
+def _whole_terms(
+    machine: Robot, robot: Robot, motion: tuple[ca.SX, ca.SX, ca.SX], wind: ca.SX, density: ca.SX
+) -> ca.SX:
+    """Generalized forces of `WHOLE_TERMS`, (n, m) [N, N m]."""
+    q, v, a = motion
+    blades, carried = QuasiSteady(machine), AddedMass(machine)
+    numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
+    elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).generalized_force
+    factor = ca.vertcat(density, 1)
+    ideal = kirchhoff_force(robot, q, v, a, carried.inertia(robot, wind, factor))
+    return ca.horzcat(elements, ideal, carried.circulation_force(robot, q, v, wind, factor))
+
+
+def _bare(robot: Robot) -> list[int]:
+    """Bodies without strips."""
+    winged = {strip.body for strip in robot.strips}
+    return [k for k in range(len(robot.bodies)) if k not in winged]
+
+
+def _terms(robot: Robot) -> tuple[Term, ...]:
+    bodies = [
+        Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
+        for k in _bare(robot)
+        for term in BODY_TERMS
+    ]
+    return (*WHOLE_TERMS, *STRIP_TERMS, *bodies)
+
+
+def _slots(terms: int) -> int:
+    """Rows of outputs that the terms take."""
+    return -(-terms // _OUTPUTS)
+
+
+def _body_wrench(body: Body, airflow: Twist, density: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Drag of a body, as of the uniform box with its mass and inertia: `BODY_TERMS`."""
+    xx, yy, zz = body.inertia[:3]
+    squares = (yy + zz - xx, xx + zz - yy, xx + yy - zz)
+    x, y, z = (ca.sqrt(ca.fmax(6 * one / body.mass, 0)) for one in squares)
+    center = vector(body.center_of_mass)
+    moving = velocity_at(airflow, center)
+    force = -density / 2 * ca.vertcat(y * z, x * z, x * y) * weights[:3] * _square(moving)
+    arms = ca.vertcat(x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4))
+    moment = -density / 64 * weights[3] * arms * _square(airflow.angular)
+    return force, moment + cross(center, force)
+
+
+def _square(values: ca.SX) -> ca.SX:
+    """Squares with the sign of the values, smooth at zero."""
+    return ca.vertcat(*[one * _size(one) for one in ca.vertsplit(values)])
+
+
+def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
+    """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs.
+
+    Args:
+        machine: The robot.
+        rows: Places of the outputs among the coordinates.
+    """
+    robot, robot_parameters = machine.symbolic()
+    n_q, dof = robot.coordinate_count, robot.dof
+    x, wind = ca.SX.sym("x", robot.state_size + dof), ca.SX.sym("wind", 3)
+    density = ca.SX.sym("rho")
+    q, v, a = x[:n_q], x[n_q : n_q + dof], x[n_q + dof :]
+    airflows = body_airflows(robot, q, v, wind)
+    accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
+    flows = [_flow(s, airflows[s.body], accelerations[s.body]) for s in robot.strips]
+    strips, slots = len(flows), _slots(len(_terms(machine)))
+    coefficients = ca.SX.sym("c", _OUTPUTS, strips)
+    weights = ca.SX.sym("w", _OUTPUTS * slots)
+    whole, first = weights[: len(WHOLE_TERMS)], len(WHOLE_TERMS) + len(STRIP_TERMS)
+    wrenches: Wrenches = {}
+    for place, k in enumerate(_bare(robot)):
+        own = weights[first + len(BODY_TERMS) * place :][: len(BODY_TERMS)]
+        wrenches[k] = _body_wrench(robot.bodies[k], airflows[k], density, own)
+    for number, flow in enumerate(flows):
+        physics = _strip_terms(flow) @ weights[len(WHOLE_TERMS) : first]
+        strip, (forward, normal, span) = flow.strip, flow.axes
+        load = density * strip.chord * strip.width / 2 * (coefficients[:, number] + physics)
+        force = forward * load[0] + normal * load[1] + span * load[2]
+        moment = cross(flow.middle, force) - span * (strip.chord * load[3])
+        total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
+        wrenches[strip.body] = (total[0] + force, total[1] + moment)
+    y = generalized_force(robot, q, wrenches)
+    y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
+    seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]
+    ones = ca.vertcat(ca.SX.zeros(_POLYNOMIALS, slots), ca.SX.eye(slots))
+    features = ca.densify(ca.horzcat(*seen, ones))
+    readout = ca.densify(ca.jacobian(y, ca.vertcat(ca.vec(coefficients), weights)))
+    parameters = ca.vertcat(wind, density, robot_parameters)
+    names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
+    return ca.Function("encode", [x, parameters], [features, readout], names_in, names_out)

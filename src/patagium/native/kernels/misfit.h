@@ -1,0 +1,126 @@
+/* Error of the model, found from the data: the noise that a filter assumes, what of the last
+ * error is still there, and the interval that the filter states. Python's twin, equation by equation and array by array, is `misfit.py`.
+ */
+#ifndef PATAGIUM_MISFIT_H
+#define PATAGIUM_MISFIT_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "screening_struct.h"
+
+#define STEP 10.0       /* samples over which the mean step is found, steps it counts at most */
+#define FIRST 10        /* samples after which one value no longer changes a mean by much */
+#define WILD 100        /* times its mean that a square counts at most */
+#define UNSEEN 3.0      /* samples in a span of correlation, before they are known */
+#define MOST 1e3        /* samples in a span of correlation, at most */
+#define STILL 1e-6      /* mean square of a channel that does not move, over the largest */
+#define LEAST 1e-12     /* variance, at least, over the largest mean square */
+#define START 0.01      /* of the mean square of a channel: what is left, to begin with */
+#define LEFT 3.0        /* variance over the mean square of what a sample leaves */
+#define LONG 100.0      /* spans over which what is left is averaged, */
+#define SHORT 5.0       /* and innovations */
+#define MIDDLE 20.0     /* and the correlation of errors from sample to sample */
+#define QUANTILE 3.8415 /* of chi-square that holds 95 %, */
+#define OUTSIDE 0.05    /* the share that it does not hold, */
+#define TURN 0.05       /* and the step of the logarithm of the width at each miss */
+#define BEYOND 15.0     /* factor on the variance of the weights beyond the usual one */
+
+static double capped(double square, double mean, int64_t count) {
+  return count > FIRST ? fmin(square, WILD * mean) : square;
+}
+
+/* What of the last error is still there at this sample. */
+static void advance(screening *s) {
+  const double stamp = s->numbers[STAMP], step = stamp - s->clock[0];
+  double ahead = 1;
+  if (isfinite(step) && step > 0) {
+    s->clock[1] = s->clock[1] > 0 ? s->clock[1] + (fmin(step, STEP * s->clock[1]) - s->clock[1]) / STEP : step;
+    ahead = step / s->clock[1];
+  }
+  s->clock[0] = stamp;
+  for (int k = 0; k < s->channels; k++) {
+    const double rho = s->power[k] > 0 ? fmin(fmax(s->lagged[k] / s->power[k], 0), 1) : 0;
+    s->carried[k] = s->left[k] * pow(rho, ahead);
+  }
+}
+
+/* Mean squares of the measurements about their offset, and of their changes. */
+static void follow(screening *s, const double *measured) {
+  if (s->floor == 0) return;
+  advance(s);
+  for (int k = 0; k < s->channels; k++) {
+    const double y = measured[k], apart = y - s->before[k];
+    if (!isfinite(y)) continue;
+    const double own = y - s->offset[k];
+    const int64_t n = ++s->heard[k];
+    s->level[k] += (capped(own * own, s->level[k], n) - s->level[k]) / (double)n;
+    if (n == 1) s->residual[k] = START * s->level[k];
+    else s->change[k] += (capped(apart * apart, s->change[k], n) - s->change[k]) / (double)(n - 1);
+    s->before[k] = y;
+  }
+}
+
+/* Samples in a span of correlation: rms of the measurements over that of their changes. */
+static double span_of(const screening *s, double largest) {
+  double sum = 0;
+  int count = 0;
+  for (int k = 0; k < s->channels; k++) {
+    if (!(s->level[k] > STILL * largest) || !(s->change[k] > 0)) continue;
+    sum += log(s->level[k] / s->change[k]) / 2;
+    count++;
+  }
+  return count ? fmin(fmax(exp(sum / count), 1), MOST) : UNSEEN;
+}
+
+/* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
+static void assume(screening *s) {
+  double largest = 0;
+  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k]);
+  s->span = span_of(s, largest);
+  s->least = LEAST * largest;
+  for (int k = 0; k < s->channels; k++) {
+    const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double misfit = fmax(s->floor * s->floor * s->level[k], LEFT * s->residual[k]);
+    s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
+  }
+}
+
+/* Variance that the filter states; covariance: of y, noise included; carried: whether what the
+ * last sample left is part of the prediction. */
+static void state_interval(screening *s, const double *covariance, int carried) {
+  const double *recent = carried ? s->recent : s->alone;
+  if (s->floor == 0) return;
+  for (int k = 0; k < s->channels; k++) {
+    const double all = covariance[k * s->channels + k], weights = all - s->noise[k];
+    const double beyond = BEYOND * fmax(weights - s->usual[k], 0);
+    const double stated = (recent[k] + beyond) * (carried ? exp(2 * s->width[k]) : 1);
+    s->interval[k] = stated > 0 ? fmax(stated, s->least) : all;
+  }
+}
+
+/* After a sample; gain: P_yy^-1 e. */
+static void learn_misfit(screening *s, const double *covariance, const double *innovation,
+                         const double *gain) {
+  if (s->floor == 0) return;
+  const double count = (double)s->whole[LEARNED];
+  const double slow = fmax(1 / (count + FIRST), 1 / (LONG * s->span));
+  const double middle = fmax(1 / (count + FIRST), 1 / (MIDDLE * s->span));
+  const double fast = fmax(1 / count, 1 / (SHORT * s->span));
+  for (int k = 0; k < s->channels; k++) {
+    const double left = s->noise[k] * gain[k], before = s->left[k];
+    const double e = innovation[k] - s->carried[k], plain = innovation[k] * innovation[k];
+    s->left[k] = s->left_out[k] ? s->carried[k] : left;
+    if (s->left_out[k]) continue;
+    const double weights = covariance[k * s->channels + k] - s->noise[k];
+    s->lagged[k] += middle * (innovation[k] * before - s->lagged[k]);
+    s->power[k] += middle * (before * before - s->power[k]);
+    s->width[k] += TURN * ((e * e > QUANTILE * s->interval[k] ? 1 : 0) - OUTSIDE);
+    s->residual[k] += slow * (left * left - s->residual[k]);
+    s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
+    s->alone[k] += fast * (capped(plain, s->alone[k], s->whole[LEARNED]) - s->alone[k]);
+    s->usual[k] += fast * (weights - s->usual[k]);
+  }
+}
+
+#endif

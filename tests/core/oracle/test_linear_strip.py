@@ -1,0 +1,143 @@
+"""Network of strips that is linear in its weights: its physics against the modules of the physics.
+
+Tolerances of 1e-12 are rounding, relative to the largest force.
+"""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import patagium as pt
+from patagium.errors import ParameterError
+from patagium.learning.models.linear_strip import BODY_TERMS, LinearStripNetwork
+from patagium.learning.models.registry import network_from_description
+from patagium.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def network() -> LinearStripNetwork:
+    return LinearStripNetwork(pt.load_robot("aerobat"))
+
+
+def sample(robot: Robot, seed: int) -> tuple[Array, Array, Array]:
+    draw = np.random.default_rng(seed)
+    q = np.array(robot.coordinates()) + 0.2 * draw.standard_normal(robot.coordinate_count)
+    v = np.r_[3.0, draw.standard_normal(robot.dof - 1)]
+    return q, v, 20 * draw.standard_normal(robot.dof)
+
+
+def physics(robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    blades, carried = pt.QuasiSteady(robot), pt.AddedMass(robot)
+    elements = np.array(blades.batch.generalized_force(q[None], v[None]))[0]
+    return elements + carried.generalized_force(q, v, a) + carried.circulatory_force(q, v)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_expected_weights_are_blade_elements_with_added_mass(
+    network: LinearStripNetwork, seed: int
+) -> None:
+    q, v, a = sample(network.robot, seed)
+    expected = physics(network.robot, q, v, a)
+    found = network(np.concatenate([q, v, a]), network.initial(0))
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_force_is_linear_in_the_weights(network: LinearStripNetwork) -> None:
+    x = np.concatenate(sample(network.robot, 5))
+    draw = np.random.default_rng(0)
+    one, other = draw.standard_normal((2, network.size))
+    value, slopes = network.linearized(network.encode_one(x), one)
+    np.testing.assert_allclose(value, slopes @ one, atol=1e-12 * np.abs(value).max())
+    both = network(x, one + other)
+    np.testing.assert_allclose(both, value + network(x, other), atol=1e-12 * np.abs(both).max())
+
+
+def test_many_samples_are_those_one_by_one(network: LinearStripNetwork) -> None:
+    rows = np.array([np.concatenate(sample(network.robot, seed)) for seed in range(3)])
+    weights = network.initial(0) + 0.1
+    found = network.evaluate(rows, weights)
+    np.testing.assert_array_equal(found, [network(row, weights) for row in rows])
+
+
+def test_acceleration_of_carried_air_undoes_the_part_of_added_mass_that_accelerates(
+    network: LinearStripNetwork,
+) -> None:
+    q, v, a = sample(network.robot, 7)
+    names = [term.name for term in network.terms]
+    weights = network._placed(
+        np.zeros(17),
+        [
+            {"added mass": 1.0, "acceleration of the air carried along": -1.0}.get(name, 0.0)
+            for name in names
+        ],
+        0.0,
+    )
+    found = network(np.concatenate([q, v, a]), weights)
+    again = network(np.concatenate([q, v, 0 * a]), weights)
+    # what is left depends on velocities alone
+    np.testing.assert_allclose(found, again, atol=1e-12 * np.abs(found).max())
+
+
+def test_drag_of_a_body_is_that_of_a_box_of_its_inertia(network: LinearStripNetwork) -> None:
+    robot = network.robot
+    body = robot.bodies[0]
+    xx, yy, zz = (float(value) for value in body.inertia[:3])
+    height, width = (6 * value / float(body.mass) for value in (xx + yy - zz, xx + zz - yy))
+    q, v = np.array(robot.coordinates()), np.zeros(robot.dof)
+    v[0] = 4.0
+    values = [float(term.name == f"{BODY_TERMS[0].name} of {body.name}") for term in network.terms]
+    assert sum(values) == 1
+    weights = network._placed(np.zeros(17), values, 0.0)
+    found = network(np.concatenate([q, v, np.zeros(robot.dof)]), weights)
+    drag = -1.225 / 2 * np.sqrt(height * width) * 4.0**2
+    assert found[0] == pytest.approx(drag, rel=1e-12)
+    assert abs(found[1:3]).max() < 1e-12 * abs(drag)
+
+
+def test_terms_of_own_air_are_found_from_a_flight(network: LinearStripNetwork) -> None:
+    """A flight in blade elements without added mass: the weight of added mass goes to zero."""
+    robot = network.robot
+    blades = pt.QuasiSteady(robot)
+    learner = pt.ExtendedLearner(network, misfit=pt.learning.Misfit())
+    time = 0.01 * np.arange(250)
+    sides = [k for k, name in enumerate(robot.dof_names) if "plunge" in name or "feather" in name]
+    for t in time:
+        q, v, a = np.array(robot.coordinates()), np.zeros(robot.dof), np.zeros(robot.dof)
+        v[0] = 3.0 + 0.5 * np.sin(3 * t)
+        for place, k in enumerate(sides):
+            size, phase, w = (0.6, 0.0, 31.0) if place % 2 == 0 else (0.3, 1.0, 31.0)
+            q[k], v[k] = size * np.sin(w * t + phase), size * w * np.cos(w * t + phase)
+            a[k] = -size * w * w * np.sin(w * t + phase)
+        y = np.array(blades.batch.generalized_force(q[None], v[None]))[0]
+        learner.update(np.concatenate([q, v, a]), y, t)
+    found = network.term_weights(learner.weights)
+    total = found["added mass"] + found["acceleration of the air carried along"]
+    assert abs(total) < 0.05 and found["blade elements"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_network_is_made_again_from_its_description(network: LinearStripNetwork) -> None:
+    x = np.concatenate(sample(network.robot, 1))
+    weights = network.initial(0) + 0.2
+    for again in (
+        network_from_description(network.describe()),
+        pickle.loads(pickle.dumps(network)),
+    ):
+        np.testing.assert_array_equal(again(x, weights), network(x, weights))
+
+
+def test_outputs_are_those_asked_for(network: LinearStripNetwork) -> None:
+    x, weights = np.concatenate(sample(network.robot, 2)), network.initial(0)
+    chosen = LinearStripNetwork(network.robot, measured=("z", "left_plunge"))
+    rows = [network.robot.index(name) for name in chosen.output_names]
+    np.testing.assert_allclose(chosen(x, weights), network(x, weights)[rows], rtol=1e-12)
+
+
+def test_a_robot_without_wings_is_refused() -> None:
+    with pytest.raises(ParameterError, match="robot with wings"):
+        LinearStripNetwork(pt.load_robot("ur5e"))

@@ -1,0 +1,150 @@
+"""Error of the model found from the data: C against NumPy, and what is known of the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import patagium as pt
+from patagium.errors import ParameterError
+from patagium.learning import ExtendedLearner, LowRank, Misfit, NoiseEstimation
+from patagium.learning.filters import block_kernel
+from patagium.learning.learners import filter_learner
+from patagium.learning.models.dense import DenseNetwork
+
+Array = NDArray[np.float64]
+
+
+def samples(count: int, inputs: int = 3, outputs: int = 2) -> Iterator[tuple[float, Array, Array]]:
+    """A plant whose error is correlated, with gaps, missing channels and an outlier."""
+    draw, error = np.random.default_rng(3), np.zeros(outputs)
+    matrix = draw.standard_normal((outputs, inputs))
+    for k in range(count):
+        x = np.sin(0.3 * k * (1 + np.arange(inputs))) + 0.1 * draw.standard_normal(inputs)
+        error = 0.9 * error + 0.1 * draw.standard_normal(outputs)
+        y = matrix @ x + error
+        if k % 17 == 3:
+            y[k % outputs] = np.nan
+        if k == 40:
+            y[0] = 30.0
+        yield 0.01 * k + (0.3 if k > 60 else 0.0), x, y
+
+
+def pair(network: pt.learning.Network, **settings: object) -> tuple[ExtendedLearner, ...]:
+    """A learner that is compiled where it can be, and one in NumPy."""
+    fast = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0, **settings)
+    whole = block_kernel.structure_and_kernel
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            filter_learner, "structure_and_kernel", lambda numbers: (whole(numbers)[0], None)
+        )
+        slow = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0, **settings)
+    return fast, slow
+
+
+@pytest.mark.parametrize("covariance", ["full", "layer", "node", LowRank(4)])
+@pytest.mark.parametrize("std", [None, 0.05])
+def test_compiled_and_numpy_learners_agree(covariance: object, std: float | None) -> None:
+    network = DenseNetwork(3, (5,), ("a", "b"))
+    fast, slow = pair(network, covariance=covariance, measurement_std=std, screening=None)
+    for k, (time, x, y) in enumerate(samples(100)):
+        stamp = None if k in (20, 21) else time
+        for one, other in zip(
+            fast.predict(x, None, time), slow.predict(x, None, time), strict=True
+        ):
+            np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
+        one, other = fast.update(x, y, stamp), slow.update(x, y, stamp)
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(fast.nis, slow.nis, rtol=1e-6)
+    np.testing.assert_allclose(fast.weights, slow.weights, rtol=1e-8, atol=1e-9)
+
+
+def test_weights_are_as_sure_as_their_errors_are_large() -> None:
+    """With an error correlated over ten samples, white noise is too sure of the weights."""
+    network, ratios = DenseNetwork(2, (), ("y",)), {}
+    for name, settings in (
+        ("misfit", {"misfit": Misfit()}),
+        ("white", {"noise_estimation": NoiseEstimation()}),
+    ):
+        squares = []
+        for seed in range(30):
+            draw, error = np.random.default_rng(seed), 0.0
+            learner = ExtendedLearner(network, prior_std=3.0, **settings)
+            phase = np.cumsum(0.2 + 0.05 * draw.standard_normal(300))
+            for k in range(300):
+                x = np.array([np.sin(phase[k]), np.cos(0.37 * phase[k])])
+                error = 0.9 * error + 0.2 * np.sqrt(1 - 0.81) * draw.standard_normal()
+                learner.update(x, [x @ [1.0, -0.5] + error], 0.01 * k)
+            apart = learner.weights[:2] - [1.0, -0.5]
+            squares.append(apart @ np.linalg.solve(learner.covariance[:2, :2], apart) / 2)
+        ratios[name] = float(np.mean(squares))
+    assert ratios["misfit"] < 15  # 11 measured; one for a filter that knows all from the start
+    assert ratios["white"] > 3 * ratios["misfit"], ratios
+
+
+def test_error_is_carried_on_for_as_long_as_it_lasts() -> None:
+    network = DenseNetwork(1, (), ("y",))
+    learner = ExtendedLearner(network, misfit=Misfit(), prior_std=1e-3)
+    draw, error = np.random.default_rng(0), 0.0
+    for k in range(400):
+        error = 0.95 * error + draw.standard_normal()
+        learner.update([0.0], [error], 0.01 * k)
+    last = error - learner.predict([0.0])[0][0]
+    ahead = learner.carried(np.array([3.99 + 0.01, 3.99 + 0.1, 3.99 + 5.0]))[:, 0]
+    assert ahead[0] == pytest.approx(0.95 * last, rel=0.1)  # 400 samples: rho to .03
+    assert ahead[1] == pytest.approx(0.95**10 * last, rel=0.5, abs=0.3)
+    assert abs(ahead[2]) < 1e-3
+    mean, _ = learner.predict([0.0], None, 4.0)
+    assert mean[0] == pytest.approx(learner.predict([0.0])[0][0] + ahead[0], abs=1e-12)
+
+
+def test_intervals_of_the_flow_that_is_learned_hold_95_percent() -> None:
+    network, inside, total = DenseNetwork(3, (), ("a", "b")), 0, 0
+    learner = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0)
+    for k, (time, x, y) in enumerate(samples(1500)):
+        mean, covariance = learner.predict(x, None, time)
+        if k > 200:
+            kept = np.isfinite(y)
+            inside += int((abs(y - mean)[kept] < 1.96 * np.sqrt(np.diag(covariance))[kept]).sum())
+            total += int(kept.sum())
+        learner.update(x, y, time)
+    assert inside / total == pytest.approx(0.95, abs=0.015)  # 2600 samples: deviation .004
+
+
+def test_interval_grows_in_flow_that_was_not_seen() -> None:
+    network = DenseNetwork(2, (), ("y",))
+    learner = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0)
+    for k in range(300):
+        x = np.array([np.sin(0.2 * k), 0.0])
+        learner.update(x, [2 * x[0] + 0.01 * np.cos(0.4 * k)], 0.01 * k)
+    seen, unseen = learner.predict([0.7, 0.0])[1][0, 0], learner.predict([0.7, 1.0])[1][0, 0]
+    assert np.sqrt(seen) < 0.05 and np.sqrt(unseen) > 0.9  # the prior of the weight never seen
+
+
+def test_one_wild_sample_does_not_change_the_scale_for_good() -> None:
+    network = DenseNetwork(1, (), ("y",))
+    learner = ExtendedLearner(
+        network, misfit=Misfit(), prior_std=1.0, screening=pt.learning.Screening()
+    )
+    for k in range(200):
+        x = np.sin(0.3 * k)
+        learner.update([x], [1e150 if k == 100 else x], 0.01 * k)
+    assert np.isfinite(learner.weights).all() and learner.weights[0] == pytest.approx(1, abs=0.05)
+
+
+def test_misfit_and_estimated_noise_exclude_each_other() -> None:
+    with pytest.raises(ParameterError, match="None beside misfit"):
+        ExtendedLearner(
+            DenseNetwork(1, (), ("y",)), misfit=Misfit(), noise_estimation=NoiseEstimation()
+        )
+
+
+def test_outputs_that_are_zero_are_learned_beside_others() -> None:
+    network = DenseNetwork(1, (), ("y", "nothing"))
+    learner = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0)
+    for k in range(50):
+        learner.update([np.sin(k)], [np.sin(k), 0.0], 0.01 * k)
+    assert np.isfinite(learner.weights).all() and np.isfinite(learner.nis)
