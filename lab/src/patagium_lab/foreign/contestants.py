@@ -27,6 +27,7 @@ from patagium.learning import (
     Model,
     Network,
     StripNetwork,
+    default_learner,
 )
 from patagium.learning.learners.learner import Learner
 from patagium.sensing import training_data
@@ -118,6 +119,7 @@ def _least_squares(features: int) -> Make:
 CONTESTANTS = {
     one.name: one
     for one in (
+        Contestant("default", "default", default_learner),
         Contestant("linear", "linear least squares", _least_squares(0)),
         Contestant("features", f"{FEATURES} random features", _least_squares(FEATURES)),
         Contestant("dense", "dense network", _filtered(_dense)),

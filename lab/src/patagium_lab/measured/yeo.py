@@ -174,7 +174,7 @@ def _learn(
         errors.append(float(np.abs(lift - guess).mean()))
         if cycle < cycles - 1:
             _teach(learner, candidate.x, lift)
-    checks = [check(learner, k, candidate.x[k], lift[k : k + 1]) for k in range(len(lift))]
+    checks = [check(learner, k, (candidate.x[k], lift[k : k + 1])) for k in range(len(lift))]
     inside = coverage([c.error for c in checks], [c.std for c in checks])
     return (
         errors,

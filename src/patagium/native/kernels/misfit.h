@@ -23,8 +23,8 @@
 #define MIDDLE 20.0     /* and the correlation of errors from sample to sample */
 #define QUANTILE 3.8415 /* of chi-square that holds 95 %, */
 #define OUTSIDE 0.05    /* the share that it does not hold, */
-#define TURN 0.05       /* and the step of the logarithm of the width at each miss */
-#define BEYOND 15.0     /* factor on the variance of the weights beyond the usual one */
+#define TURN 0.3       /* and the step of the logarithm of the width at each miss */
+#define BEYOND 30.0     /* factor on the variance of the weights beyond the usual one */
 
 static double capped(double square, double mean, int64_t count) {
   return count > FIRST ? fmin(square, WILD * mean) : square;
