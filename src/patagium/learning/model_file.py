@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, PatagiumError, ShapeError
+from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
     WeightCovariance,
     block_covariance,
@@ -56,6 +57,9 @@ class Model:
         inputs: Names of the inputs; None: the state q, then v.
         learner: Description of the learner.
         source: Source of the samples, in words.
+        usual_std: Standard deviation that the weights gave to the flow that was learned last,
+            (n_y,) [unit of y]; the measurement's is then that of the errors there. None of
+            learners without `misfit`.
     """
 
     network: Network
@@ -65,6 +69,7 @@ class Model:
     inputs: tuple[str, ...] | None = None
     learner: dict[str, Any] = field(default_factory=dict, repr=False)
     source: str = ""
+    usual_std: Array | None = None
 
     def __post_init__(self) -> None:
         """Refuse weights or a covariance of another network."""
@@ -91,7 +96,8 @@ class Model:
             x: Input, (n_x,) [units of x].
 
         Returns:
-            Mean, (n_y,), and covariance H P H' + R, (n_y, n_y); nan without a covariance.
+            Mean, (n_y,), and covariance, (n_y, n_y); nan without one. It is H P H' + R, scaled to
+            the variances that the learner states in any flow if it had `misfit`.
 
         Raises:
             ShapeError: If x has another shape.
@@ -101,8 +107,13 @@ class Model:
         if self.kept_covariance is None or self.measurement_std is None:
             return mean, np.full((len(mean), len(mean)), np.nan)
         _, slope = self.network.linearized(self.network.encode_one(sample), self.weights)
-        noise = np.diag(self.measurement_std**2)
-        return mean, self.kept_covariance.seen_by(slope) + noise
+        noise, seen = self.measurement_std**2, self.kept_covariance.seen_by(slope)
+        covariance = seen + np.diag(noise)
+        if self.usual_std is None:
+            return mean, covariance
+        stated = widened(noise, np.diag(seen), self.usual_std**2)
+        scale = np.sqrt(stated / np.diag(covariance))
+        return mean, scale[:, None] * covariance * scale
 
 
 def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
@@ -124,6 +135,7 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
         None if inputs is None else tuple(inputs),
         {key: value for key, value in description.items() if key != "network"},
         source,
+        getattr(learner, "usual_std", None),
     )
 
 
@@ -167,7 +179,7 @@ def load_model(path: str | Path) -> Model:
 
 
 def _words(model: Model) -> dict[str, Any]:
-    noise = model.measurement_std
+    noise, usual = model.measurement_std, model.usual_std
     return {
         "format": FORMAT,
         "patagium_version": __version__,
@@ -177,13 +189,14 @@ def _words(model: Model) -> dict[str, Any]:
         "outputs": list(model.network.output_names),
         "learner": model.learner,
         "measurement_std": None if noise is None else noise.tolist(),
+        "usual_std": None if usual is None else usual.tolist(),
         "weights": model.weights.tolist(),
         "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
     }
 
 
 def _model(words: Mapping[str, Any]) -> Model:
-    inputs, covariance = words["inputs"], words["covariance"]
+    inputs, covariance, usual = words["inputs"], words["covariance"], words.get("usual_std")
     noise = words[next((key for key in _FORMER_NOISE if key in words), "measurement_std")]
     network = network_from_description(words["network"])
     return Model(
@@ -194,6 +207,7 @@ def _model(words: Mapping[str, Any]) -> Model:
         None if inputs is None else tuple(inputs),
         dict(words["learner"]),
         str(words["source"]),
+        None if usual is None else np.array(usual, float),
     )
 
 

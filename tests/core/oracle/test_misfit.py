@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from patagium.errors import ParameterError
 from patagium.learning import ExtendedLearner, LowRank, Misfit, NoiseEstimation
 from patagium.learning.filters import block_kernel
 from patagium.learning.learners import filter_learner
+from patagium.learning.model_file import load_model, save_model
 from patagium.learning.models.dense import DenseNetwork
 
 Array = NDArray[np.float64]
@@ -148,3 +150,19 @@ def test_outputs_that_are_zero_are_learned_beside_others() -> None:
     for k in range(50):
         learner.update([np.sin(k)], [np.sin(k), 0.0], 0.01 * k)
     assert np.isfinite(learner.weights).all() and np.isfinite(learner.nis)
+
+
+def test_model_file_states_the_intervals_of_the_learner(tmp_path: Path) -> None:
+    """In flow like that of late and far from it, where an interval without `misfit` differs."""
+    learner, _ = pair(DenseNetwork(3, (5,), ("a", "b")))
+    for time, x, y in samples(100):
+        learner.update(x, y, time)
+    model = load_model(save_model(tmp_path / "model.json", learner))
+    for size in (0.5, 20.0):
+        mean, covariance = learner.predict(np.full(3, size))
+        expected, stated = model.predict(np.full(3, size))
+        np.testing.assert_allclose(expected, mean, rtol=1e-12)  # rounding
+        found, variances = np.diag(stated), np.diag(covariance)
+        np.testing.assert_allclose(found, variances, rtol=1e-6)  # rounding of the root
+    near, far = (model.predict(np.full(3, size))[1][0, 0] for size in (0.5, 20.0))
+    assert far > 10 * near

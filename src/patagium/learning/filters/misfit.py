@@ -47,6 +47,7 @@ _UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
 _START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 30.0
 _MIDDLE, _STEP = 20.0, 10.0
 _QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.3
+_FAR = 10.0  # times its usual variance: flow that was not seen
 _LAST, _MEAN_STEP = range(2)  # of `clock`
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
@@ -79,6 +80,11 @@ class Misfit:
         self.heard = np.zeros(len(known), np.int64)
         self.span, self._least = _UNSEEN, 0.0
         self.scale, self._weights = np.ones(len(known)), np.zeros(len(known))
+
+    @property
+    def alone(self) -> Array:
+        """Variance of the errors of the weights alone, (n_y,) [y^2]."""
+        return np.maximum(self.parts["alone"], _LEAST * self.parts["level"].max())
 
     def at(self, time: float) -> Array:
         """Part of the last error that is expected at a time, (n_y,) [y].
@@ -164,8 +170,8 @@ class Misfit:
             carried: Whether what the last sample left is part of the prediction.
         """
         self._weights, interval = variances - noise, self.parts["interval"]
-        beyond = np.maximum(self._weights - self.parts["usual"], 0.0)
-        interval[:] = self.parts["recent" if carried else "alone"] + _BEYOND * beyond
+        late = self.parts["recent" if carried else "alone"]
+        interval[:] = widened(late, self._weights, self.parts["usual"])
         if carried:
             interval *= np.exp(2 * self.parts["width"])
         interval[:] = np.where(interval > 0, np.maximum(interval, self._least), variances)
@@ -198,6 +204,28 @@ class Misfit:
             recent[k] += fast * (_capped(error[k] ** 2, recent[k], count) - recent[k])
             alone[k] += fast * (_capped(innovation[k] ** 2, alone[k], count) - alone[k])
             usual[k] += fast * (self._weights[k] - usual[k])
+
+
+def widened(error: Array, weights: Array, usual: Array) -> Array:
+    """Variance that is stated: that of late, more in flow that excites other weights, (n_y,) [y^2].
+
+    Args:
+        error: Mean square of the errors of late, (n_y,) [y^2].
+        weights: Variance that the weights give here, (n_y,) [y^2].
+        usual: Variance that the weights gave of late, (n_y,) [y^2].
+    """
+    return np.asarray(error + _BEYOND * np.maximum(weights - usual, 0.0))
+
+
+def unseen(error: Array, stated: Array, usual: Array) -> NDArray[np.bool_]:
+    """Outputs whose weights vary ten times as much here as they did of late, (..., n_y).
+
+    Args:
+        error: Mean square of the errors of late, (n_y,) [y^2].
+        stated: Variance stated here, as `widened` gives it, (..., n_y) [y^2].
+        usual: Variance that the weights gave of late, (n_y,) [y^2].
+    """
+    return np.asarray(stated - error > _BEYOND * (_FAR - 1.0) * usual)
 
 
 def _capped(square: float, mean: float, count: int) -> float:

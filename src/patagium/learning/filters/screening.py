@@ -211,8 +211,7 @@ class Screen:
     def variances(self) -> Array:
         """Variances of the measurement at the mean load, (n_y,) [y^2]."""
         if self.misfit.floor:
-            alone = self.misfit.parts["alone"]
-            return np.where(self.misfit.heard > 0, alone, np.nan)
+            return np.where(self.misfit.heard > 0, self.misfit.alone, np.nan)
         if self.share == 0:
             return self.parts["noise"].copy()
         return self.parts["steady"] + self.parts["loaded"]

@@ -142,6 +142,15 @@ class FilterLearner(OnlineLearner):
         return np.sqrt(self._screen.variances)
 
     @property
+    def usual_std(self) -> Array | None:
+        """Standard deviation that the weights gave to the flow of late, (n_y,) [y].
+
+        None without `misfit`; there, an interval grows where the weights give more.
+        """
+        misfit = self._screen.misfit
+        return np.sqrt(misfit.parts["usual"]) if misfit.floor else None
+
+    @property
     def innovation_covariance(self) -> Array:
         """P_yy of the last sample learned, before it was used or doubted, (n_y, n_y)."""
         return self._innovation_covariance
