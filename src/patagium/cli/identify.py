@@ -213,7 +213,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     parameters = parameter_table(scores)
     if parameters is not None:
         show_table(parameters)
-    typer.echo(summary(scores))
+    typer.echo("\n".join([summary(scores), *scores["verdict"]]))
 
 
 def flight_network(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.default_learner import choices, chosen_every, default_learner
+from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
@@ -22,10 +23,18 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
 from patagium.learning.propagation import robot_motion
-from patagium.learning.result import Identification, check, record_of
+from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import MOST_CHECKS, Progress, stream, thin, used_samples
+from patagium.learning.stream import (
+    MOST_CHECKS,
+    Progress,
+    late_samples,
+    stream,
+    thin,
+    used_samples,
+)
 from patagium.learning.table_network import scaling_samples
+from patagium.learning.verdict import physics_scores, with_verdict
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import recorded, state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
@@ -162,6 +171,7 @@ def compare(
     checks = [check(model, k, (x[k], y[k])) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
+    rows = late_samples(len(y))
     if checks:
         error, std = (np.array([one[k] for one in checks]) for k in (1, 2))
         scorer.add_checks(error, std, late[chosen])
@@ -177,10 +187,23 @@ def compare(
         **scorer.error_scores(),
         **scorer.interval_scores(),
         **parameter_scores(estimates_of(model)),
+        **physics_scores(model.network, x[rows], y[rows]),
+        **_unseen_scores(model, checks, ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}
     record = record_of(names, units or ["1"] * len(names), arrays, checks)
-    return Identification(scores, record, model, Outcome.COMPLETED, "")
+    return Identification(with_verdict(scores), record, model, Outcome.COMPLETED, "")
+
+
+def _unseen_scores(
+    model: Trained, checks: Sequence[Check], heard: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Share of the checks in flow that was not learned; nothing of models without `misfit`."""
+    usual, error = getattr(model, "usual_std", None), getattr(model, "measurement_std", None)
+    if usual is None or error is None or not checks:
+        return {}
+    stated = np.array([one.std for one in checks]) ** 2
+    return {"unseen_share": float(unseen(error**2, stated, usual**2)[:, heard].mean())}
 
 
 def samples(

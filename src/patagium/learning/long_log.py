@@ -36,6 +36,7 @@ from patagium.learning.stream import (
     used_samples,
 )
 from patagium.learning.table_network import scaling_samples
+from patagium.learning.verdict import with_verdict
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole
@@ -44,7 +45,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
-_FORMAT = 4  # of the file that a run goes on from
+_FORMAT = 5  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 
@@ -137,7 +138,7 @@ class _LongRun:
         if self.final is None:
             raise LogError(f"{self.record.path}: expected samples to learn from, found none")
         run, record = self.final
-        scores: dict[str, Any] = {
+        scores = {
             "samples": self.record.count,
             "samples_predicted": self.scorer.samples,
             "every": self.every,
@@ -151,7 +152,7 @@ class _LongRun:
             **run.facts(),
             "recorded": f"the last {len(record.time)} samples",
         }
-        return Identification(scores, record, self.learner, run.outcome, run.message)
+        return Identification(with_verdict(scores), record, self.learner, run.outcome, run.message)
 
     def _learn_block(self, progress: Progress | None) -> BlockRun:
         """Learn and score the samples from `begin` on, up to right before a used one."""

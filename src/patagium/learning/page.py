@@ -144,7 +144,7 @@ def _score_table(scores: Mapping[str, Any]) -> Table:
 
 
 def _remarks(scores: Mapping[str, Any]) -> list[Note]:
-    remarks = []
+    remarks = [Note(text) for text in scores.get("verdict", [])]
     if scores["message"]:
         remarks.append(Note(scores["message"]))
     if scores["silent"]:

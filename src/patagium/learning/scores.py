@@ -128,12 +128,13 @@ class IntervalSums:
 
     Attributes:
         counts: Errors, those in the 95 % interval, then those in the interval of each of
-            `NOMINAL` and in any, (3 + len(NOMINAL), n_y).
+            `NOMINAL` and in any, and the sum of the squares of errors over standard deviations,
+            (4 + len(NOMINAL), n_y).
         unknown: Number of standard deviations that are not finite.
     """
 
     def __init__(self, outputs: int) -> None:
-        self.counts = np.zeros((2 + len(_REACH), outputs))
+        self.counts = np.zeros((3 + len(_REACH), outputs))
         self.unknown = 0
 
     def add(self, error: Array, std: Array, keep: float = 1.0) -> None:
@@ -150,6 +151,7 @@ class IntervalSums:
             reach = size / std
         reach = np.where(np.isfinite(reach), reach, np.nan)
         inside = [np.isfinite(error), size <= INTERVAL * std, *(reach <= z for z in _REACH)]
+        inside.append(np.where(np.isfinite(reach), reach, 0.0) ** 2)
         self.counts *= keep ** len(error)
         self.counts += [weight @ part for part in inside]
         self.unknown += int((~np.isfinite(std)).sum())
@@ -172,6 +174,12 @@ class IntervalSums:
         count, inside = self.counts[:2].sum(axis=1)
         return float(inside / count) if count else float("nan")
 
+    @property
+    def nis(self) -> Array:
+        """Mean square of errors over their standard deviations, (n_y,); NaN before any."""
+        count, squares = self.counts[-2:]
+        return np.where(count > 0, squares / np.where(count > 0, count, 1.0), np.nan)
+
     def reliability(self, heard: ArrayLike | None = None) -> Array:
         """Share of errors in the interval of each of `NOMINAL`, (len(NOMINAL),); NaN before any.
 
@@ -179,7 +187,7 @@ class IntervalSums:
             heard: Outputs that count, (n_y,) of bool; None: all.
         """
         chosen = slice(None) if heard is None else np.asarray(heard, bool)
-        *inside, count = self.counts[2:, chosen].sum(axis=1)
+        *inside, count = self.counts[2:-1, chosen].sum(axis=1)
         return np.array(inside) / count if count else np.full(len(NOMINAL), np.nan)
 
 
@@ -322,6 +330,7 @@ class Scorer:
         return {
             "coverage": mean_heard(each),
             "coverage_second_half": mean_heard(late),
+            "nis_second_half": mean_heard(np.where(heard, self._intervals[_LATE].nis, np.nan)),
             "coverage_by_output": dict(zip(self.names, each.tolist(), strict=True)),
             "coverage_checks": self.checks,
             "reliability": dict(zip(map(str, NOMINAL), within, strict=True)),

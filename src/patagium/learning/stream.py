@@ -30,6 +30,7 @@ from patagium.learning.models.physical import Estimate
 from patagium.learning.parameter_paths import estimates_of, parameter_paths, parameter_scores
 from patagium.learning.result import UPDATED, Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
+from patagium.learning.verdict import physics_scores, with_verdict
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -110,6 +111,15 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
         inside = hold.begin + int((number * golden) % 1.0 * (hold.end - hold.begin))
         checks.append(tuple(sorted({inside, hold.end - 1})))
     return checks
+
+
+def late_samples(count: int) -> Indices:
+    """Samples of the second half, thinned, on which physics alone is scored.
+
+    Args:
+        count: Number of samples.
+    """
+    return thin(np.arange(count // 2, count), MOST_CHECKS)
 
 
 def thin(indices: Indices, most: int) -> Indices:
@@ -379,7 +389,7 @@ class BlockRun:
 
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
-        variance = self.updated["largest_variance"]
+        late, variance = late_samples(self.reached), self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
             "events": {name: count for name, count in self.learner.events.items() if count},
@@ -388,6 +398,7 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(estimates_of(self.learner)),
+            **physics_scores(self.learner.network, self.samples.x[late], self.samples.y[late]),
         }
 
     def _told(self) -> dict[str, Array]:
@@ -496,7 +507,8 @@ def stream(
         **forecast_scores(sums),
         **run.facts(),
     }
-    return Identification(scores, run.record(names, units, held), learner, run.outcome, run.message)
+    record, scores = run.record(names, units, held), with_verdict(scores)
+    return Identification(scores, record, learner, run.outcome, run.message)
 
 
 def _check_options(options: StreamOptions) -> None:

@@ -84,7 +84,7 @@ class Misfit:
     @property
     def alone(self) -> Array:
         """Variance of the errors of the weights alone, (n_y,) [y^2]."""
-        return np.maximum(self.parts["alone"], _LEAST * self.parts["level"].max())
+        return np.asarray(np.maximum(self.parts["alone"], _LEAST * self.parts["level"].max()))
 
     def at(self, time: float) -> Array:
         """Part of the last error that is expected at a time, (n_y,) [y].

@@ -1,0 +1,91 @@
+"""Verdict on the scores of an identification in words: its intervals, and what to beware of.
+
+Neglected: luck; a verdict on few samples is as sure as they are many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from patagium.errors import Outcome
+from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.network import Network
+from patagium.learning.scores import INTERVAL, ErrorSums
+
+Array = NDArray[np.float64]
+
+_RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
+_NIS = 3.0  # times too large or too small
+_UNSEEN = 0.05  # share of samples in unseen flow
+
+
+def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
+    """Scores, and the verdict on them as "verdict": sentences, warnings last.
+
+    Args:
+        scores: Of an `Identification`.
+    """
+    done = scores["outcome"] == Outcome.COMPLETED.name and "nmse_second_half" in scores
+    words = [*_interval_words(scores), *_warnings(scores)] if done else []
+    return {**scores, "verdict": words}
+
+
+def physics_scores(network: Network, x: Array, y: Array) -> dict[str, Any]:
+    """NMSE of physics alone, blade elements and added mass, where the network begins with them.
+
+    Args:
+        network: What learned.
+        x: Inputs of some samples of the second half, (N, n_x) [units of x].
+        y: What was measured, (N, n_y) [unit of y].
+    """
+    if not (isinstance(network, LinearStripNetwork) and len(x)):
+        return {}
+    sums = ErrorSums(network.outputs)
+    sums.add(y, network.evaluate(x, network.initial(0)))
+    each = zip(network.output_names, sums.nmse.tolist(), strict=True)
+    return {"physics_second_half": dict(each)}
+
+
+def _interval_words(scores: Mapping[str, Any]) -> list[str]:
+    coverage, nis = scores["coverage_second_half"], scores["nis_second_half"]
+    if not isfinite(coverage):
+        return []
+    inside = f"{100 * coverage:.0f} % of the errors are inside the 95 % interval"
+    if coverage < _RIGHT[0]:
+        reach = float(ndtri((1 + coverage) / 2))
+        times = f"{INTERVAL / reach:.2g} times" if reach > 0 else "far"
+        return [f"Intervals {times} too narrow ({inside})."]
+    wide = 1 / sqrt(nis) if nis > 0 else float("inf")
+    if coverage > _RIGHT[1] and wide**2 > _NIS:
+        return [f"Intervals {wide:.2g} times too wide ({inside})."]
+    return [f"Intervals about right ({inside})."]
+
+
+def _warnings(scores: Mapping[str, Any]) -> list[str]:
+    warnings, error = [], scores["nmse_second_half"]
+    rivals = {
+        "persistence_second_half": "the last used sample, held",
+        "physics_second_half": "physics alone, blade elements and added mass",
+    }
+    for key, rival in rivals.items():
+        other = scores.get(key, {})
+        names = [name for name, value in error.items() if value > other.get(name, np.inf)]
+        if names:
+            outputs = f"{len(names)} outputs" if len(names) > 3 else ", ".join(names)
+            warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
+    nis = scores["nis_second_half"]
+    if isfinite(nis) and not 1 / _NIS <= nis <= _NIS:
+        warnings.append(f"Warning: squared errors are {nis:.2g} times what was predicted (NIS).")
+    unseen = scores.get("unseen_share", 0.0)
+    if unseen > _UNSEEN:
+        warnings.append(
+            f"Warning: {100 * unseen:.0f} % of the samples are flow that was not learned: there "
+            "the weights alone make the prediction ten times as uncertain as they used to."
+        )
+    return warnings

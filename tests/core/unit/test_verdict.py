@@ -1,0 +1,74 @@
+"""Verdict on the scores of an identification in words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit
+from patagium.learning.identify import compare
+from patagium.learning.model_file import Model, load_model, save_model
+from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.stream import stream
+
+
+def said(std: float) -> dict[str, Any]:
+    """Scores of a learner whose errors have the deviation one, and that states another."""
+    learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), prior_std=1e-9, measurement_std=std)
+    half = np.random.default_rng(7).standard_normal((200, 1))
+    errors, x = np.tile(half / np.sqrt(np.mean(half**2)), (2, 1)), np.zeros((400, 1))
+    y = learner.network.evaluate(x, learner.weights) + errors
+    return compare(learner, 0.01 * np.arange(400), x, y).scores
+
+
+def test_words_for_intervals() -> None:
+    """The share inside of 200 errors says how narrow to 15 %."""
+    right, narrow, wide = (said(std) for std in (1.0, 0.2, 8.0))
+    for std, scores in ((1.0, right), (0.2, narrow), (8.0, wide)):
+        np.testing.assert_allclose(scores["nis_second_half"], 1 / std**2, rtol=1e-9)  # rounding
+        assert any("NIS" in text for text in scores["verdict"]) == (std != 1.0)
+    assert right["verdict"][0].startswith("Intervals about right (9")
+    assert wide["verdict"][0].startswith("Intervals 8 times too wide (100 %")
+    times = re.match("Intervals (.*) times too narrow", narrow["verdict"][0])
+    assert times is not None
+    assert float(times[1]) == pytest.approx(5.0, rel=0.15)
+
+
+def test_warning_of_flow_that_was_not_learned(tmp_path: Path) -> None:
+    """Learner and model file alike, and only where inputs are beyond those learned."""
+    network = DenseNetwork(2, (), ("y",))
+    learner = ExtendedLearner(network, misfit=Misfit(), prior_std=3.0)
+    draw = np.random.default_rng(2)
+    time, x = 0.01 * np.arange(400), draw.uniform(-1, 1, (400, 2))
+    y = x @ np.array([[1.0], [-0.5]]) + 0.1 * draw.standard_normal((400, 1))
+    result = stream(learner, time, x, y, every=1)
+    assert result.scores["verdict"]
+    model = load_model(save_model(tmp_path / "model.json", learner))
+    for one in (learner, model):
+        near, far = (compare(one, time, size * x, size * y).scores for size in (1.0, 30.0))
+        assert near["unseen_share"] < 0.05
+        assert far["unseen_share"] > 0.8
+        assert not any("not learned" in text for text in near["verdict"])
+        assert any("not learned" in text for text in far["verdict"])
+
+
+def test_warning_of_errors_above_physics_alone_and_held_samples() -> None:
+    """Truth is physics alone; the model's weights are others."""
+    robot = pt.load_robot("aerobat")
+    network = LinearStripNetwork(robot)
+    draw = np.random.default_rng(1)
+    still = np.r_[robot.coordinates(), np.zeros(2 * robot.dof)]
+    x = still + 0.2 * draw.standard_normal((60, network.inputs))
+    y = network.evaluate(x, network.initial(0))
+    right, wrong = (
+        compare(Model(network, scale * network.initial(0)), np.arange(60.0), x, y, every=1)
+        for scale in (1.0, 5.0)
+    )
+    assert not any("physics alone" in text for text in right.scores["verdict"])
+    assert any("physics alone" in text for text in wrong.scores["verdict"])
+    assert any("held" in text for text in wrong.scores["verdict"])
