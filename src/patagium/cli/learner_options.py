@@ -280,10 +280,12 @@ def _chosen(found: dict[str, Any], *, several: bool) -> LearnerChoice:
         if value is not None:
             settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
     given_one = bool(shape or settings or path)
-    if given.keys().isdisjoint(("learner", "network", "hidden", "activation")) and path is None:
-        own = {one.name for one in settings_of("extended")}
-        if several is False and {name.partition(".")[0] for name in settings} <= own:
-            shape |= {"kind": "extended", "default": True}
+    unchosen = given.keys().isdisjoint(("learner", "network", "hidden", "activation"))
+    linear = shape.get("network") is NetworkKind.LINEAR_STRIP and "learner" not in given
+    own = {one.name for one in settings_of("extended")}
+    if path is None and {name.partition(".")[0] for name in settings} <= own:
+        if linear or (unchosen and not several):
+            shape |= {"kind": "extended", "default": unchosen}
     choice = LearnerChoice(settings=settings, given=given_one, **shape)
     return choice if path is None else _completed(choice, set(shape), path)
 

@@ -77,7 +77,8 @@ def tune(
     from patagium.learning import tune as tune_learner
     from patagium.learning.settings import Alternatives
 
-    layers = list(dict.fromkeys(choice.hidden or [WholeNumbers((8, 8))]))
+    usual = WholeNumbers((8, 8) if choice.network is None else choice.shape()[1])
+    layers = list(dict.fromkeys(choice.hidden or [usual]))
     held = hold_out or []
     opened = [flight_or_table(file, mapping) for file in (*files, *held)]
     logs: list[Any] = [flight if table is None else table for flight, table in opened]

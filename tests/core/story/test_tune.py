@@ -135,6 +135,19 @@ def test_settings_of_one_learner_serve_another_as_far_as_it_has_them(
     assert "step: 0.01; the rule" in speak(*words, "--learner", "gradient").out
 
 
+def test_the_default_network_is_tuned_with_its_own_misfit(
+    folder: Path, tmp_path: Path, speak: Speak
+) -> None:
+    flight, out = folder / "flight.nc", tmp_path / "settings.yaml"
+    words = [*TUNE[:-1], "full", "--network", "linear_strip", "--out", out]
+    assert speak("tune", flight, *words).code == 0
+    found = pt.learning.load_settings(out)
+    assert (found.network.kind, found.network.hidden) == ("linear_strip", ())
+    assert found.learner.kind == "extended"
+    assert found.learner.values["measurement_std"] is None
+    assert speak("identify", flight, "--settings", out).code == 0
+
+
 def test_a_table_is_tuned_as_it_is_identified(folder: Path, tmp_path: Path, speak: Speak) -> None:
     flight = pt.load_flight(folder / "flight.nc")
     table, mapping, out = (tmp_path / name for name in ("log.csv", "columns.yaml", "s.yaml"))

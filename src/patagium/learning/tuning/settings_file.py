@@ -38,14 +38,14 @@ class NetworkSettings(BaseModel):
     """Network that the settings are for.
 
     Attributes:
-        kind: "strip", "hidden_strip", "flow", "hidden_flow" or "dense".
+        kind: "linear_strip", "strip", "hidden_strip", "flow", "hidden_flow" or "dense".
         hidden: Neurons of each hidden layer.
         activation: Activation of the hidden layers, "softplus" or "tanh".
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["strip", "hidden_strip", "flow", "hidden_flow", "dense"]
+    kind: Literal["linear_strip", "strip", "hidden_strip", "flow", "hidden_flow", "dense"]
     hidden: tuple[PositiveInt, ...]
     activation: Literal["softplus", "tanh"] = "softplus"
 

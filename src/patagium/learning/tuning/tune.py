@@ -319,7 +319,9 @@ class _Problem:
             flight=flown.name,
             every=self.exam.every,
             network=NetworkSettings(
-                kind=described["kind"], hidden=best.hidden, activation=described["activation"]
+                kind=described["kind"],
+                hidden=best.hidden,
+                activation=described.get("activation", "softplus"),
             ),
             learner=LearnerSettings(kind=self.space.kind, seed=self.seed, **best.values),
             prediction={**scores, "outputs": outputs[flown.scored.any(axis=0)].tolist()},
@@ -361,6 +363,8 @@ def _problem(
         raise ParameterError("learner", f"one of {', '.join(FILTER_LEARNERS)}", kind)
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
+    if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
+        settings = {"measurement_std": None, "noise_estimation": None} | settings
     y, scored = exam.flown.y, exam.flown.scored
     std = np.nanstd(y, axis=0)  # of outputs that never move: the middle of the others
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])
