@@ -30,6 +30,8 @@ def samples(count: int, inputs: int = 3, outputs: int = 2) -> Iterator[tuple[flo
         y = matrix @ x + error
         if k % 17 == 3:
             y[k % outputs] = np.nan
+        if k == 50:
+            y[:] = np.nan
         if k == 40:
             y[0] = 30.0
         yield 0.01 * k + (0.3 if k > 60 else 0.0), x, y

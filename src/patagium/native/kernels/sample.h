@@ -55,6 +55,13 @@ static void state(const weight_filter *f) {
     for (int l = 0; l < m; l++) f->covariance[k * m + l] *= scale[k] * scale[l];
 }
 
+/* Moments with what of the last error is still there, as the filter states them. */
+static void state_carried(const weight_filter *f) {
+  for (int k = 0; k < f->outputs && f->screen->floor != 0; k++)
+    f->predicted[k] += f->screen->carried[k];
+  state(f);
+}
+
 /* Moments that the weights alone give, as the filter states them. */
 static int stated(const weight_filter *f, int outcome) {
   if (outcome != COMPLETED) return outcome;
@@ -84,7 +91,10 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   if (!s->in_range(memory)) return NOT_FINITE;
   state_interval(f->screen, f->covariance, 1);
   const int kept = weigh(f->screen, f->measured, f->predicted, f->covariance, f->innovation);
-  if (!kept) return BLIND;
+  if (!kept) {
+    state_carried(f);
+    return BLIND;
+  }
   s->screen(memory);
   if (!s->invert(memory, g, turned)) return COVARIANCE_LOST;
   combine(m, stride, f->innovation, g, inner);
@@ -92,12 +102,11 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
   f->nis = f->screen->floor == 0 ? nis : stated_nis(f, g);
-  for (int k = 0; k < m && f->screen->floor != 0; k++) f->predicted[k] += f->screen->carried[k];
   learn_noise(f->screen, f->measured, gain, stride, g);
   learn_misfit(f->screen, f->covariance, f->innovation, gain);
   watch(f->screen, f->nis, kept);
   s->learn(memory, gain, g);
-  state(f);
+  state_carried(f);
   return COMPLETED;
 }
 
