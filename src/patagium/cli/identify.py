@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,6 +45,8 @@ EXAMPLES = (
 )
 
 
+_MEMORY = {"prior_share", "process_std", "forgetting_factor", "covariance", "misfit"}
+"""Settings beside which a table's learner gets no memory by rule."""
 _FIRST = 0.01
 _START = 1 << 18  # samples of a long log that a network is made from
 """Span that scales a dense network where nothing repeats itself [s]."""
@@ -60,9 +63,9 @@ def identify(
         int | None,
         typer.Option(
             min=1,
-            help="Use one sample in so many; by default 100 a second, or 20 a wingbeat, as far as "
-            "the network's size allows. Each prediction sees the inputs of its own sample: it is "
-            "no forecast; see --horizon.",
+            help="Use one sample in so many; by default 100 a second, or 20 a wingbeat, of a table "
+            "all, as far as the network's size allows. Each prediction sees the inputs of its own "
+            "sample: it is no forecast; see --horizon.",
         ),
     ] = None,
     horizon: Annotated[
@@ -116,6 +119,7 @@ def identify(
     check_estimate(estimate, aero, refine, table is None)
     if table is not None:
         network = table_network(table, kind, layers, choice.activation)
+        choice = forgetting(choice, table, network, every)
     elif estimate:
         rest = None if kind is None else flight_network(flight, kind, layers, choice.activation)
         network = grey_box(flight, estimate, aero, rest)
@@ -261,6 +265,26 @@ def table_network(
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
     return network_for(table, hidden or HIDDEN, activation)
+
+
+def forgetting(
+    choice: LearnerChoice, table: LogTable, network: Any, every: int | None
+) -> LearnerChoice:
+    """Choice with the memory of the default learner of a table, where nobody chose another.
+
+    Args:
+        choice: Choice of the command line.
+        table: Rows of the log.
+        network: Network that learns it.
+        every: One sample in so many is used; None: as many as the time of an update allows.
+    """
+    from patagium.learning.default_learner import table_share
+
+    given = {name.partition(".")[0] for name in choice.settings or {}}
+    if not choice.default or given & _MEMORY:
+        return choice
+    share = table_share(table, network, every)
+    return replace(choice, settings={**(choice.settings or {}), "prior_share": share})
 
 
 def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:

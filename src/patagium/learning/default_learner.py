@@ -18,7 +18,7 @@ from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, LowRank
+from patagium.learning.settings import FilterSettings, LowRank, Structure
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
@@ -29,6 +29,8 @@ HIDDEN = (8, 8)
 """Neurons of each hidden layer where nobody chose them."""
 UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
+MEMORY, LEAST_MEMORY = 100.0, 1000
+"""Memory of the learner of a table where nobody chose it [s], and its least number of updates."""
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
@@ -51,20 +53,24 @@ def default_learner(
     air: Air | None = None,
     settings: FilterSettings | None = None,
     seed: int = 0,
+    every: int | None = None,
 ) -> OnlineLearner:
     """Learner for a flight, a table or a robot where nobody chose one.
 
     The extended Kalman filter, whose noise and prior are found, on the default network of the
-    robot, or on a dense network for the columns of a table.
+    robot, or on a dense network for the columns of a table, which forgets: see `table_share`.
 
     Args:
         subject: What it learns from, or the robot that will send samples.
         air: Air that the robot flies in; None: that of a flight, else at rest at sea level.
         settings: Settings that are not to be found; None: all are.
         seed: Seed of the initial weights.
+        every: One sample of a table in so many will be used; None: as `table_every` says.
     """
     if isinstance(subject, LogTable):
-        return ExtendedLearner(network_for(subject, HIDDEN), settings, seed=seed)
+        network: Network = network_for(subject, HIDDEN)
+        own = settings or FilterSettings(prior_share=table_share(subject, network, every))
+        return ExtendedLearner(network, own, seed=seed)
     if isinstance(subject, xr.Dataset):
         robot, air = robot_of(subject), air_of(subject) if air is None else air
     else:
@@ -72,6 +78,23 @@ def default_learner(
     measured = subject.measured if isinstance(subject, ForceSamples) else None
     network = default_network(robot, air, measured)
     return ExtendedLearner(network, settings, seed=seed)
+
+
+def table_share(table: LogTable, network: Network, every: int | None = None) -> float:
+    """`prior_share` of a learner of a table where nobody chose one: a memory of 100 s [1].
+
+    A network without physics is not the machine: batteries, ground and wear move the best weights.
+    A filter that takes the samples as all of one truth becomes sure of their mean, and errs by
+    more than the last sample held. The memory is 1000 updates at least.
+
+    Args:
+        table: The log, or the beginning of it.
+        network: That learns it, with the full covariance.
+        every: One sample in so many is used; None: as `table_every` says.
+    """
+    step = float(np.median(np.diff(table.time)))
+    taken = _kept_up(network, "full", step) if every is None else every
+    return min(taken * step / MEMORY, 1.0 / LEAST_MEMORY)
 
 
 def update_time(learner: Learner) -> float:
@@ -83,12 +106,22 @@ def update_time(learner: Learner) -> float:
     Args:
         learner: Its covariance's structure says how many there are.
     """
-    n, outputs = learner.network.size, learner.network.outputs
-    structure = getattr(getattr(learner, "settings", None), "covariance", "full")
+    return _update_time(learner.network, _structure(learner))
+
+
+def _structure(learner: Learner) -> Structure:
+    """Structure of a learner's covariance; full where it says none."""
+    found: Structure = getattr(getattr(learner, "settings", None), "covariance", "full")
+    return found
+
+
+def _update_time(network: Network, structure: Structure) -> float:
+    """Estimated time of an update [s]; see `update_time`."""
+    n, outputs = network.size, network.outputs
     if isinstance(structure, LowRank):
         operations = n * (structure.rank + outputs) ** 2
     elif structure in ("layer", "node"):
-        layers = [[len(neuron) for neuron in layer] for layer in learner.network.neurons]
+        layers = [[len(neuron) for neuron in layer] for layer in network.neurons]
         blocks = [sum(layer) for layer in layers] if structure == "layer" else sum(layers, [])
         operations = sum(size * size for size in blocks) * (outputs + 8) + n * outputs**2
     else:
@@ -114,6 +147,27 @@ def chosen_every(learner: Learner, step: float, period: float | None = None) -> 
     return max(1, ceil(1 / (rate * step) - 1e-6))
 
 
+def table_every(learner: Learner, step: float) -> int:
+    """Share of a table's samples that is used where nobody chose it: one in so many.
+
+    A learner that forgets may use as many as the estimated time of an update allows, for it never
+    becomes too sure; others as `chosen_every` says.
+
+    Args:
+        learner: What learns.
+        step: Median time between two samples [s].
+    """
+    settings = getattr(learner, "settings", None)
+    if not getattr(settings, "prior_share", 0.0):
+        return chosen_every(learner, step)
+    return _kept_up(learner.network, _structure(learner), step)
+
+
+def _kept_up(network: Network, structure: Structure, step: float) -> int:
+    """One sample in so many, as often as the estimated time of an update allows."""
+    return max(1, ceil(_update_time(network, structure) / (_LOAD * step) - 1e-6))
+
+
 def choices(
     learner: Learner, every: int, step: float, *, learner_given: bool, every_given: bool
 ) -> dict[str, str]:
@@ -129,6 +183,9 @@ def choices(
     rate = f"one sample in {every}, {1 / (every * step):.4g} updates a second"
     found = f"from {1 / step:.4g} samples a second, the wingbeat and the number of weights"
     words = learner_choices(learner, given=learner_given)
+    share = getattr(getattr(learner, "settings", None), "prior_share", 0.0)
+    if share:
+        words["memory"] = f"{every * step / share:.4g} s, prior_share {share:.3g}"
     return words | {"every": f"{rate}; {'set by you' if every_given else found}"}
 
 

@@ -14,7 +14,12 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
-from patagium.learning.default_learner import choices, chosen_every, default_learner
+from patagium.learning.default_learner import (
+    choices,
+    chosen_every,
+    default_learner,
+    table_every,
+)
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner
@@ -289,13 +294,13 @@ def identify_table(
     Args:
         table: The log.
         learner: What learns; it is changed. None: the default, a dense network.
-        every: 100 to use one sample in 100; None: as `chosen_every` says.
+        every: 100 to use one sample in 100; None: as `table_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
     """
-    chosen, first = learner or default_learner(table), scaling_samples(table)
+    chosen, first = learner or default_learner(table, every=every), scaling_samples(table)
     step = float(np.median(np.diff(table.time)))
-    taken = chosen_every(chosen, step) if every is None else every
+    taken = table_every(chosen, step) if every is None else every
     result = stream(
         chosen,
         table.time[first:],

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import LogError, Outcome
-from patagium.learning.default_learner import choices, chosen_every, default_learner
+from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.registry import load_learner
@@ -65,7 +65,7 @@ def identify_record(
         record: The log, with inputs and outputs.
         learner: What learns; it is changed, or another goes on in its place: see the result.
             None: the default, a dense network.
-        every: 100 to use one sample in 100; None: as `chosen_every` says.
+        every: 100 to use one sample in 100; None: as `table_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
         course: File to go on from, in which progress is kept; removed at the end.
@@ -79,9 +79,9 @@ def identify_record(
         LogError: If the log holds no samples, or `course` is of another log or learner.
     """
     start = record.table(0, min(record.count, BLOCK))
-    chosen = learner or default_learner(start)
+    chosen = learner or default_learner(start, every=every)
     step = float(np.median(np.diff(start.time)))
-    taken = chosen_every(chosen, step) if every is None else every
+    taken = table_every(chosen, step) if every is None else every
     run = _LongRun(record, chosen, taken, named_horizons(horizons), max(block, 10 * taken), course)
     run.begin = run.begin or scaling_samples(start)
     run.go(progress)

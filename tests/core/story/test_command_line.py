@@ -15,6 +15,9 @@ import pytest
 import patagium as pt
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
+from patagium.learning.identify import identify_table
+from patagium.sensing.logs.importing.import_log import read_table
+from patagium.sensing.logs.mapping import load_mapping
 
 VERBS = (
     *("simulate", "cycles", "figures", "view", "inspect", "import", "motion", "identify", "tune"),
@@ -257,6 +260,18 @@ def test_identify_then_evaluate_a_table(
     assert json.loads(answer.out)["nmse_second_half_worst"] < 0.1  # it learned a parabola
     assert speak("evaluate", model, table, "--mapping", mapping).code == 0
     assert "200" in speak("check", table, "--mapping", mapping).out
+
+
+def test_a_table_without_settings_is_learned_as_in_python(
+    log: tuple[Path, Path], speak: Speak
+) -> None:
+    table, mapping = log
+    told = json.loads(speak("identify", table, "--mapping", mapping, "--json").out)
+    meant = identify_table(read_table(table, load_mapping(mapping))).scores
+    assert told["nmse_second_half"] == meant["nmse_second_half"]
+    assert told["chosen"] == meant["chosen"] and "memory" in told["chosen"]
+    words = ("identify", table, "--mapping", mapping, "--process-std", "1e-3", "--json")
+    assert "memory" not in json.loads(speak(*words).out)["chosen"]
 
 
 def refusals(folder: Path) -> dict[str, tuple[tuple[object, ...], str]]:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -6,8 +7,10 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
+from patagium.learning.default_learner import default_learner, table_every, table_share
 from patagium.learning.identify import evaluate_table, identify_table
 from patagium.learning.model_file import model_of
+from patagium.learning.settings import FilterSettings
 from patagium.learning.table_network import network_for, scaling_samples
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.table import LogTable, table_from_frame
@@ -73,8 +76,39 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
 
 def test_a_table_is_learned_without_any_setting() -> None:
     scores = identify_table(log(3000)).scores
-    assert scores["nmse_second_half"]["lift"] < 0.01 and scores["every"] == 5  # 100 of 500 Hz
+    # noise is 3e-4 of the variance; at 500 Hz a learner that forgets uses each sample
+    assert scores["nmse_second_half"]["lift"] < 0.01 and scores["every"] == 1
     assert scores["chosen"]["network"].startswith("dense, 8,8")
+    assert scores["chosen"]["memory"].startswith("100 s")
+
+
+def test_a_machine_that_changes_is_followed_without_any_setting() -> None:
+    """The gain falls as a battery does, and the offset wanders; commands are smooth."""
+    rng, table = np.random.default_rng(1), log(6000)
+    command = 500.0 + 400.0 * np.sin(3.0 * table.time)
+    offset = np.cumsum(rng.normal(0.0, 3e-3, len(command)))
+    force = 3e-3 * command * (1.0 - 0.05 * table.time) + offset
+    drifting = replace(table, x=np.column_stack([command, 0 * command]), y=force[:, None])
+    scores = identify_table(drifting).scores
+    assert scores["nmse_second_half_worst"] < scores["persistence_second_half_worst"]
+    assert 0.88 < scores["coverage_second_half"] <= 1.0
+    believing = pt.ExtendedLearner(network_for(drifting, (8, 8)))
+    sure = identify_table(drifting, believing, every=1).scores  # it takes all for one truth
+    assert scores["nmse_second_half_worst"] < 0.3 * sure["nmse_second_half_worst"]
+
+
+def test_the_memory_of_a_table_goes_by_time_and_yields_to_what_is_set() -> None:
+    table = log()
+    network = network_for(table, (8, 8))
+    assert table_share(table, network) == pytest.approx(2e-3 / 100)
+    assert table_share(table, network, 10) == pytest.approx(2e-2 / 100)
+    assert table_share(table, network, 10000) == 1e-3  # a thousand updates at least
+    assert default_learner(table, every=10).settings.prior_share == pytest.approx(2e-4)  # type: ignore[attr-defined]
+    stated = default_learner(table, settings=FilterSettings(measurement_std=0.1))
+    assert stated.settings.prior_share == 0.0  # type: ignore[attr-defined]
+    large = network_for(table, (60, 60))
+    assert table_every(pt.ExtendedLearner(large, prior_share=1e-5), 1e-3) > 10
+    assert table_every(pt.ExtendedLearner(network), 1e-3) == 10  # one that does not forget
 
 
 def test_a_table_is_learned_and_its_gap_is_stated() -> None:
