@@ -45,8 +45,6 @@ EXAMPLES = (
 )
 
 
-_MEMORY = {"prior_share", "process_std", "forgetting_factor", "covariance", "misfit"}
-"""Settings beside which a table's learner gets no memory by rule."""
 _FIRST = 0.01
 _START = 1 << 18  # samples of a long log that a network is made from
 """Span that scales a dense network where nothing repeats itself [s]."""
@@ -280,11 +278,10 @@ def forgetting(
     """
     from patagium.learning.default_learner import table_share
 
-    given = {name.partition(".")[0] for name in choice.settings or {}}
-    if not choice.default or given & _MEMORY:
+    given = choice.settings or {}
+    if not choice.default or "covariance" in given:
         return choice
-    share = table_share(table, network, every)
-    return replace(choice, settings={**(choice.settings or {}), "prior_share": share})
+    return replace(choice, settings={"prior_share": table_share(table, network, every), **given})
 
 
 def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:

@@ -270,8 +270,8 @@ def test_a_table_without_settings_is_learned_as_in_python(
     meant = identify_table(read_table(table, load_mapping(mapping))).scores
     assert told["nmse_second_half"] == meant["nmse_second_half"]
     assert told["chosen"] == meant["chosen"] and "memory" in told["chosen"]
-    words = ("identify", table, "--mapping", mapping, "--process-std", "1e-3", "--json")
-    assert "memory" not in json.loads(speak(*words).out)["chosen"]
+    words = ("identify", table, "--mapping", mapping, "--prior-share", "1e-3", "--json")
+    assert json.loads(speak(*words).out)["chosen"]["memory"].endswith("prior_share 0.001")
 
 
 def refusals(folder: Path) -> dict[str, tuple[tuple[object, ...], str]]:
