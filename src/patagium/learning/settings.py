@@ -357,8 +357,8 @@ class FilterSettings:
     Args:
         prior_std: Standard deviation of each weight before any sample, divided by sqrt(fan-in) of
             its neuron (biases: fan-in 1); one number or (n,) [1]; None: 1. Weights of which the
-            network has its own (`GreyBox`) keep that; where it has all of them
-            (`LinearStripNetwork`), the number is a factor on them.
+            network has its own (`GreyBox`) keep that; for a `LinearStripNetwork` the number is
+            a factor on its own.
         measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
             None: a tenth of each output's scale at first, then as `noise_estimation` says.
         process_std: Standard deviation by which each weight wanders between two samples, one

@@ -105,6 +105,15 @@ def test_error_is_carried_on_for_as_long_as_it_lasts() -> None:
     assert mean[0] == pytest.approx(learner.predict([0.0])[0][0] + ahead[0], abs=1e-12)
 
 
+def test_no_error_outlives_a_gap() -> None:
+    """An error that stays as it is from sample to sample is forgotten over a thousand of them."""
+    learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), misfit=Misfit(), prior_std=1e-6)
+    for k in range(100):
+        learner.update([0.0], [5.0], 0.01 * k)
+    near, far = learner.carried(np.array([1.0, 11.0]))[:, 0]
+    assert near == pytest.approx(5.0, rel=0.02) and abs(far) < 1e-3
+
+
 def test_intervals_of_the_flow_that_is_learned_hold_95_percent() -> None:
     network, inside, total = DenseNetwork(3, (), ("a", "b")), 0, 0
     learner = ExtendedLearner(network, misfit=Misfit(), prior_std=1.0)

@@ -179,8 +179,10 @@ def test_a_residual_network_starts_at_nothing_and_learns_the_rest(robot, log):
     row, points = x[5], moved + 0.1 * np.random.default_rng(0).normal(size=(5, grey.size))
     values = grey.values(grey.encode_one(row), points)
     assert np.allclose(values, [grey(row, point) for point in points], rtol=1e-12)
-    with pytest.raises(ParameterError, match="prior_std"):
-        pt.ExtendedLearner(grey, measurement_std=1e-3)
+    free = pt.ExtendedLearner(grey, measurement_std=1e-3).prior[1]
+    own = np.isfinite(grey.own_prior)
+    assert np.array_equal(free[own], grey.own_prior[own] ** 2)
+    assert np.array_equal(free[~own], 1 / grey.fan_in[~own])
 
 
 class Faded(Network):

@@ -20,7 +20,7 @@ from patagium.learning.tuning.likelihood import score_predictions as predict
 class Lag(Network):
     """y = gain z, z <- a z + (1 - a) x with a = 1/(1 + exp(-w)); x_full = [x, z, S, w]."""
 
-    size, measured_inputs, inputs, output_names, outputs = 2, 1, 4, ("y",), 1
+    size, measured_inputs, inputs, output_names, outputs, hidden = 2, 1, 4, ("y",), 1, ()
     lag_equations = property(lambda self: ((1, self),))
     measured, states, parameters, carried, compiled = 1, 1, 1, (1, 0), None
 
@@ -113,7 +113,9 @@ class Record:
     def table(self, begin, end):
         span = slice(begin, end)
         y = np.cos(TIME[span])[:, None]
-        return SimpleNamespace(time=TIME[span], x=SIGNAL[span], y=y, output_units=("1",))
+        spans = {"input_range": [[-1.0, 1.0]], "output_range": [[-1.0, 1.0]]}
+        names = {"input_names": ("x",), "output_names": ("y",), "output_units": ("1",)}
+        return SimpleNamespace(time=TIME[span], x=SIGNAL[span], y=y, **names, **spans)
 
 
 def test_blocks_of_a_long_log_remember_those_before():
@@ -127,6 +129,9 @@ def test_blocks_of_a_long_log_remember_those_before():
         def update(self, x, y, time=None):
             self.weights = self.weights + np.array([0.1, 0.02])
             return np.zeros(1)
+
+        def describe(self):
+            return {"kind": "clerk", "network": {"kind": "lag"}}
 
     whole = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=1)
     parts = identify_record(Record(), Clerk(), every=1, block=10)

@@ -12,8 +12,8 @@ a span has c = rms(y) / rms(change of y from sample to sample) samples, for a si
 whatever the rate of the samples. The measurement's own noise, where it is known, is added.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
-top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, to the power of the time since in mean steps.
-Predictions of other flow, without a time, are the weights' alone.
+top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since
+in mean steps. Predictions of other flow, without a time, are the weights' alone.
 
 The variance that the filter states is another thing than the one that it assumes:
 
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 _FIRST, _WILD = 10, 100.0  # all as in misfit.h
 _UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
 _START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 30.0
-_MIDDLE, _STEP = 20.0, 10.0
+_MIDDLE, _STEP, _STAYS = 20.0, 10.0, 0.99
 _QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.3
 _FAR = 10.0  # times its usual variance: flow that was not seen
 _LAST, _MEAN_STEP = range(2)  # of `clock`
@@ -97,7 +97,7 @@ class Misfit:
             ahead = max(step, 0.0) / self.clock[_MEAN_STEP]
         lagged, power = self.parts["lagged"], self.parts["power"]
         known = power > 0
-        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, 1.0), 0.0)
+        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _STAYS), 0.0)
         return np.asarray(self.parts["left"] * rho**ahead)
 
     def carry(self, mean: Array, covariance: Array, time: float) -> tuple[Array, Array]:

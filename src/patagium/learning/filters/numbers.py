@@ -159,11 +159,11 @@ def compact_settings(numbers: FilterNumbers) -> FilterSettings:
 def _prior_variance(network: Network, std: Numbers | None) -> Array:
     """Diagonal of P0, (n,): of the network where it knows it itself.
 
-    Where it knows it of all weights, a number that is stated is a factor on its deviations.
+    Of a network with `scaled_prior`, a number that is stated is a factor on its deviations.
     """
     own = own_prior(network)
     stated = scale_of("prior_std", PRIOR if std is None else std, network.size)
-    if not np.isnan(own).any():
+    if getattr(network, "scaled_prior", False):
         return np.asarray((own * stated) ** 2)
     return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
 

@@ -115,6 +115,7 @@ class LinearStripNetwork(WingNetwork):
 
     Attributes:
         terms: Physical terms, whose weights follow the corrections.
+        scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
         ParameterError: If the robot has no strips, or a name is not one of its coordinates.
@@ -128,6 +129,7 @@ class LinearStripNetwork(WingNetwork):
     kind = "linear_strip"
     shared = ("air",)
     options = ("measured",)
+    scaled_prior = True
 
     def __init__(
         self, robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None

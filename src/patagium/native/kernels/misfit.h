@@ -24,6 +24,7 @@
 #define QUANTILE 3.8415 /* of chi-square that holds 95 %, */
 #define OUTSIDE 0.05    /* the share that it does not hold, */
 #define TURN 0.3       /* and the step of the logarithm of the width at each miss */
+#define STAYS 0.99      /* of an error from sample to sample, at most: none outlives a gap */
 #define BEYOND 30.0     /* factor on the variance of the weights beyond the usual one */
 
 static double capped(double square, double mean, int64_t count) {
@@ -40,7 +41,7 @@ static void advance(screening *s) {
   }
   s->clock[0] = stamp;
   for (int k = 0; k < s->channels; k++) {
-    const double rho = s->power[k] > 0 ? fmin(fmax(s->lagged[k] / s->power[k], 0), 1) : 0;
+    const double rho = s->power[k] > 0 ? fmin(fmax(s->lagged[k] / s->power[k], 0), STAYS) : 0;
     s->carried[k] = s->left[k] * pow(rho, ahead);
   }
 }
