@@ -249,7 +249,7 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         (
             "kind: dense",
             "kind: deep",
-            "network.kind: Input should be 'strip', 'hidden_strip', 'flow', 'hidden_flow' or",
+            "network.kind: Input should be 'linear_strip', 'strip', 'hidden_strip', 'flow'",
         ),
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),

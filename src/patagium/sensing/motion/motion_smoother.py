@@ -222,12 +222,12 @@ def _learn_part(
     square = found.residual**2 / marginal
     features = np.stack([np.broadcast_to(base, rate.shape) / marginal, rate / marginal])
     normal = np.einsum(
-        "anc,bnc,nc->ab",
+        "int,jnt,nt->ij",
         features,
         features,
         weight * (1 - lost),
     )
-    right = np.einsum("anc,nc->a", features, weight * square)
+    right = np.einsum("int,nt->i", features, weight * square)
     stated = one.stream.model.variances[place]
     if (stated > 1.01 * FLOOR[part.unit] ** 2).all():
         normal[0, 0] += _PRIOR_COUNT
