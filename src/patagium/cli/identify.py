@@ -250,7 +250,7 @@ def table_network(
     Args:
         table: Rows of a log.
         kind: Kind asked for; None is dense.
-        hidden: Neurons of each hidden layer; none where nobody chose them.
+        hidden: Neurons of each hidden layer; () for those of the default network.
         activation: Activation of the hidden layers.
 
     Raises:
@@ -268,7 +268,7 @@ def table_network(
 def forgetting(
     choice: LearnerChoice, table: LogTable, network: Any, every: int | None
 ) -> LearnerChoice:
-    """Choice with the memory of the default learner of a table, where nobody chose another.
+    """Choice of the learner, completed by the default memory of a table if none is given.
 
     Args:
         choice: Choice of the command line.

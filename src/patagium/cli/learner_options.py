@@ -74,7 +74,7 @@ class LearnerChoice:
         seed: Seed of the initial weights.
         every: One sample in so many is used; None where no file says it.
         given: Whether any option was given.
-        default: Whether network and learner are those that are taken where nobody chose.
+        default: Whether network and learner are the default ones.
     """
 
     kind: str = "cubature"
@@ -107,7 +107,7 @@ class LearnerChoice:
             raise ParameterError(words.get(name, name), error.expected, error.found) from None
 
     def shape(self) -> tuple[NetworkKind | None, tuple[int, ...]]:
-        """Kind and hidden layers of the network, None and none where nobody chose them.
+        """Kind and hidden layers of the network; None and () for the default network.
 
         A linear learner takes inputs and outputs only.
 

@@ -1,4 +1,4 @@
-"""Default learner: network, learner and share of the samples where nobody chose them.
+"""Default learner: network, learner and sampling of a log for which none is given.
 
 What was chosen, and from what, is kept with the scores of an identification (`choices`).
 """
@@ -26,11 +26,11 @@ from patagium.sensing.logs.table import LogTable
 from patagium.simulation import air_of, robot_of
 
 HIDDEN = (8, 8)
-"""Neurons of each hidden layer where nobody chose them."""
+"""Neurons of each hidden layer of the default network of a table."""
 UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
 MEMORY, LEAST_MEMORY = 100.0, 1000
-"""Memory of the learner of a table where nobody chose it [s], and its least number of updates."""
+"""Memory of the default learner of a table [s], and its least number of updates."""
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
@@ -38,7 +38,7 @@ _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 def default_network(
     robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None
 ) -> Network:
-    """Network that learns the air of a robot with wings where nobody chose one.
+    """Default network for the air of a robot with wings.
 
     Args:
         robot: Robot with strips.
@@ -55,7 +55,7 @@ def default_learner(
     seed: int = 0,
     every: int | None = None,
 ) -> OnlineLearner:
-    """Learner for a flight, a table or a robot where nobody chose one.
+    """Default learner of a flight, a table or a robot.
 
     The extended Kalman filter, whose noise and prior are found, on the default network of the
     robot, or on a dense network for the columns of a table, which forgets: see `table_share`.
@@ -81,7 +81,7 @@ def default_learner(
 
 
 def table_share(table: LogTable, network: Network, every: int | None = None) -> float:
-    """`prior_share` of a learner of a table where nobody chose one: a memory of 100 s [1].
+    """Default `prior_share` of the learner of a table: a memory of 100 s [1].
 
     A network without physics is not the machine: batteries, ground and wear move the best weights.
     A filter that takes the samples as all of one truth becomes sure of their mean, and errs by
@@ -97,26 +97,17 @@ def table_share(table: LogTable, network: Network, every: int | None = None) -> 
     return min(taken * step / MEMORY, 1.0 / LEAST_MEMORY)
 
 
-def update_time(learner: Learner) -> float:
-    """Time of an update that any computer of today keeps [s], from the number of weights.
+def update_time(network: Network, structure: Structure = "full") -> float:
+    """Estimated time of an update that any computer of today keeps [s].
 
-    It is estimated, not measured, so that a busy computer learns what an idle one learns: 20 us,
-    and half a nanosecond a multiplication and addition, several times what compiled code takes.
+    It is estimated from the number of weights, not measured, so that a busy computer learns what an
+    idle one learns: 20 us, and half a nanosecond a multiplication and addition, several times what
+    compiled code takes.
 
     Args:
-        learner: Its covariance's structure says how many there are.
+        network: Network that is learned.
+        structure: Structure of the covariance.
     """
-    return _update_time(learner.network, _structure(learner))
-
-
-def _structure(learner: Learner) -> Structure:
-    """Structure of a learner's covariance; full where it says none."""
-    found: Structure = getattr(getattr(learner, "settings", None), "covariance", "full")
-    return found
-
-
-def _update_time(network: Network, structure: Structure) -> float:
-    """Estimated time of an update [s]; see `update_time`."""
     n, outputs = network.size, network.outputs
     if isinstance(structure, LowRank):
         operations = n * (structure.rank + outputs) ** 2
@@ -129,8 +120,14 @@ def _update_time(network: Network, structure: Structure) -> float:
     return _OVERHEAD + _OPERATION * operations
 
 
+def _structure(learner: Learner) -> Structure:
+    """Structure of a learner's covariance; full where it says none."""
+    found: Structure = getattr(getattr(learner, "settings", None), "covariance", "full")
+    return found
+
+
 def chosen_every(learner: Learner, step: float, period: float | None = None) -> int:
-    """Share of the samples that is used where nobody chose it: one in so many.
+    """Default interval between used samples, in samples.
 
     One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
     no more than the estimated time of an update allows (`update_time`). More often does not tell
@@ -143,12 +140,12 @@ def chosen_every(learner: Learner, step: float, period: float | None = None) -> 
         period: Of a wingbeat [s]; None: not known.
     """
     wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
-    rate = min(wanted, FASTEST, _LOAD / update_time(learner))
+    rate = min(wanted, FASTEST, _LOAD / update_time(learner.network, _structure(learner)))
     return max(1, ceil(1 / (rate * step) - 1e-6))
 
 
 def table_every(learner: Learner, step: float) -> int:
-    """Share of a table's samples that is used where nobody chose it: one in so many.
+    """Default interval between used samples of a table, in samples.
 
     A learner that forgets may use as many as the estimated time of an update allows, for it never
     becomes too sure; others as `chosen_every` says.
@@ -164,8 +161,8 @@ def table_every(learner: Learner, step: float) -> int:
 
 
 def _kept_up(network: Network, structure: Structure, step: float) -> int:
-    """One sample in so many, as often as the estimated time of an update allows."""
-    return max(1, ceil(_update_time(network, structure) / (_LOAD * step) - 1e-6))
+    """Least interval between used samples that the estimated time of an update allows."""
+    return max(1, ceil(update_time(network, structure) / (_LOAD * step) - 1e-6))
 
 
 def choices(

@@ -105,10 +105,10 @@ class Counters:
         return self._all.coverage_in_all
 
     def duration(self, share: float) -> float:
-        """Quantile of the times of the calls [s], to 1.2 %.
+        """Quantile of the durations of the calls [s]; its relative error is at most 1.2 %.
 
         Args:
-            share: Of the calls that took no longer, 0 to 1; 1 gives the slowest.
+            share: Probability of the quantile, 0 to 1; 1 gives the longest duration.
         """
         if share >= 1.0 or not self.samples:
             return self._slowest if self.samples else float("nan")

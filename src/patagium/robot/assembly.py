@@ -401,7 +401,7 @@ def _section_axes(along: Array) -> tuple[Array, Array]:
 
 
 def _integral(span: Array, chord: Array, edges: Array) -> Array:
-    """Area from the root to each edge under a piecewise linear chord (exact)."""
+    """Exact wing area from the root to each edge, for a piecewise linear chord."""
     slices = np.diff(span) * (chord[1:] + chord[:-1]) / 2
     area = np.concatenate([[0.0], np.cumsum(slices)])
     left = np.clip(np.searchsorted(span, edges, side="right") - 1, 0, len(span) - 2)

@@ -53,7 +53,7 @@ def test_what_is_set_by_hand_is_said(flight: xr.Dataset) -> None:
 def test_the_share_of_the_samples_follows_rate_wingbeat_and_size() -> None:
     robot = pt.load_robot("aerobat")
     learner = default_learner(robot)
-    assert update_time(learner) < 1e-3
+    assert update_time(learner.network) < 1e-3
     assert chosen_every(learner, 1e-4) == 100 and chosen_every(learner, 1e-3) == 10
     assert chosen_every(learner, 0.02) == 1  # a log slower than that is used whole
     assert chosen_every(learner, 1e-4, period=0.05) == 25  # twenty a wingbeat of 20 Hz

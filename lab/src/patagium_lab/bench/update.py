@@ -148,7 +148,7 @@ def low_rank_results(robot: Robot) -> Iterator[Result]:
 
 
 def noise_results(robot: Robot) -> Iterator[Result]:
-    """Updates with prior share, process noise and noise estimation beside those without.
+    """Time of an update with prior share, process noise and noise estimation, over that without.
 
     Args:
         robot: A machine with strips.

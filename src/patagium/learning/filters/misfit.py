@@ -86,19 +86,19 @@ class Misfit:
         """Variance of the errors of the weights alone, (n_y,) [y^2]."""
         return np.asarray(np.maximum(self.parts["alone"], _LEAST * self.parts["level"].max()))
 
-    def at(self, time: float) -> Array:
-        """Part of the last error that is expected at a time, (n_y,) [y].
+    def at(self, time: ArrayLike) -> Array:
+        """Part of the last error that is expected at a time, (n_y,), or at several, (N, n_y) [y].
 
         Args:
-            time: Time [s]; NaN: one step after the last sample.
+            time: Time, () or (N,) [s]; NaN: one step after the last sample.
         """
-        step, ahead = time - self.clock[_LAST], 1.0
-        if isfinite(step) and self.clock[_MEAN_STEP] > 0:
-            ahead = max(step, 0.0) / self.clock[_MEAN_STEP]
+        last, mean = self.clock
+        step = np.asarray(time, float) - last
+        ahead = np.where(np.isfinite(step), np.maximum(step, 0.0) / mean, 1.0) if mean > 0 else 1.0
         lagged, power = self.parts["lagged"], self.parts["power"]
         known = power > 0
         rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _STAYS), 0.0)
-        return np.asarray(self.parts["left"] * rho**ahead)
+        return np.asarray(self.parts["left"] * rho ** np.asarray(ahead)[..., None])
 
     def carry(self, mean: Array, covariance: Array, time: float) -> tuple[Array, Array]:
         """Moments with what of the last error is expected, from those of the weights alone.

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.errors import Outcome
+from patagium.learning.filters.misfit import PARTS as MISFIT_PARTS
 from patagium.learning.filters.misfit import Misfit
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
@@ -56,7 +57,7 @@ _PARTS = (
     *("offset", "scale", "largest"),
 )
 _MARKS = ("still", "moved", "left_out", "seen")
-NEWER = ("offset", "scale", "largest", "seen")
+NEWER = ("offset", "scale", "largest", "seen", "heard", "clock", *MISFIT_PARTS)
 """Arrays that files of earlier releases do not hold: there the noise was always given."""
 
 

@@ -202,8 +202,8 @@ class FilterLearner(OnlineLearner):
         Returns:
             (N, n_y) [unit of y].
         """
-        misfit, nothing = self._screen.misfit, np.zeros((len(times), self._network.outputs))
-        return np.array([misfit.at(time) for time in times]) if misfit.floor else nothing
+        misfit, shape = self._screen.misfit, (len(times), self._network.outputs)
+        return np.broadcast_to(misfit.at(times), shape) if misfit.floor else np.zeros(shape)
 
     @renamed_arguments(deviation="std")
     def update(

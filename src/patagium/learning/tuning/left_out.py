@@ -270,7 +270,7 @@ def _groups(scaled: Array) -> Indices | None:
 
 
 def _unlike(one: Array, other: Array) -> bool:
-    """Whether two groups of wingbeats differ by more than they vary in themselves."""
+    """Whether the means of two groups of wingbeats differ by more than the scatter within them."""
     apart = np.abs(one.mean(axis=0) - other.mean(axis=0))
     within = np.sqrt(one.var(axis=0) * len(one) + other.var(axis=0) * len(other))
     within /= np.sqrt(len(one) + len(other))

@@ -23,7 +23,9 @@ from patagium.whole_file import whole_file
 def motion_and_force(
     log: SensorLog, *, shifts: Mapping[str, float] | None = None
 ) -> tuple[xr.Dataset, ForceSamples]:
-    """Motion, and force of the air by inverse dynamics with all that the log tells of forces.
+    """Motion, and force of the air by inverse dynamics from it.
+
+    Joint forces by motor currents and the wrench of a load cell are used where the log has them.
 
     Args:
         log: The log.

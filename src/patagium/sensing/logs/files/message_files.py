@@ -602,7 +602,7 @@ class McapFile:
             yield from message_blocks([self._messages(p, topics) for p in self._paths], wanted)
 
     def close(self) -> None:
-        """Do nothing: files are open only while they are read."""
+        """Close the log; no file is open, because each is opened only while it is read."""
 
     def _look(self) -> dict[str, Topic]:
         counts: Counter[str] = Counter()

@@ -332,7 +332,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _entries_of(word: Any) -> list[float] | None:
-    """Numbers of a list in a cell, such as "[1, 2, 3]" or "1 2 3"; None if it is no such list."""
+    """Numbers of a cell with a list, such as "[1, 2, 3]" or "1 2 3"; None for any other cell."""
     if not isinstance(word, str):
         return None
     try:

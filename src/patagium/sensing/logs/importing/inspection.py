@@ -237,7 +237,7 @@ def _parts(topic: Topic) -> list[_Part]:
 def _surveyed(
     log: LogFile, parts: list[_Part], progress: Progress | None
 ) -> tuple[list[_Part], tuple[StreamSurvey, ...], str]:
-    """Statistics of parts, which lose the columns that hold no numbers.
+    """Statistics of the numeric columns of each part; other columns are dropped from it.
 
     Returns:
         The parts, their statistics, and the reason why the file breaks off; empty if it does not.
