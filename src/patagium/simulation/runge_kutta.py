@@ -81,7 +81,7 @@ class GustField:
         return np.column_stack([rows, np.zeros((len(rows), GUST_COMPONENTS * self.strips))])
 
     def _delays(self, states: Array, rows: Array) -> Array:
-        """Delays of the gust at mid-chord and leading edge, and their rates, (N, n, 4) [s, s, 1, 1]."""
+        """Delays of the gust at mid-chord and leading edge, and their rates, (N, n, 4) [s, 1]."""
         pairs = zip(states, self.without_gust(rows), strict=True)
         found = [np.reshape(self.meet(*pair, *self.constants), (4, -1)).T for pair in pairs]
         return np.ascontiguousarray(found)

@@ -57,12 +57,12 @@ class Term(NamedTuple):
 
 WHOLE_TERMS = (
     Term("blade elements", 1.0, 1.0),
-    Term("added mass", 1.0, 1.0),
+    Term("added mass", 1.0, 2.0),
     Term("circulation beside added mass", 1.0, 5.0),
 )
 """Terms of the whole robot: `QuasiSteady`, and the two parts of `AddedMass`."""
 STRIP_TERMS = (
-    Term("acceleration of the air carried along", 0.0, 1.0),
+    Term("acceleration of the air carried along", 0.0, 2.0),
     Term("attached lift", 0.0, 2.0),
     Term("lift of separated flow", 0.0, 5.0),
     Term("lift by camber", 0.0, 0.5),
