@@ -1,4 +1,4 @@
-"""Old names of arguments and public names, which work for one release and warn.
+"""Old names of arguments and public names, which work for one release and warn; names removed.
 
 Names whose home is another package, such as the laboratory, come from that package by the entry
 point group `patagium.old_names`.
@@ -13,6 +13,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, TypeVar
 
+from patagium.errors import ParameterError
 from patagium.plugins import OLD_NAMES, plugin
 
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -84,8 +85,7 @@ _MOVED = {
             CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
             RobotFileError RobotFileWarning ShapeError SimulationFailed""",
         "patagium.learning": """
-            ChangeDetection FlowNetwork HiddenFlowNetwork HiddenStripNetwork LowRank
-            NoiseEstimation Screening""",
+            ChangeDetection HiddenStripNetwork LowRank NoiseEstimation Screening""",
         "patagium.sensing": """
             ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
             cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
@@ -93,9 +93,9 @@ _MOVED = {
     },
     "patagium.identification": {
         "patagium.learning": """
-            ChangeDetection CubatureLearner DenseNetwork ExtendedLearner FlowNetwork
-            GradientLearner GreyBox HiddenFlowNetwork HiddenStripNetwork Identification
-            LinearLearner LowRank Model NoiseEstimation Screening Settings StripNetwork Tuned
+            ChangeDetection CubatureLearner DenseNetwork ExtendedLearner GradientLearner
+            GreyBox HiddenStripNetwork Identification LinearLearner LowRank Model
+            NoiseEstimation Screening Settings StripNetwork Tuned
             evaluate evaluate_table identify identify_table learner_from_description
             load_identification load_learner load_model load_settings model_of network_for
             network_from_description refine save_learner save_model stream tune""",
@@ -107,12 +107,32 @@ _MOVED = {
             motor_forces read_table training_data""",
     },
 }
+_REMOVED = {
+    **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), "LinearStripNetwork"),
+    **dict.fromkeys(("flow", "hidden_flow"), "linear_strip"),
+}
+"""What takes the place of each network that was removed, by class and by kind."""
 FORMER: dict[str, dict[str, str]] = {
     module: {name: f"{home}.{name}" for home, names in homes.items() for name in names.split()}
     for module, homes in _MOVED.items()
 }
 """New dotted name of each former name, by the module that had it."""
 FORMER["patagium.identification"]["Table"] = "patagium.sensing.LogTable"
+
+
+def refuse_removed(where: str, name: object) -> None:
+    """Error of a network that was removed; nothing for any other name.
+
+    Args:
+        where: Module, option or key that names it.
+        name: Class or kind of a network.
+
+    Raises:
+        ParameterError: If it was removed; the message says what to take in its place.
+    """
+    if isinstance(name, str) and name in _REMOVED:
+        instead = f"{_REMOVED[name]}, the default, which errs less ({name} was removed)"
+        raise ParameterError(where, instead, name)
 
 
 def former_name(module: str, name: str, present: Iterable[str]) -> Any:
@@ -125,7 +145,9 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
 
     Raises:
         AttributeError: If the module never had the name; it suggests a similar one.
+        ParameterError: If what it names was removed.
     """
+    refuse_removed(module, name)
     former = FORMER[module]
     if name in former:
         home, _, attribute = former[name].rpartition(".")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
+from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.settings import (
     OLD_NAMES,
@@ -40,13 +41,11 @@ ACTIVATIONS = ("softplus", "tanh")
 
 
 class NetworkKind(StrEnum):
-    """Networks of each strip, of the flow at all wings, both also with memory, and of anything."""
+    """Networks of each strip, without and with memory, and of anything."""
 
     LINEAR_STRIP = "linear_strip"
     STRIP = "strip"
     HIDDEN_STRIP = "hidden_strip"
-    FLOW = "flow"
-    HIDDEN_FLOW = "hidden_flow"
     DENSE = "dense"
 
 
@@ -54,8 +53,6 @@ WINGED = {
     NetworkKind.LINEAR_STRIP: "LinearStripNetwork",
     NetworkKind.STRIP: "StripNetwork",
     NetworkKind.HIDDEN_STRIP: "HiddenStripNetwork",
-    NetworkKind.FLOW: "FlowNetwork",
-    NetworkKind.HIDDEN_FLOW: "HiddenFlowNetwork",
 }
 """Networks of a robot with wings, which see its motion: classes in `patagium.learning`."""
 
@@ -115,8 +112,7 @@ class LearnerChoice:
             ParameterError: If the linear learner is to have hidden layers or wings.
         """
         if self.kind != "linear":
-            bare = {None: (), NetworkKind.LINEAR_STRIP: (), NetworkKind.FLOW: (28,)}
-            layers = bare.get(self.network, (8, 8))
+            layers = () if self.network in (None, NetworkKind.LINEAR_STRIP) else (8, 8)
             if self.hidden and self.network is NetworkKind.LINEAR_STRIP:
                 raise ParameterError("--hidden", "nothing: the network is linear", self.hidden)
             return self.network, self.hidden or layers
@@ -181,6 +177,17 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def network_kind(text: str) -> NetworkKind:
+    """Kind of a network, such as `strip`; one that was removed names what takes its place."""
+    try:
+        refuse_removed("network", text)
+    except ParameterError as error:
+        raise typer.BadParameter(str(error)) from None
+    if text not in list(NetworkKind):
+        raise typer.BadParameter(f"expected {', '.join(NetworkKind)}, found {text!r}")
+    return NetworkKind(text)
+
+
 def structure(text: str) -> Any:
     """Structure of a covariance: `full`, `layer`, `node`, or a rank such as 20."""
     if text in ("full", "layer", "node"):
@@ -198,15 +205,16 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
         help_text = f"{file}; command-line options override it."
         yield _parameter("settings", Path, typer.Option(help=help_text))
     network = "Network; by default linear_strip for a robot with wings, dense for tables."
-    hidden = "Neurons of each hidden layer; 8,8 by default (flow: 28)." + repeat
+    hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
-    yield _parameter("network", NetworkKind, typer.Option(help=network, **shown))
+    kinds: dict[str, Any] = {"parser": network_kind, "metavar": "|".join(NetworkKind)}
+    yield _parameter("network", NetworkKind, typer.Option(help=network, **kinds, **shown))
     option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
     yield _parameter("hidden", many, option)
     activation = typer.Option(help="Activation of the hidden layers; softplus by default.", **shown)
     yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
-    kinds = "Kind of the learner; cubature by default, extended for the default network."
-    learner = typer.Option(help=kinds, **shown)
+    learners = "Kind of the learner; cubature by default, extended for the default network."
+    learner = typer.Option(help=learners, **shown)
     yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)

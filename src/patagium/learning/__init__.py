@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from patagium.learning.model_file import model_of as model_of
     from patagium.learning.model_file import save_model as save_model
     from patagium.learning.models.dense import DenseNetwork as DenseNetwork
-    from patagium.learning.models.flow import FlowNetwork as FlowNetwork
-    from patagium.learning.models.flow import HiddenFlowNetwork as HiddenFlowNetwork
     from patagium.learning.models.grey_box import GreyBox as GreyBox
     from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
     from patagium.learning.models.linear_strip import LinearStripNetwork as LinearStripNetwork
@@ -71,7 +69,6 @@ _NAMES = {
     "learners.registry": ("learner_from_description", "load_learner", "save_learner"),
     "model_file": ("Model", "load_model", "model_of", "save_model"),
     "models.dense": ("DenseNetwork",),
-    "models.flow": ("FlowNetwork", "HiddenFlowNetwork"),
     "models.grey_box": ("GreyBox",),
     "models.hidden_strip": ("HiddenStripNetwork",),
     "models.linear_strip": ("LinearStripNetwork",),
@@ -99,6 +96,9 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
+            from patagium.deprecation import refuse_removed
+
+            refuse_removed(__name__, name)
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
         super().__setattr__(name, value)

@@ -15,6 +15,7 @@ import pytest
 
 import patagium
 from patagium.deprecation import FORMER
+from patagium.errors import ParameterError
 
 ROOT = Path(__file__).parents[3]
 PUBLIC = {
@@ -105,6 +106,16 @@ def test_a_former_name_works_and_says_its_place(module: str, name: str, place: s
         found = getattr(importlib.import_module(module), name)
     new = importlib.import_module(home)
     assert found is getattr(new, attribute) and attribute in new.__all__
+
+
+@pytest.mark.parametrize("module", ["patagium", "patagium.learning", "patagium.identification"])
+@pytest.mark.parametrize("name", ["FlowNetwork", "HiddenFlowNetwork"])
+def test_a_removed_network_names_what_takes_its_place(module: str, name: str) -> None:
+    said = rf"^{module}: expected LinearStripNetwork, .*\({name} was removed\)"
+    with pytest.raises(ParameterError, match=said):
+        importlib.import_module(module).__getattr__(name)
+    with pytest.raises(ParameterError, match=said):
+        exec(f"from {module} import {name}")
 
 
 @pytest.mark.parametrize("name", ["Published", "simulate_published"])

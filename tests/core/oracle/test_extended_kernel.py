@@ -19,7 +19,7 @@ from patagium.robot import load_robot_text
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
 COUNT = 24
 # sums in another order; P of a strip network that knows only its section is nearly singular
-ROUNDING = {"hidden": 1e-11, "strip": 1e-8, "flow": 1e-11}
+ROUNDING = {"hidden": 1e-11, "strip": 1e-8}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,6 @@ def states(robot):
 NETWORKS = {
     "hidden": lambda robot: pt.learning.HiddenStripNetwork(robot, (4,)),
     "strip": lambda robot: pt.StripNetwork(robot, (4, 3)),
-    "flow": lambda robot: pt.learning.FlowNetwork(robot, (5,)),
 }
 HOW = {
     "full": {},

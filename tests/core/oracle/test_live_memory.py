@@ -35,12 +35,10 @@ def packets(robot):
     return np.column_stack([time, q, v, a, np.zeros_like(q)])
 
 
-@pytest.fixture(scope="module", params=["hidden strip", "hidden flow", "grey"])
+@pytest.fixture(scope="module", params=["hidden strip", "grey"])
 def network(request, robot):
     if request.param == "hidden strip":
         return pt.learning.HiddenStripNetwork(robot, (4,))
-    if request.param == "hidden flow":
-        return pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
     return pt.GreyBox(pt.LiftingLine(robot), {"lags.rate[0]": 0.02}, start="steady")
 
 
@@ -130,10 +128,6 @@ def test_memory_of_a_learner_file_of_the_first_format_goes_on(network, robot, pa
     if isinstance(network, pt.learning.HiddenStripNetwork):
         n, coded = len(z) - len(robot.strips), slopes / network._reach[: len(weights)]
         numbers = [time, z[:n], coded[:n], z[n:], coded[n:], driver, weights]
-    elif isinstance(network, pt.learning.HiddenFlowNetwork):
-        n = len(z) // 3
-        numbers = [time, z[n : 2 * n], slopes[n : 2 * n, n:], np.exp(z[2 * n :]), z[:n], slopes[:n]]
-        numbers.append(weights)
     else:
         numbers = [time, driver, z, slopes, weights]
     first = {f"memory_{k}": np.array(number) for k, number in enumerate(numbers)}
@@ -144,7 +138,7 @@ def test_memory_of_a_learner_file_of_the_first_format_goes_on(network, robot, pa
 
 
 def test_one_gradient_step_a_sample_remembers_too(robot, packets, tmp_path):
-    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
     whole, part = (
         Pipeline(pt.GradientLearner(network, learning_rate=0.01, replay=0), robot) for _ in range(2)
     )
@@ -183,7 +177,7 @@ def test_after_a_long_step_memory_begins_anew_and_short_ones_are_bridged(network
 
 
 def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets):
-    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
     slow = packets.copy()
     slow[:, 0] *= 50
     pipeline = pipeline_of(network, robot)
@@ -200,7 +194,7 @@ def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets)
 
 
 def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packets):
-    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
     pipeline = pipeline_of(network, robot)
     again = packets.copy()
     again[:, 0] -= 1.0
@@ -218,7 +212,7 @@ def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packe
 
 
 def test_learners_and_packets_that_do_not_fit_are_told(robot, packets, tmp_path):
-    network = pt.learning.HiddenFlowNetwork(robot, (5,), 3, (4,))
+    network = pt.learning.HiddenStripNetwork(robot, (4,))
 
     class Bare:
         def __init__(self):

@@ -217,7 +217,7 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
         ("--network", "dense", "--hidden", "6", "--learner", "extended", *LEARN[:4]),
         ("--network", "dense", "--learner", "gradient", "--learning-rate", "0.01"),
         ("--learner", "linear", *LEARN[:4]),
-        ("--network", "flow", "--hidden", "6", *LEARN[:4]),
+        ("--network", "strip", "--hidden", "6", *LEARN[:4]),
     ],
 )
 def test_identify_with_every_learner(
@@ -228,6 +228,13 @@ def test_identify_with_every_learner(
     assert answer.code == 0, answer.err
     assert json.loads(answer.out)["updates"] == 26
     assert speak("evaluate", model, flight).code == 0
+
+
+def test_a_removed_network_is_refused_with_what_takes_its_place(flight: Path, speak: Speak) -> None:
+    answer = speak("identify", flight, "--network", "flow")
+    said = " ".join(answer.err.replace("│", " ").split())
+    assert answer.code == 2 and "expected linear_strip, the default" in said
+    assert "found 'round'" in speak("identify", flight, "--network", "round").err
 
 
 MAPPING = """

@@ -241,7 +241,7 @@ def test_a_stream_goes_on_where_the_last_one_stood(packets, tmp_path, capsys):
 def test_a_network_with_memory_goes_on_where_it_stood(packets, tmp_path, capsys):
     log, words = tmp_path / "log.csv", ["stream", "", "--robot", "aerobat", "--idle", "0.1"]
     words[1] = str(log)
-    words += ["--network", "hidden_flow", "--hidden", "4", "--learner", "extended", "--json"]
+    words += ["--network", "hidden_strip", "--hidden", "4", "--learner", "extended", "--json"]
     words += ["--prior-std", "0.1", "--measurement-std", "3e-3"]
     for state, part in (("a", packets[:20]), ("a", packets[20:50]), ("b", packets[:50])):
         log.write_bytes(text_of(part))

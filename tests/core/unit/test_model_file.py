@@ -120,6 +120,23 @@ def test_a_model_of_the_first_format_still_loads(tmp_path: Path, rng: np.random.
     np.testing.assert_array_equal(again.weights, learner.weights)
 
 
+@pytest.mark.parametrize("kind", ["flow", "hidden_flow"])
+def test_a_removed_network_names_what_takes_its_place(
+    kind: str, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    learner = taught(rng)
+    save_model(tmp_path / "model.json", learner)
+    words = json.loads((tmp_path / "model.json").read_text())
+    words["network"]["kind"] = kind
+    (tmp_path / "model.json").write_text(json.dumps(words))
+    with pytest.raises(LogError, match="expected linear_strip, the default"):
+        load_model(tmp_path / "model.json")
+    described = learner.describe()
+    described["network"] |= {"kind": kind}
+    with pytest.raises(ParameterError, match="expected linear_strip, the default"):
+        pt.learning.learner_from_description(described)
+
+
 @pytest.mark.parametrize(
     ("covariance", "message"),
     [

@@ -33,8 +33,8 @@ def networks(robot):
     )
     yield dense
     yield LinearNetwork(pt.DenseNetwork(3, (), 2, input_scale=[1, 2, 3]), features=4, seed=3)
-    yield pt.learning.FlowNetwork(robot, (5,), pt.Air(density=1.1, wind=(-1.0, 0.5, 0.3)), "tanh")
-    yield pt.StripNetwork(robot, measured=("x", "z"), chord_fraction=0.5)
+    air = pt.Air(density=1.1, wind=(-1.0, 0.5, 0.3))
+    yield pt.StripNetwork(robot, (5,), air, "tanh", measured=("x", "z"), chord_fraction=0.5)
     yield pt.StripNetwork(robot, (3,), measured=np.ones((1, 3 * len(robot.strips))), rotation=True)
 
 

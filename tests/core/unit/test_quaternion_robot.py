@@ -264,7 +264,7 @@ def test_networks_that_know_the_wings_see_the_same(flight, pair):
     matrix = np.stack([body_rates(angles, np.tile(unit, (401, 1))) for unit in np.eye(3)], axis=-1)
     of_angles = np.linalg.solve(matrix, rates[..., None])[..., 0]
     other = np.hstack([x[:, :3], angles, x[:, 7:9], x[:, 9:12], of_angles, x[:, 15:]])
-    for kind in (pt.StripNetwork, pt.learning.FlowNetwork, pt.learning.HiddenStripNetwork):
+    for kind in (pt.StripNetwork, pt.learning.HiddenStripNetwork):
         options = {"lags": 1} if kind is pt.learning.HiddenStripNetwork else {}
         networks = [kind(robot, (4,), **options) for robot in pair]
         assert networks[1].inputs >= 17
@@ -278,8 +278,7 @@ def test_networks_that_know_the_wings_see_the_same(flight, pair):
         scale = np.abs(said[0]).max()
         np.testing.assert_allclose(said[1][same], said[0][same], rtol=0, atol=1e-10 * scale)
         turned = matrix[200].T @ said[1][3:6]
-        if kind is not pt.learning.FlowNetwork:  # whose axes of moment are part of what it learns
-            np.testing.assert_allclose(turned, said[0][3:6], rtol=0, atol=1e-10 * scale)
+        np.testing.assert_allclose(turned, said[0][3:6], rtol=0, atol=1e-10 * scale)
 
 
 def test_a_learner_learns_a_flight(flight):

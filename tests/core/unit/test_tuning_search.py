@@ -249,7 +249,12 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         (
             "kind: dense",
             "kind: deep",
-            "network.kind: Input should be 'linear_strip', 'strip', 'hidden_strip', 'flow'",
+            "network.kind: Input should be 'linear_strip', 'strip', 'hidden_strip' or 'dense'",
+        ),
+        (
+            "kind: dense",
+            "kind: flow",
+            "kind of the network: expected linear_strip, the default, ",
         ),
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),

@@ -16,7 +16,6 @@ import numpy as np
 
 from patagium.aerodynamics import Air
 from patagium.dynamics import equations
-from patagium.learning.models.flow import FlowNetwork
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.network import Network
 from patagium.native.compiler import STRAIGHT_LINE, compiler_path
@@ -241,7 +240,6 @@ RIVALS = {
 QUICK_RIVALS = ("shared", "recursive")
 """Formulations that compile in seconds, one symbolic and one differentiated."""
 WING_NETWORKS: dict[str, Callable[[Robot], Network]] = {
-    "dense of the flow": FlowNetwork,
     "hidden states": HiddenStripNetwork,
 }
 """Networks that the bench of updates does not time, by name."""

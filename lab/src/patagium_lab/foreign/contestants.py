@@ -19,9 +19,7 @@ from patagium.aerodynamics import AddedMass, QuasiSteady
 from patagium.learning import (
     DenseNetwork,
     ExtendedLearner,
-    FlowNetwork,
     GreyBox,
-    HiddenFlowNetwork,
     HiddenStripNetwork,
     LinearLearner,
     Model,
@@ -86,13 +84,9 @@ def _winged(kind: Any, *arguments: Any, **options: Any) -> Make:
     return _filtered(network)
 
 
-def _grey(flight: xr.Dataset, residual: Network | None = None) -> GreyBox:
+def _grey(flight: xr.Dataset) -> GreyBox:
     robot, air = robot_of(flight), air_of(flight)
-    return GreyBox(QuasiSteady(robot, air), NUMBERS, AddedMass(robot, air), residual)
-
-
-def _grey_with_flow(flight: xr.Dataset) -> Network:
-    return _grey(flight, FlowNetwork(robot_of(flight), (28,), air_of(flight)))
+    return GreyBox(QuasiSteady(robot, air), NUMBERS, AddedMass(robot, air))
 
 
 def _dense(flight: xr.Dataset, hidden: tuple[int, ...] = (8, 8)) -> DenseNetwork:
@@ -126,10 +120,7 @@ CONTESTANTS = {
         Contestant("strip", "strip network", _winged(StripNetwork)),
         Contestant("turning", "strip network, rotation", _winged(StripNetwork, rotation=True)),
         Contestant("hidden_strip", "hidden strip network", _winged(HiddenStripNetwork)),
-        Contestant("flow", "flow network", _winged(FlowNetwork)),
-        Contestant("hidden_flow", "hidden flow network", _winged(HiddenFlowNetwork)),
         Contestant("grey", "grey box", _filtered(_grey)),
-        Contestant("grey_flow", "grey box with flow network", _filtered(_grey_with_flow)),
     )
 }
 """Contestants by name."""

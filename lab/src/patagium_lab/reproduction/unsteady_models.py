@@ -1,28 +1,24 @@
-"""Learners of the air with memory: strips without and with memory, a grey box, a dense network.
+"""Learners of the air with memory: strips without and with memory, a grey box.
 
 Each candidate is one entry of `CANDIDATES`; its settings, chosen by small searches on these
-flights, are the same for both mounts and all rates of samples. Strips and the dense network learn
-by the cubature filter; hidden states and grey box by the extended filter, since points take eight
-times as long.
+flights, are the same for both mounts and all rates of samples. Strips learn by the cubature filter;
+hidden states and grey box by the extended filter, since points take eight times as long.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import exp
 
 from patagium.aerodynamics import TWO_STATE, LiftingLine, Section
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.models.flow import FlowNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.strip import StripNetwork
 from patagium.robot import Robot
 from patagium_lab.reproduction.cases import SPREAD, WEIGHT_STD, lever_arms
-from patagium_lab.reproduction.unsteady_flights import CRUISE
 
 STRIP_STD = {"strip": 1e-4, "strip_rotation": 1e-4, "hidden": 3e-3, "grey": 3e-3}
 """Standard deviation of a strip's force, by candidate [N]."""
@@ -30,14 +26,6 @@ HIDDEN_PRIOR = 0.1
 """Prior std of each weight of the network with hidden states, before division by sqrt(fan-in)."""
 GREY_START = {"lift_slope": 0.8, "profile_drag": 1.5, "rate": 1.5}
 """First numbers of the grey box over the true ones; its prior std is half of each number."""
-DENSE_PRIOR = 0.3
-"""Prior std of each weight of the dense network, before division by sqrt(fan-in)."""
-DENSE_MEMORY = 2.0 / CRUISE.frequency
-"""Time in which the dense network forgets to a share 1/e: two wingbeats [s]."""
-DENSE_LEAST_MEMORY = 100
-"""Least memory in samples, which counts where samples are rare."""
-DENSE_NOISE = 0.01
-"""Measurement std of the dense network over the force at cruise with unit coefficients."""
 
 
 @dataclass(frozen=True)
@@ -99,18 +87,6 @@ def _grey(robot: Robot, interval: float, seed: int) -> Learner:
     )
 
 
-def _dense(robot: Robot, interval: float, seed: int) -> Learner:
-    network = FlowNetwork(robot)
-    return CubatureLearner(
-        network,
-        spread=SPREAD,
-        prior_std=DENSE_PRIOR,
-        measurement_std=DENSE_NOISE * network.force_scale(CRUISE.speed),
-        forgetting_factor=exp(-min(interval / DENSE_MEMORY, 1.0 / DENSE_LEAST_MEMORY)),
-        seed=seed,
-    )
-
-
 def _filtered(network: StripNetwork, std: float, seed: int) -> Learner:
     """A cubature filter that never forgets, for a network of strips."""
     return CubatureLearner(
@@ -129,7 +105,6 @@ CANDIDATES = {
         Candidate("strip_rotation", "strip network, no memory, pitch rate too", _strip_rotation),
         Candidate("hidden", "strip network with hidden states", _hidden),
         Candidate("grey", "grey box: lifting line, four numbers unknown", _grey),
-        Candidate("dense", "dense network of the flow", _dense),
     )
 }
 """Candidates by key, in the order of the tables; targets are set for "hidden"."""

@@ -259,7 +259,7 @@ def draw_unsteady(gallery: Gallery, metrics: Metrics, results: Sequence[Unsteady
             if one.trial.mount == mount and one.record is not None
         }
         beat = 1.0 / metrics["unsteady"]["flights"][mount]["learned"]["beat_frequency"]
-        chosen = {CANDIDATES[key].title: records[key] for key in (MEMORY, PLAIN, "dense")}
+        chosen = {CANDIDATES[key].title: records[key] for key in (MEMORY, PLAIN)}
         figures.force_figures(gallery, f"unsteady_{mount}", chosen, beat, _PARTS)
         _draw_unseen(gallery, metrics, mount)
     learning = metrics["unsteady"]["learning"]

@@ -51,7 +51,7 @@ class UnsteadyTrial:
     @property
     def cost(self) -> float:
         """Expected duration, for order and progress [s]."""
-        each = {"dense": 6e-4, "grey": 8e-4, "hidden": 4e-4}.get(self.candidate, 2.5e-4)
+        each = {"grey": 8e-4, "hidden": 4e-4}.get(self.candidate, 2.5e-4)
         return 2.0 + 20_000 / self.every * each
 
 

@@ -15,7 +15,7 @@ samples, which the joint filter would pass on to z at once; two streams at once.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import inf, isnan, nan
 from typing import Any, NamedTuple, Protocol
 
@@ -131,7 +131,7 @@ class LagEquations(Protocol):
         """Equations in C; None without."""
         ...
 
-    def drivers(self, weights: Array, x: Array) -> Sequence[Any] | Array:
+    def drivers(self, weights: Array, x: Array) -> Array:
         """Drivers of the lags, one for each of N samples, which `begin` and `step` take.
 
         Args:
@@ -140,7 +140,7 @@ class LagEquations(Protocol):
         """
         ...
 
-    def begin(self, driver: Any, weights: Array) -> tuple[Array, Array, Array]:
+    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
         """State, sensitivity and driver at a sample where memory begins.
 
         Args:
@@ -150,7 +150,7 @@ class LagEquations(Protocol):
         ...
 
     def step(
-        self, driver: Any, weights: Array, time_step: float, before: MemoryState
+        self, driver: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """State, sensitivity and driver a step later.
 

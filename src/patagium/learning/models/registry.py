@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork, LinearNetwork
-from patagium.learning.models.flow import FlowNetwork, HiddenFlowNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.linear_strip import LinearStripNetwork
@@ -18,7 +18,7 @@ _KINDS: dict[str, Any] = {
     network.kind: network
     for network in (
         *(DenseNetwork, LinearNetwork, StripNetwork, HiddenStripNetwork),
-        *(FlowNetwork, HiddenFlowNetwork, LinearStripNetwork, GreyBox),
+        *(LinearStripNetwork, GreyBox),
     )
 }
 _OWN = frozenset(_KINDS)
@@ -48,11 +48,12 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
         description: What `describe` of a network gave.
 
     Raises:
-        ParameterError: If its kind is unknown, or a key is missing or unknown.
+        ParameterError: If its kind is unknown or was removed, or a key is missing or unknown.
         RobotFileError: If the text of its robot does not describe one.
     """
     kind = _KINDS.get(str(description.get("kind")))
     if kind is None:
+        refuse_removed("network", description.get("kind"))
         raise ParameterError("network", f"of kind {', '.join(_KINDS)}", description.get("kind"))
     if kind is GreyBox:
         return GreyBox.from_description(description, network_from_description)

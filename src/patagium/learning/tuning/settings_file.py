@@ -18,9 +18,11 @@ from pydantic import (
     Field,
     PositiveInt,
     ValidationError,
+    field_validator,
     model_validator,
 )
 
+from patagium.deprecation import refuse_removed
 from patagium.errors import LogError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
@@ -38,16 +40,22 @@ class NetworkSettings(BaseModel):
     """Network that the settings are for.
 
     Attributes:
-        kind: "linear_strip", "strip", "hidden_strip", "flow", "hidden_flow" or "dense".
+        kind: "linear_strip", "strip", "hidden_strip" or "dense".
         hidden: Neurons of each hidden layer.
         activation: Activation of the hidden layers, "softplus" or "tanh".
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["linear_strip", "strip", "hidden_strip", "flow", "hidden_flow", "dense"]
+    kind: Literal["linear_strip", "strip", "hidden_strip", "dense"]
     hidden: tuple[PositiveInt, ...]
     activation: Literal["softplus", "tanh"] = "softplus"
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _not_removed(cls, kind: Any) -> Any:
+        refuse_removed("kind of the network", kind)
+        return kind
 
 
 class LearnerSettings(BaseModel):
