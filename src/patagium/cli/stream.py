@@ -66,6 +66,10 @@ def stream(
     memory: Annotated[
         float, typer.Option(min=1.0, help="Number of past samples in the running scores.")
     ] = 10_000.0,
+    key_file: Annotated[
+        Path | None,
+        typer.Option(help="File of the key that signs datagrams; others are not used."),
+    ] = None,
     room: Annotated[
         int, typer.Option(min=1, help="Number of packets that may wait for the learner.")
     ] = 16_384,
@@ -99,7 +103,7 @@ def stream(
     from patagium.live.loop import Counters, Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
-    from patagium.live.sources import PacketQueue, source_of
+    from patagium.live.sources import DatagramSource, PacketQueue, source_of
     from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
@@ -112,7 +116,9 @@ def stream(
     columns = [column.name for column in packet_columns(machine)]
     queue = PacketQueue(room, len(columns), intake)
     rhythms = _saving(student, state, autosave)
-    packets = source_of(source, columns, idle=idle)
+    packets = source_of(source, columns, idle=idle, key_file=key_file)
+    if isinstance(packets, DatagramSource) and packets.warning:
+        typer.echo(f"patagium: {packets.warning}", err=True)
     with live_stream(live, live_address, pipeline, status, intake) as shown:
         live_view = Shown(shown.sinks, (*shown.rhythms, *rhythms))
         facts, problem = _learn(packets, queue, pipeline, status, record, live_view, samples)

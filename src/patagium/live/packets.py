@@ -5,19 +5,30 @@ passed over, an empty field is a missing number. A datagram is little-endian flo
 
     session, sequence, then rows of time, q, v, a, u1 and the known forces carried.
 
-The session is any number that the sender chose when it began, the sequence how many rows it sent
-before this datagram; so what is lost, doubled or overtaken can be told. UDP has
-checksums of its own; clocks of sender and receiver are not compared. Neglected by the sender of a
-flight, which holds true values: noise, delays and clocks of sensors.
+The session is 64 random bits that the sender draws when it begins, the sequence how many rows it
+sent before this datagram; so what is lost, doubled or overtaken can be told. With a key, 32 bytes
+follow: HMAC-SHA256 of the rest, so that nobody else can send packets. Packets are not encrypted,
+and those of an earlier flight can be sent again to a listener that has not heard them.
+UDP has checksums of its own; clocks of sender and receiver are not compared. Neglected by the
+sender of a flight, which holds true values: noise, delays and clocks of sensors.
+
+References:
+    RFC 3550, appendix A.1: a jump of the sequence counts once two datagrams in order confirm it.
+    RFC 2104: HMAC.
 """
 
 from __future__ import annotations
 
+import hmac
+import os
+import secrets
 import socket
+import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nan
+from math import inf, isfinite, nan
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -30,7 +41,15 @@ Array = NDArray[np.float64]
 
 LARGEST_DATAGRAM = 65507
 """Largest payload of UDP [B]."""
+LONGEST_LINE = 1 << 20
+"""Longest line of a text [B]."""
+_TOO_LONG = f"expected its end within {LONGEST_LINE} B, found none"
+REACH = 1 << 14
+"""Largest jump of a sequence that one datagram may make [packets]."""
 _HEADER = 2
+_TAG = 32  # B of HMAC-SHA256
+_SHORTEST_KEY, _LONGEST_KEY = 16, 4096  # B
+_RUNS = 64  # runs of packets in order that are remembered
 _SHOWN = 3
 
 
@@ -43,6 +62,9 @@ class Intake:
         lost: Packets that the sequence numbers say were sent and never came.
         repeated: Packets that came twice, or after later ones; not used.
         bad_rows: Lines or datagrams that are no packets.
+        resynchronized: Jumps of a sequence that a second datagram confirmed; what was lost in
+            them is not counted.
+        unauthenticated: Datagrams without the tag of the key; not used.
         dropped: Packets for which there was no room, because the learner was too slow.
         examples: The first bad ones, in words.
     """
@@ -51,12 +73,15 @@ class Intake:
     lost: int = 0
     repeated: int = 0
     bad_rows: int = 0
+    resynchronized: int = 0
+    unauthenticated: int = 0
     dropped: int = 0
     examples: list[str] = field(default_factory=list)
 
-    def refuse(self, reason: str) -> None:
-        """Count a bad row, and keep the first few reasons."""
-        self.bad_rows += 1
+    def refuse(self, reason: str, *, authentic: bool = True) -> None:
+        """Count a bad row or a wrong tag, and keep the first few reasons."""
+        self.bad_rows += authentic
+        self.unauthenticated += not authentic
         if len(self.examples) < _SHOWN:
             self.examples.append(reason)
 
@@ -77,16 +102,25 @@ class TextPackets:
     def __init__(self, columns: Sequence[str], intake: Intake) -> None:
         self._columns, self._intake = tuple(columns), intake
         self._places: list[int] | None = None
-        self._fields, self._line, self._rest = 0, 0, b""
+        self._fields, self._line, self._rest = 0, 0, bytearray()
 
     def take(self, piece: bytes) -> Array:
         """Packets of the lines that end in this piece, (k, columns).
 
+        The time is linear in the length of the text, whatever its pieces.
+
         Raises:
-            LogError: If the first line does not name all columns.
+            LogError: If the first line does not name all columns, or has no end.
         """
-        *lines, self._rest = (self._rest + piece).split(b"\n")
+        ended, end, begun = piece.rpartition(b"\n")
+        lines = (bytes(self._rest) + ended).split(b"\n") if end else []
+        if end:
+            self._rest = bytearray()
+        room = LONGEST_LINE + 1 - len(self._rest)  # one more than allowed says that it is too long
+        self._rest += begun[: max(0, room)]
         rows = [row for row in map(self._packet, lines) if row is not None]
+        if self._places is None and len(self._rest) > LONGEST_LINE:
+            raise LogError(f"line {self._line + 1}: {_TOO_LONG}; binary packets go by udp://")
         self._intake.received += len(rows)
         return np.array(rows, float).reshape(len(rows), len(self._columns))
 
@@ -95,10 +129,13 @@ class TextPackets:
         if self._rest.strip():
             self._line += 1
             self._intake.refuse(f"line {self._line}: the text ends within it")
-        self._rest = b""
+        self._rest = bytearray()
 
     def _packet(self, line: bytes) -> list[float] | None:
         self._line += 1
+        if len(line) > LONGEST_LINE:
+            self._intake.refuse(f"line {self._line}: {_TOO_LONG}")
+            return None
         text = line.strip()
         if not text or text.startswith(b"#"):
             return None
@@ -124,29 +161,56 @@ class TextPackets:
         names = [name.strip().decode("utf-8", "replace") for name in fields]
         missing = [name for name in self._columns if name not in names]
         if missing:
-            shown = ", ".join(missing[:6]) + (" ..." if len(missing) > 6 else "")
             raise LogError(
-                f"line {self._line}: expected a header with the columns {shown}, found "
-                f"{', '.join(names[:6])}{' ...' if len(names) > 6 else ''}"
+                f"line {self._line}: expected a header with the columns {_shown(missing)}, "
+                f"found {_shown(names)}"
             )
         self._fields = len(names)
         return [names.index(name) for name in self._columns]
 
 
+@dataclass
+class _Run:
+    """Packets of a session that follow each other: from `first` up to `expected` they came."""
+
+    session: float
+    first: int
+    expected: int
+
+    def distance(self, sequence: int) -> float:
+        """Packets between a sequence and those that came; infinite out of reach."""
+        late, ahead = self.first - sequence, sequence - self.expected
+        if late > 0:
+            return REACH + late if late <= REACH else inf
+        return max(0, ahead) if ahead <= REACH else inf
+
+
 class DatagramPackets:
     """Packets of datagrams, as they come in.
+
+    Sessions may be interleaved: what came of each of the last 64 is remembered. A datagram
+    whose sequence is out of reach of what came of its session is refused, unless it follows
+    the one refused before.
 
     Args:
         columns: How many numbers a packet has.
         intake: Where they are counted.
+        key: Key that datagrams are signed with; None: any datagram is taken.
     """
 
-    def __init__(self, columns: int, intake: Intake) -> None:
-        self._columns, self._intake = columns, intake
-        self._session, self._expected = nan, 0
+    def __init__(self, columns: int, intake: Intake, key: bytes | None = None) -> None:
+        self._columns, self._intake, self._key = columns, intake, key
+        self._runs: list[_Run] = []  # the last used first
+        self._awaited: tuple[float, int] | None = None
 
     def take(self, datagram: bytes) -> Array:
         """New packets of a datagram, (k, columns)."""
+        if self._key is not None:
+            datagram, tag = datagram[:-_TAG], datagram[-_TAG:]
+            if not hmac.compare_digest(tag, hmac.digest(self._key, datagram, "sha256")):
+                reason = "datagram: its tag is missing or not that of the key"
+                self._intake.refuse(reason, authentic=False)
+                return np.empty((0, self._columns))
         try:
             return self._in_order(*self._read(datagram))
         except ValueError as problem:
@@ -155,11 +219,14 @@ class DatagramPackets:
 
     def _read(self, datagram: bytes) -> tuple[float, int, Array]:
         numbers, left = divmod(len(datagram), 8)
-        if left or numbers < _HEADER or (numbers - _HEADER) % self._columns:
-            raise ValueError(f"expected 8 (2 + k {self._columns}) B, found {len(datagram)} B")
+        if left or numbers <= _HEADER or (numbers - _HEADER) % self._columns:
+            signed = numbers > _HEADER and (numbers - _HEADER - _TAG // 8) % self._columns == 0
+            hint = " (with the tag of a key: --key-file)" if signed and not left else ""
+            size = f"8 (2 + k {self._columns}) B"
+            raise ValueError(f"expected {size}, found {len(datagram)} B{hint}")
         values = np.frombuffer(datagram, "<f8")
         session, sequence = values[:_HEADER].tolist()
-        if not (isfinite(session) and isfinite(sequence) and sequence >= 0):
+        if not (isfinite(session) and 0 <= sequence < 2**53 and sequence == int(sequence)):
             raise ValueError(f"expected session and sequence, found {session}, {sequence}")
         rows = values[_HEADER:].reshape(-1, self._columns)
         if not np.isfinite(rows[:, 0]).all():
@@ -167,38 +234,94 @@ class DatagramPackets:
         return session, int(sequence), rows
 
     def _in_order(self, session: float, sequence: int, rows: Array) -> Array:
-        if session != self._session:
-            self._session, self._expected = session, sequence
-        old = min(len(rows), max(0, self._expected - sequence))
+        run = self._run_of(session, sequence, len(rows))
+        old = min(len(rows), max(0, run.expected - sequence))
         self._intake.repeated += old
-        self._intake.lost += max(0, sequence - self._expected)
+        self._intake.lost += max(0, sequence - run.expected)
         self._intake.received += len(rows) - old
-        self._expected = max(self._expected, sequence + len(rows))
+        run.expected = max(run.expected, sequence + len(rows))
         return rows[old:]
 
+    def _run_of(self, session: float, sequence: int, count: int) -> _Run:
+        """Run that packets belong to, or a new one."""
+        known = [run for run in self._runs if run.session == session]
+        run = min(known, key=lambda one: one.distance(sequence), default=None)
+        if run is not None and run.distance(sequence) < inf:
+            self._runs.remove(run)
+        else:
+            if run is not None and self._awaited != (session, sequence):
+                self._awaited = session, sequence + count
+                raise ValueError(f"expected sequence near {run.expected}, found {sequence}")
+            self._intake.resynchronized += run is not None
+            run = _Run(session, sequence, sequence)
+        self._runs = [run, *self._runs[: _RUNS - 1]]
+        return run
 
-def datagrams(packets: Array, session: float, rows: int = 1, first: int = 0) -> Iterator[bytes]:
+
+def new_session() -> float:
+    """Session of a sender: 64 random bits that are a finite number."""
+    while True:
+        (session,) = struct.unpack("<d", secrets.token_bytes(8))
+        if isfinite(session):
+            return float(session)
+
+
+def read_key(path: Path) -> bytes:
+    """Key of senders and listeners: the text of a file, without white space around it.
+
+    Args:
+        path: File that nobody but its owner may read.
+
+    Raises:
+        ParameterError: If it cannot be read, is too short or too long, or others may read it.
+    """
+    try:
+        with path.open("rb") as file:
+            mode = os.fstat(file.fileno()).st_mode
+            key = file.read(_LONGEST_KEY + 1).strip()
+    except OSError as problem:
+        raise ParameterError("--key-file", "a file that can be read", str(problem)) from None
+    if os.name == "posix" and mode & 0o077:
+        expected = f"a file that its owner alone may read (chmod 600 {path})"
+        raise ParameterError("--key-file", expected, f"mode {mode & 0o777:o}")
+    if not _SHORTEST_KEY <= len(key) <= _LONGEST_KEY:
+        expected = f"{_SHORTEST_KEY} to {_LONGEST_KEY} B, such as those of openssl rand -hex 32"
+        raise ParameterError("--key-file", expected, f"{len(key)} B")
+    return key
+
+
+def datagrams(
+    packets: Array, session: float, rows: int = 1, first: int = 0, key: bytes | None = None
+) -> Iterator[bytes]:
     """Packets as datagrams, for a sender.
 
     Args:
         packets: (N, columns) [units of the columns].
-        session: Any number that differs from that of the sender's last run.
+        session: Number that nobody can guess: `new_session`.
         rows: Packets a datagram.
         first: How many were sent before.
+        key: Key that datagrams are signed with; None: they are not signed.
     """
     for start in range(0, len(packets), rows):
         part = packets[start : start + rows]
         header = np.array([session, first + start])
-        yield np.concatenate([header, part.ravel()]).astype("<f8").tobytes()
+        datagram = np.concatenate([header, part.ravel()]).astype("<f8").tobytes()
+        yield datagram if key is None else datagram + hmac.digest(key, datagram, "sha256")
 
 
 def most_rows(columns: int) -> int:
-    """Largest number of packets that a datagram holds.
+    """Largest number of packets that a datagram holds beside the tag of a key.
 
     Args:
         columns: Numbers of a packet.
     """
-    return (LARGEST_DATAGRAM // 8 - _HEADER) // columns
+    return ((LARGEST_DATAGRAM - _TAG) // 8 - _HEADER) // columns
+
+
+def _shown(names: Sequence[str]) -> str:
+    """First few names, each shortened, without what a terminal would obey."""
+    plain = ["".join(k if k.isprintable() else "?" for k in name[:40]) for name in names[:6]]
+    return ", ".join(plain) + (" ..." if len(names) > 6 else "")
 
 
 def _number(field: bytes) -> float:
@@ -208,7 +331,8 @@ def _number(field: bytes) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"expected a number, found {text.decode('utf-8', 'replace')!r}") from None
+        shown = text[:40].decode("utf-8", "replace")
+        raise ValueError(f"expected a number, found {shown!r}") from None
 
 
 def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
@@ -228,6 +352,7 @@ def send_packets(
     *,
     rate: float | None = None,
     rows: int = 1,
+    key: bytes | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Send a flight as datagrams.
@@ -237,6 +362,7 @@ def send_packets(
         target: Address and port.
         rate: Packets a second; None: as fast as the flight's time goes.
         rows: Packets a datagram.
+        key: Key that datagrams are signed with; None: they are not signed.
         progress: Called now and then with packets sent and packets in all.
 
     Returns:
@@ -252,7 +378,7 @@ def send_packets(
     family = socket.AF_INET6 if ":" in target[0] else socket.AF_INET
     began, told = time.monotonic(), max(1, len(packets) // (200 * rows))
     with socket.socket(family, socket.SOCK_DGRAM) as port:
-        for number, datagram in enumerate(datagrams(packets, time.time(), rows)):
+        for number, datagram in enumerate(datagrams(packets, new_session(), rows, key=key)):
             ahead = due[number * rows] - (time.monotonic() - began)
             if ahead > 0:
                 time.sleep(ahead)

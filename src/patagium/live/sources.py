@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +27,7 @@ from patagium.live.packets import (
     DatagramPackets,
     Intake,
     TextPackets,
+    read_key,
 )
 from patagium.sensing.logs.record import LogRecord, is_log
 
@@ -198,13 +200,22 @@ class DatagramSource:
         host: Address to listen at.
         port: Port to listen at; 0: any that is free.
         idle: How long nothing may come after the first packet [s]; None: until told to stop.
+        key: Key that datagrams are signed with; None: any datagram is taken.
 
     Raises:
         LogError: If the address cannot be listened at.
     """
 
-    def __init__(self, columns: int, host: str, port: int, *, idle: float | None = None) -> None:
-        self._columns, self._idle = columns, idle
+    def __init__(
+        self,
+        columns: int,
+        host: str,
+        port: int,
+        *,
+        idle: float | None = None,
+        key: bytes | None = None,
+    ) -> None:
+        self._columns, self._idle, self._key = columns, idle, key
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
@@ -214,15 +225,26 @@ class DatagramSource:
             self._socket.close()
             raise LogError(f"udp://{host}:{port}: cannot listen: {problem.strerror}") from None
         self._socket.setblocking(False)
+        self._host = str(self._socket.getsockname()[0])
 
     @property
     def port(self) -> int:
         """Port that the source listens at."""
         return int(self._socket.getsockname()[1])
 
+    @property
+    def warning(self) -> str | None:
+        """Words on who can send packets; None where this machine alone can."""
+        if is_loopback(self._host):
+            return None
+        words = f"packets are listened for at {self._host}, beyond this machine"
+        if self._key is None:
+            return f"{words}, without a key: whoever reaches it can send them (--key-file)"
+        return f"{words}: only those with the tag of the key are used, and none is encrypted"
+
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
         """Read datagrams as they come."""
-        packets, fed = DatagramPackets(self._columns, queue.intake), None
+        packets, fed = DatagramPackets(self._columns, queue.intake, self._key), None
         with self._socket:
             while not stop.is_set():
                 if select.select([self._socket], [], [], _LOOK)[0]:
@@ -271,7 +293,7 @@ class RecordSource:
 
 
 def source_of(
-    words: str, columns: Sequence[str], *, idle: float | None = None
+    words: str, columns: Sequence[str], *, idle: float | None = None, key_file: Path | None = None
 ) -> TextSource | DatagramSource | RecordSource:
     """Source of packets that words name.
 
@@ -280,16 +302,19 @@ def source_of(
             log that `patagium import` wrote.
         columns: Names of the numbers of a packet.
         idle: How long to wait for more [s]; None: until told to stop.
+        key_file: File of the key that datagrams are signed with; None: any datagram is taken.
 
     Raises:
-        ParameterError: If an address has no port.
+        ParameterError: If an address has no port, the key cannot be used, or texts have one.
         LogError: If there is no such file, or the address cannot be listened at.
     """
+    if words.startswith("udp://"):
+        key = None if key_file is None else read_key(key_file)
+        return DatagramSource(len(columns), *address_of(words), idle=idle, key=key)
+    if key_file is not None:
+        raise ParameterError("--key-file", "datagrams, udp://ADDRESS:PORT, to go with it", words)
     if words == "-":
         return TextSource(columns)
-    if words.startswith("udp://"):
-        host, port = address_of(words)
-        return DatagramSource(len(columns), host, port, idle=idle)
     path = Path(words)
     if not path.is_file():
         raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
@@ -308,6 +333,18 @@ def address_of(words: str) -> tuple[str, int]:
     if not port.isdecimal() or int(port) > 65535:
         raise ParameterError("address", "udp://ADDRESS:PORT such as udp://127.0.0.1:9000", words)
     return host.strip("[]") or LOOPBACK, int(port)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach an address.
+
+    Args:
+        host: Address in numbers; a name is none.
+    """
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def start_reading(source: Source, queue: PacketQueue, stop: threading.Event) -> threading.Thread:

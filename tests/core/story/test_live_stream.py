@@ -293,6 +293,36 @@ def test_what_was_learned_before_reading_failed_is_kept(packets, tmp_path, capsy
         assert kept.sizes["time"] == 100
 
 
+def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, capsys, monkeypatch):
+    saved, key = tmp_path / "flight.nc", tmp_path / "key"
+    pt.save_flight(flight.isel(time=slice(0, 200)), saved)
+    key.write_text("a key that nobody knows\n")
+    key.chmod(0o600)
+    listening = DatagramSource.__init__
+
+    def listen(self, *words, **options):
+        listening(self, *words, **options)
+        target = ("127.0.0.1", self.port)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            for message in datagrams(packets[:7], 1.0):
+                stranger.sendto(message, target)
+        with pytest.raises(SystemExit) as left:
+            words = [str(saved), f"udp://127.0.0.1:{self.port}", "--rate", "1e5"]
+            run(["send", *words, "--key-file", str(key)])
+        assert left.value.code == 0
+
+    monkeypatch.setattr(DatagramSource, "__init__", listen)
+    words = ["stream", "udp://0.0.0.0:0", "--robot", "aerobat", "--hidden", "4", *LEARN, "--json"]
+    with pytest.raises(SystemExit) as left:
+        run([*words, "--idle", "0.5", "--key-file", str(key)])
+    assert left.value.code == 0
+    said = capsys.readouterr()
+    assert "listened for at 0.0.0.0, beyond this machine: only those with the tag" in said.err
+    assert "patagium: not used: datagram: its tag is missing or not that of the key" in said.err
+    facts = json.loads(said.out)
+    assert (facts["samples"], facts["unauthenticated"], facts["lost"]) == (200, 7, 0)
+
+
 def test_refusals_are_one_sentence(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("time,q.x\n1,2\n")
@@ -302,6 +332,7 @@ def test_refusals_are_one_sentence(tmp_path, capsys):
         ([str(log), "--change-window", "0"], "--change-window: expected at least 1, found 0"),
         ([str(log), "--learning-rate", "9"], "--learning-rate: expected nothing"),
         (["udp://127.0.0.1"], "udp://ADDRESS:PORT"),
+        (["udp://127.0.0.1:0", "--key-file", "none"], "--key-file: expected a file"),
         ([str(tmp_path / "none.csv")], "expected a file, found none"),
     ):
         with pytest.raises(SystemExit) as left:
