@@ -38,6 +38,7 @@ $(STAMP): requirements.lock pyproject.toml lab/pyproject.toml
 	@touch $@
 
 demo: $(STAMP)
+	@mkdir -p $(OUT)
 	@$(BIN)/patagium reproduce --out $(OUT)/demo
 
 test: $(STAMP)
@@ -64,9 +65,11 @@ docs: $(STAMP)
 	@echo "The documentation is in $(OUT)/docs/index.html"
 
 bench: $(STAMP)
+	@mkdir -p $(OUT)
 	@$(BIN)/patagium bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
 
 pages: $(STAMP)
+	@mkdir -p $(OUT)
 	@$(BIN)/python docs/draw_architecture.py
 	@$(BIN)/patagium validate -o docs/validation.md
 	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json

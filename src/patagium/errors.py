@@ -7,9 +7,12 @@ is returned, and turned into an exception at the door.
 
 from __future__ import annotations
 
+import errno
+import os
 from enum import IntEnum
 from math import isfinite
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 __all__ = [
@@ -19,6 +22,7 @@ __all__ = [
     "LinkageError",
     "LogError",
     "Outcome",
+    "OutputError",
     "ParameterError",
     "PatagiumError",
     "PathError",
@@ -140,6 +144,30 @@ class LogError(PatagiumError, ValueError):
 
 class FlightError(PatagiumError, ValueError):
     """A flight record that misses a quantity or contradicts itself."""
+
+
+class OutputError(PatagiumError, OSError):
+    """An output that cannot be written; what was there before is as it was.
+
+    Args:
+        path: The output.
+        problem: Why it cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], problem: Exception) -> None:
+        number = getattr(problem, "errno", None)
+        remedy = _REMEDIES.get(number or 0, "name another place").format(folder=Path(path).parent)
+        reason = getattr(problem, "strerror", None) or problem
+        super().__init__(f"{path}: cannot be written: {reason}; {remedy}")
+        self.path, self.errno = path, number
+
+
+_REMEDIES = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "free space, or name another place"),
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "name a place that may be written"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "make its folder first: mkdir -p {folder}"),
+    errno.EISDIR: "name a file, not a folder",
+}
 
 
 class Outcome(IntEnum):

@@ -1,43 +1,77 @@
 """Files written whole or not at all, whatever ends the program or the power while it writes.
 
 A draft in the same folder is written, forced to the disk and renamed; then the folder is
-forced too. A draft that a killed program left is removed later. A disk
-that reports a write it has not done defeats this.
+forced too. Links stay, and the file behind them is replaced; mode and owner of a file stay.
+Devices, pipes and descriptors such as /dev/stdout are written to and never replaced. A draft
+that a killed program left is removed later. A disk that reports a write it has not done
+defeats this; a second hard link keeps the old content.
 """
 
 from __future__ import annotations
 
+import errno
 import os
+import secrets
+import shutil
+import stat
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from patagium.errors import OutputError, PatagiumError
+
 _ABANDONED = 600.0  # s without a byte written: nobody is at work on such a draft
+_MOST_LINKS = 40  # as many as Linux follows
 
 
 class Draft:
     """A file beside its place, until it is whole.
 
     Args:
-        path: The place; folders are made.
+        path: The place, in a folder that is there.
 
     Attributes:
+        target: The place.
         path: The draft, empty and closed.
 
     Raises:
-        OSError: If it cannot be made.
+        OutputError: If it cannot be made.
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._file = Path(path)
-        folder, name = self._file.parent, self._file.name
-        folder.mkdir(parents=True, exist_ok=True)
-        _remove_abandoned(self._file)
-        handle, draft = tempfile.mkstemp(dir=folder, prefix=f".{name}.", suffix=".part")
-        os.close(handle)
-        self.path = Path(draft)
+        self.target = Path(path)
+        with _told_of(self.target):
+            self._place, former = _behind(self.target)
+            self._replaces = former is None or stat.S_ISREG(former.st_mode)
+            if self._replaces:
+                self.path = _new_draft(self._place, former)
+            else:
+                handle, name = tempfile.mkstemp(prefix="patagium-", suffix=".part")
+                os.close(handle)
+                self.path = Path(name)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Block that writes the draft; its failures to write are told by the name of the place.
+
+        Raises:
+            OutputError: If the system or the library netCDF does not write.
+        """
+        try:
+            yield
+        except PatagiumError:
+            raise
+        except (OSError, RuntimeError) as problem:
+            if "NetCDF" in str(problem):
+                raise OutputError(self.target, _cause(self.path) or problem) from problem
+            named, folder = getattr(problem, "filename", None), self.path.parent
+            elsewhere = named is not None and folder not in (Path(named), Path(named).parent)
+            if isinstance(problem, RuntimeError) or elsewhere:
+                raise  # of what is read meanwhile
+            raise OutputError(self.target, problem) from problem
 
     def publish(self) -> Path:
         """Replace the file by the draft; at any moment it holds its old content or the new one.
@@ -46,20 +80,23 @@ class Draft:
             The place.
 
         Raises:
-            OSError: If the disk does not take it; the file is then as it was.
+            OutputError: If the disk does not take it; the file is then as it was.
         """
-        with self.path.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        self.path.chmod(0o666 & ~umask)
-        self.path.replace(self._file)
-        force_folder(self._file.parent)
-        return self._file
+        with _told_of(self.target):
+            if not self._replaces:
+                _pour(self.path, self._place)
+                self.discard()
+                return self.target
+            with self.path.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            self.path.replace(self._place)
+            force_folder(self._place.parent)
+        return self.target
 
     def discard(self) -> None:
         """Give it up; nothing once it is published."""
-        self.path.unlink(missing_ok=True)
+        with suppress(OSError):
+            self.path.unlink()
 
 
 @contextmanager
@@ -67,14 +104,15 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """A draft to write to, published where the block ends well and discarded where it does not.
 
     Args:
-        path: The file, replaced if it exists; folders are made.
+        path: The file, replaced if it exists, in a folder that is there.
 
     Raises:
-        OSError: If it cannot be written; the file is then as it was.
+        OutputError: If it cannot be written; the file is then as it was.
     """
     draft = Draft(path)
     try:
-        yield draft.path
+        with draft.writing():
+            yield draft.path
         draft.publish()
     finally:
         draft.discard()
@@ -84,17 +122,31 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
     """Replace a file; at any moment it holds its old content or the new one.
 
     Args:
-        path: The file; folders are made.
+        path: The file, in a folder that is there.
         content: All of it; text as UTF-8.
 
     Returns:
         The path.
 
     Raises:
-        OSError: If it cannot be written; the file is then as it was.
+        OutputError: If it cannot be written; the file is then as it was.
     """
     with whole_file(path) as draft:
         draft.write_bytes(content.encode() if isinstance(content, str) else content)
+    return Path(path)
+
+
+def make_folder(path: str | Path) -> Path:
+    """A folder, made where it is not there yet; the folder above it must be.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        OutputError: If it cannot be made.
+    """
+    with _told_of(path):
+        Path(path).mkdir(exist_ok=True)
     return Path(path)
 
 
@@ -106,6 +158,80 @@ def force_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+@contextmanager
+def _told_of(path: str | Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as problem:
+        raise OutputError(path, problem) from problem
+
+
+def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
+    """Place that a path leads to through its links, and what is there; None: nothing yet.
+
+    Raises:
+        OSError: If a folder is missing, links lead nowhere, or a file may not be written.
+    """
+    place = path
+    for _ in range(_MOST_LINKS):
+        folder = place.parent.resolve(strict=True)
+        place = folder / place.name
+        if _is_of_descriptors(folder) or not place.is_symlink():
+            break
+        place = folder / place.readlink()
+    try:
+        former = place.stat()
+    except FileNotFoundError:
+        return place, None
+    if stat.S_ISDIR(former.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if _is_of_descriptors(folder):  # whatever it is, its reader holds it by another name
+        return place, os.stat_result((stat.S_IFIFO, *former[1:]))
+    if not os.access(place, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    return place, former
+
+
+def _is_of_descriptors(folder: Path) -> bool:
+    return folder.is_relative_to("/proc") or folder == Path("/dev/fd")
+
+
+def _new_draft(place: Path, former: os.stat_result | None) -> Path:
+    """Empty draft beside a place, with mode and owner of what is there."""
+    _remove_abandoned(place)
+    draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
+    os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    if former is not None:
+        for user, group in ((-1, former.st_gid), (former.st_uid, -1)):
+            with suppress(OSError):  # who is not the owner cannot give files away
+                os.chown(draft, user, group)
+        draft.chmod(former.st_mode & 0o777)
+    return draft
+
+
+def _pour(draft: Path, place: Path) -> None:
+    """Write a draft to a device, a pipe or a descriptor."""
+    own = place.parent in (Path(f"/proc/{os.getpid()}/fd"), Path("/dev/fd"))
+    if own:
+        sys.stdout.flush()
+    handle = os.dup(int(place.name)) if own else os.open(place, os.O_WRONLY | os.O_APPEND)
+    with os.fdopen(handle, "wb") as target, draft.open("rb") as content:
+        shutil.copyfileobj(content, target)
+
+
+def _cause(draft: Path) -> OSError | None:
+    """Reason why a draft does not grow, which the library netCDF keeps to itself."""
+    try:
+        with draft.open("rb+") as stream:
+            stream.seek(0, os.SEEK_END)
+            stream.write(bytes(1 << 16))
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as problem:
+        return problem
+    return None
 
 
 def _remove_abandoned(file: Path) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from patagium.report import Picture
 from patagium.report.figures import save_figure
+from patagium.whole_file import make_folder
 
 _KINDS = {"png": "image/png", "svg": "image/svg+xml"}
 
@@ -37,7 +38,7 @@ class Gallery:
             caption: What is seen in it.
         """
         for kind in _KINDS:
-            save_figure(figure, self.folder / f"{name}.{kind}")
+            save_figure(figure, make_folder(self.folder) / f"{name}.{kind}")
             figure.set_layout_engine("none")  # the layout is computed once: it takes half the time
         self.captions[name] = caption
 

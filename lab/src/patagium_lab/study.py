@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from patagium.learning.scores import json_ready
 from patagium.report import PageSection, Table, write_page
 from patagium.report.page import Cell
-from patagium.whole_file import write_whole
+from patagium.whole_file import make_folder, write_whole
 from patagium_lab.gallery import Gallery
 
 Metrics = Mapping[str, Any]
@@ -141,7 +141,7 @@ def write_study(
     Returns:
         Path of report.html, and the page with its pictures as vectors, which are smaller.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     stages = Stages(progress)
     results = run(plan, out, stages)
     text = json.dumps(json_ready(results.metrics), indent=1, ensure_ascii=False)

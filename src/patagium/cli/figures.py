@@ -57,10 +57,11 @@ def figures(
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
     from patagium.viewer.flight_figures import flight_figures
+    from patagium.whole_file import make_folder
 
     learned = None if model is None else load_model(existing(model))
     drawn = flight_figures(load_flight(existing(flight)), look.value, learned)
-    folder = flight.with_suffix("") if output is None else output
+    folder = make_folder(flight.with_suffix("") if output is None else output)
     files = {
         name: str(save_figure(figure, folder / f"{name}.{form.value}"))
         for name, figure in drawn.items()

@@ -143,7 +143,7 @@ def save_model(path: str | Path, model: Model | Learner) -> Path:
     """Write a model as JSON; an interrupted write leaves the former file.
 
     Args:
-        path: The file, replaced if it exists; folders are made.
+        path: The file, replaced if it exists, in a folder that is there.
         model: A model, or a learner whose network sees the whole state.
 
     Returns:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from patagium.errors import positive
+from patagium.errors import OutputError, positive
 from patagium.learning.learners.learner import OnlineLearner
 
 
@@ -48,9 +48,9 @@ class AutoSave:
             return False
         try:
             self.save()
-        except OSError as problem:
+        except OutputError as problem:
             self.failures += 1
-            self.problem = f"{self.path}: cannot be written: {problem.strerror}"
+            self.problem = str(problem)
             self._next = time.monotonic() + self.seconds
             return False
         return True
@@ -62,7 +62,7 @@ class AutoSave:
             The path.
 
         Raises:
-            OSError: If it cannot be written; the file is then as it was.
+            OutputError: If it cannot be written; the file is then as it was.
         """
         count = self.learner.count
         self.learner.save(self.path)

@@ -30,22 +30,24 @@ from patagium.report.style import (
     styled,
     width,
 )
+from patagium.whole_file import whole_file
 
 Array = NDArray[np.float64]
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:
-    """Write a figure as PDF, PNG or SVG, chosen by the name of the file.
+    """Write a figure as PDF, PNG or SVG, chosen by the name of the file; whole or not at all.
 
     Raises:
         ParameterError: If the name ends otherwise.
+        OutputError: If it cannot be written.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if kind not in ("pdf", "png", "svg"):
         raise ParameterError("figure file", "a name ending in .pdf, .png or .svg", path.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draw(figure, path, cast('Literal["pdf", "svg", "png"]', kind))
+    with whole_file(path) as draft:
+        draw(figure, draft, cast('Literal["pdf", "svg", "png"]', kind))
     return path
 
 

@@ -22,7 +22,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from patagium.errors import ShapeError
-from patagium.whole_file import write_whole
+from patagium.whole_file import make_folder, write_whole
 
 Cell: TypeAlias = "str | float | bool | None"
 
@@ -302,7 +302,7 @@ def write_page(
     """A report, written whole or not at all.
 
     Args:
-        path: File to write; its folder is made. A name ending in .md makes a Markdown page
+        path: File to write, in a folder that is there. A name ending in .md makes a Markdown page
             with its pictures in a folder of the same name beside it, any other a
             self-contained HTML page.
         title: Title of the page.
@@ -317,7 +317,7 @@ def write_page(
     if path.suffix == ".md":
         text, pictures = markdown_page(title, sections, summary, told, path.stem)
         for name, image in pictures.items():
-            write_whole(path.with_suffix("") / name, image)
+            write_whole(make_folder(path.with_suffix("")) / name, image)
     else:
         text = _template().render(title=title, summary=summary, sections=sections, facts=told)
     return write_whole(path, text)

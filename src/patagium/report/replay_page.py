@@ -157,7 +157,7 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
     """The page of a flight, written whole or not at all.
 
     Args:
-        path: File to write; its folder is made.
+        path: File to write, in a folder that is there.
         replay: What to show.
 
     Returns:

@@ -425,20 +425,18 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
 
     Args:
         flight: The flight.
-        path: The file, replaced if it exists; folders are made.
+        path: The file, replaced if it exists, in a folder that is there.
 
     Returns:
         The path.
 
     Raises:
-        FlightError: If the flight misses a quantity, or the file cannot be written.
+        FlightError: If the flight misses a quantity.
+        OutputError: If the file cannot be written.
     """
     check_flight(flight, "flight")
-    try:
-        with whole_file(path) as draft:
-            flight.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
-    except OSError as error:
-        raise FlightError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with whole_file(path) as draft:
+        flight.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
     return Path(path)
 
 

@@ -5,6 +5,7 @@ Gaits are such that the robot flies, not such that it flies well.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,11 +19,12 @@ from PIL import Image
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.polars import SmoothPolar
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.report.figures import save_figure
+from patagium.report.page import draw
 from patagium.report.still import OBLIQUE
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, paths, simulate
 from patagium.viewer import still
+from patagium.whole_file import make_folder, whole_file
 
 
 @dataclass(frozen=True)
@@ -131,8 +133,8 @@ def save_picture(picture: Figure, folder: Path, name: str) -> Path:
         folder: Where it goes; made if missing.
         name: Of the file, without ending.
     """
-    path = save_figure(picture, folder / f"{name}.png")
-    with Image.open(path) as image:
-        small = image.convert("RGB").quantize(96)
-    small.save(path, optimize=True)
+    path, content = make_folder(folder) / f"{name}.png", io.BytesIO()
+    draw(picture, content, "png")
+    with Image.open(content) as image, whole_file(path) as draft:
+        image.convert("RGB").quantize(96).save(draft, format="PNG", optimize=True)
     return path

@@ -186,7 +186,7 @@ def replay(
 
     Args:
         flight: The flight.
-        path: The page to write; its folder is made.
+        path: The page to write, in a folder that is there.
         predicted: A learner or model, asked with frozen weights, or the identification of this
             flight, as it predicted each sample; None: true forces only.
         title: Heading; None: the flight of the robot.

@@ -55,7 +55,7 @@ def identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Cal
 def test_a_second_run_goes_on_from_the_first(
     identify: Callable[..., Answer], tmp_path: Path
 ) -> None:
-    state = tmp_path / "new" / "learner.state"
+    state = tmp_path / "learner.state"
     first = identify(*LEARN, "--state", state)
     assert first.code == 0 and f"The state after 400 samples is in {state}" in first.err
     second = identify(*LEARN, "--state", state, "--json")

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.errors import LogError
+from patagium.errors import LogError, OutputError
 from patagium.sensing import read_table
 from patagium.sensing.logs.files import opening
 from patagium.sensing.logs.files.table_files import CsvFile
@@ -178,7 +178,7 @@ def test_time_that_runs_back_for_most_of_the_log_is_refused(tmp_path: Path) -> N
 def test_a_result_that_cannot_be_written_is_refused_by_name(tmp_path: Path) -> None:
     log = written(tmp_path, frame())
     (tmp_path / "file").touch()
-    with pytest.raises(LogError, match=r"file/out\.nc: cannot be written"):
+    with pytest.raises(OutputError, match=r"file/out\.nc: cannot be written"):
         import_log(log, parse_mapping(WORDS), tmp_path / "file" / "out.nc")
 
 

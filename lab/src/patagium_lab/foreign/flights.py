@@ -131,5 +131,6 @@ def kept_flight(case: Case, folder: Path) -> xr.Dataset:
     """
     path = case.path(folder)
     if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_flight(make_flight(case), path)
     return load_flight(path)

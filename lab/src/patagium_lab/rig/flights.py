@@ -21,6 +21,7 @@ from patagium.sensing import save_sensor_log, sense
 from patagium.sensing.sensors import LoadCell, Sensor
 from patagium.sensing.sensors.sense import published
 from patagium.simulation import save_flight, simulate
+from patagium.whole_file import make_folder
 from patagium_lab.rig.plan import (
     CELL,
     UNSEEN,
@@ -71,7 +72,7 @@ def fly(plan: RigPlan, out: Path, tell: Part) -> Flown:
     """
     robot = load_robot(plan.robot)
     flight = _flown(plan, robot, learned_motion(plan, robot))
-    truth = save_flight(flight, out / "truth" / "learned.nc")
+    truth = save_flight(flight, make_folder(out / "truth") / "learned.nc")
     tell(0.4)
     unseen = {name: _flown(plan, robot, unseen_motion(plan, robot, name)) for name in UNSEEN}
     for name, one in unseen.items():
@@ -84,7 +85,7 @@ def fly(plan: RigPlan, out: Path, tell: Part) -> Flown:
         believed = scaled(sensors, max(factor, LEAST_BELIEVED))
         log = replace(log, sensors={s.name: published(s) for s in believed})
         _check_range(log.truth[CELL], next(s for s in sensors if s.name == CELL), robot)
-        logs[factor] = save_sensor_log(log, out / "logs" / f"noise_{factor:g}.nc")
+        logs[factor] = save_sensor_log(log, make_folder(out / "logs") / f"noise_{factor:g}.nc")
     tell(1.0)
     return Flown(flight, unseen, sensors, logs, truth)
 

@@ -15,6 +15,7 @@ from typing import Any
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import robot_of
 from patagium.viewer import replay
+from patagium.whole_file import make_folder
 from patagium_lab.conditions import conditions
 from patagium_lab.gallery import Gallery
 from patagium_lab.jobs import Job, run_jobs
@@ -76,8 +77,8 @@ def _learn(
     plan: RigPlan, flown: Flown, out: Path, tell: Callable[[float], None]
 ) -> tuple[dict[float, LogResult], list[dict[str, Any]]]:
     """Result of each log, by its noise, and rows of what limits the measured force."""
-    paths = flown.logs.values()
-    jobs = [Job(learn_from_log, (plan, path, out / "models"), LEARNING_COST) for path in paths]
+    models = make_folder(out / "models")
+    jobs = [Job(learn_from_log, (plan, log, models), LEARNING_COST) for log in flown.logs.values()]
     cases = [case for case in LIMIT_CASES if case.name in plan.limits]
     jobs += [Job(run_case, (plan, case, flown.sensors, flown.truth), CASE_COST) for case in cases]
     found = run_jobs(jobs, tell, plan.workers)

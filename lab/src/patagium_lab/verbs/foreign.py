@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium foreign --out out/foreign --quick",
-    "patagium foreign --out out/foreign --log log16.csv.gz --page docs/foreign.md",
+    "patagium foreign --out foreign --quick",
+    "patagium foreign --out foreign --log log16.csv.gz --page docs/foreign.md",
 )
 
 

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium reproduce --out out/demo",
-    "patagium reproduce --out out/quick --quick",
-    "patagium reproduce --out out/demo --page docs/results.md",
+    "patagium reproduce --out demo",
+    "patagium reproduce --out quick --quick",
+    "patagium reproduce --out demo --page docs/results.md",
 )
 
 

@@ -10,9 +10,9 @@ import typer
 from patagium.cli.words import quantity
 
 EXAMPLES = (
-    "patagium rig --out out/rig",
-    "patagium rig --out out/rig --page docs/rig.md",
-    'patagium rig --out out/slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
+    "patagium rig --out rig",
+    "patagium rig --out rig --page docs/rig.md",
+    'patagium rig --out slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
 )
 
 

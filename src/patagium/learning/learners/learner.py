@@ -224,13 +224,13 @@ class OnlineLearner(Learner):
         """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
 
         Args:
-            path: File, replaced whole or not at all; folders are made.
+            path: File, replaced whole or not at all, in a folder that is there.
 
         Returns:
             The path.
 
         Raises:
-            OSError: If it cannot be written; the file is then as it was.
+            OutputError: If it cannot be written; the file is then as it was.
         """
         return write_state(path, self.describe(), self.state())
 

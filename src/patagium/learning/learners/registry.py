@@ -113,14 +113,14 @@ def save_learner(path: str | Path, learner: OnlineLearner) -> Path:
     """Keep a learner in a file; see `Saved.save`.
 
     Args:
-        path: File, replaced whole or not at all; folders are made.
+        path: File, replaced whole or not at all, in a folder that is there.
         learner: Learner, between two samples.
 
     Returns:
         The path.
 
     Raises:
-        OSError: If it cannot be written; the file is then as it was.
+        OutputError: If it cannot be written; the file is then as it was.
     """
     return learner.save(path)
 

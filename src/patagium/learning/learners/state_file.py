@@ -45,7 +45,7 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
     """Keep a learner's description and state, on the disk before this returns.
 
     Args:
-        path: File, replaced whole or not at all; folders are made.
+        path: File, replaced whole or not at all, in a folder that is there.
         description: Network and settings of the learner.
         state: Arrays and JSON-able values by name, between two samples.
 
@@ -53,7 +53,7 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
         The path.
 
     Raises:
-        OSError: If it cannot be written; the file is then as it was.
+        OutputError: If it cannot be written; the file is then as it was.
     """
     return write_whole(path, _bytes_of(description, state))
 

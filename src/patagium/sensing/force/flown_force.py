@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from patagium.errors import LogError
 from patagium.sensing.force.measured_force import (
     ForceSamples,
     cell_wrench,
@@ -61,18 +60,14 @@ def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> 
         path: The file, replaced if it exists.
 
     Raises:
-        LogError: If the file cannot be written.
+        OutputError: If the file cannot be written.
     """
     units = {"units": "N or N m"}
     whole = motion.assign(
         force=(("time", "dof"), forces.force, units),
         force_std=(("time", "dof"), forces.std, units),
     )
-    try:
-        with whole_file(path) as draft:
-            whole.assign(known=whole["known"].astype("i1")).to_netcdf(
-                draft, format="NETCDF4", engine="netcdf4"
-            )
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
+    whole = whole.assign(known=whole["known"].astype("i1"))
+    with whole_file(path) as draft:
+        whole.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
     return Path(path)

@@ -130,24 +130,21 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
 
     Args:
         log: The log; its truth is not written.
-        path: The file, replaced if it exists; folders are created.
+        path: The file, replaced if it exists, in a folder that is there.
 
     Returns:
         Path of the file.
 
     Raises:
-        LogError: If the file cannot be written.
+        OutputError: If the file cannot be written.
     """
     origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
-    try:
-        with whole_file(path) as draft:
-            xr.Dataset(attrs=origin).to_netcdf(draft, mode="w", engine="netcdf4")
-            for label, reading in log.readings.items():
-                known = json.dumps(log.sensors[label].describe())
-                described = reading.assign_attrs(sensor=known)
-                described.to_netcdf(draft, mode="a", group=label, engine="netcdf4")
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with whole_file(path) as draft:
+        xr.Dataset(attrs=origin).to_netcdf(draft, mode="w", engine="netcdf4")
+        for label, reading in log.readings.items():
+            known = json.dumps(log.sensors[label].describe())
+            described = reading.assign_attrs(sensor=known)
+            described.to_netcdf(draft, mode="a", group=label, engine="netcdf4")
     return Path(path)
 
 

@@ -45,7 +45,7 @@ from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.record import FORMAT, LogRecord
 from patagium.sensing.logs.table import LogTable, table_from_frame
 from patagium.version import __version__
-from patagium.whole_file import whole_file
+from patagium.whole_file import Draft
 
 _CHUNK = 1 << 15
 """Samples of a chunk of a netCDF4 variable."""
@@ -187,8 +187,8 @@ def import_log(
         tell: Called with the findings before anything is resampled.
 
     Raises:
-        LogError: If the log cannot be read, lacks what the mapping names, or the result cannot
-            be written.
+        LogError: If the log cannot be read or lacks what the mapping names.
+        OutputError: If the result cannot be written.
     """
     words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
     source = "mapping" if isinstance(mapping, TableMapping) else str(mapping)
@@ -201,13 +201,17 @@ def import_log(
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
         robot = _robot(words, source)
+        draft = Draft(target)
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with Spool(log, plan, words.gap, target.parent, _half(progress, 0)) as spool:
-                return _written(log, words, source, robot, spool, target, _half(progress, 1), tell)
-        except OSError as problem:
-            reason = problem.strerror or problem
-            raise LogError(f"{target}: cannot be written: {reason}") from problem
+            with (
+                draft.writing(),
+                Spool(log, plan, words.gap, draft.path.parent, _half(progress, 0)) as spool,
+            ):
+                found = _written(log, words, source, robot, spool, draft, _half(progress, 1), tell)
+            draft.publish()
+        finally:
+            draft.discard()
+        return found
 
 
 def _written(
@@ -216,7 +220,7 @@ def _written(
     source: str,
     robot: Robot | None,
     spool: Spool,
-    target: Path,
+    draft: Draft,
     progress: Progress | None,
     tell: Tell | None,
 ) -> Imported:
@@ -242,21 +246,20 @@ def _written(
         "gap": mapping.gap,
         **_robot_attributes(robot, mapping),
     }
-    with whole_file(target) as draft:
-        writer: Writer = (
-            NetcdfWriter(draft, plan, base.count, attributes)
-            if target.suffix.lower() == ".nc"
-            else CsvWriter(draft, plan)
+    writer: Writer = (
+        NetcdfWriter(draft.path, plan, base.count, attributes)
+        if draft.target.suffix.lower() == ".nc"
+        else CsvWriter(draft.path, plan)
+    )
+    with closing(writer):
+        samples, duration = _write(writer, spool, base, mapping.gap, progress)
+    if samples < 2:
+        raise LogError(
+            f"{source}: expected samples where all quantities are known, found {samples} "
+            f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
         )
-        with closing(writer):
-            samples, duration = _write(writer, spool, base, mapping.gap, progress)
-        if samples < 2:
-            raise LogError(
-                f"{source}: expected samples where all quantities are known, found {samples} "
-                f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
-            )
     return Imported(
-        path=target,
+        path=draft.target,
         samples=samples,
         duration=duration,
         time_base=base.describe(plan),
