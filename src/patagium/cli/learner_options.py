@@ -143,7 +143,7 @@ def with_learner_options(
         @wraps(verb)
         def with_choice(**values: Any) -> None:
             found = {one.name: values.pop(one.name) for one in options}
-            verb(**values, choice=_chosen(found, several=several))
+            verb(**values, choice=_chosen(found))
 
         keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in both]
         with_choice.__dict__["__signature__"] = inspect.Signature(keywords)
@@ -269,7 +269,7 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
 """Type of an option and how its text is read, for each type of a setting."""
 
 
-def _chosen(found: dict[str, Any], *, several: bool) -> LearnerChoice:
+def _chosen(found: dict[str, Any]) -> LearnerChoice:
     """Choice of the values of `_options`; a file of settings gives what was not given."""
     path = found.pop("settings", None)
     given = {name: value for name, value in found.items() if value is not None}
@@ -292,7 +292,7 @@ def _chosen(found: dict[str, Any], *, several: bool) -> LearnerChoice:
     linear = shape.get("network") is NetworkKind.LINEAR_STRIP and "learner" not in given
     own = {one.name for one in settings_of("extended")}
     if path is None and {name.partition(".")[0] for name in settings} <= own:
-        if linear or (unchosen and not several):
+        if linear or unchosen:
             shape |= {"kind": "extended", "default": unchosen}
     choice = LearnerChoice(settings=settings, given=given_one, **shape)
     return choice if path is None else _completed(choice, set(shape), path)

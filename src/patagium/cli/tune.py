@@ -8,15 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.learner_options import LearnerChoice, nested, with_learner_options
+from patagium.cli.learner_options import (
+    LearnerChoice,
+    NetworkKind,
+    nested,
+    with_learner_options,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from patagium.learning import Tuned
+    from patagium.sensing import LogTable
 
 EXAMPLES = (
-    "patagium tune flight.nc --network strip --hidden 8,8 --every 100 --out settings.yaml",
+    "patagium tune flight.nc --every 100 --out settings.yaml",
     "patagium tune slow.nc fast.nc --hold-out other.nc --hidden 8,8 --out settings.yaml",
     "patagium tune flight.nc --hidden 8,8 --hidden 12 --covariance node --trials 128 --jobs 4",
     "patagium tune flight.nc --outlier-std 5 --prior-share 0 --learner extended",
@@ -66,26 +72,25 @@ def tune(
 
     Each trial teaches a new learner the flights with other settings, and then predicts what was
     left out: the flights of --hold-out, else wingbeats of other kinematics, else the second
-    half. A trial that diverges there, or errs more than predicting zero or than the weights
-    before any sample, is refused. A setting that is given is not searched, and one that is
-    repeated is searched among the values given. Trials are kept beside the result as they end:
-    the same command goes on where it was stopped.
+    half. Without --network and --hidden the default network of a robot is tried, and strips. A
+    trial that diverges there, or errs more than predicting zero or than the weights before any
+    sample, is refused. A setting that is given is not searched, and one that is repeated is
+    searched among the values given. Trials are kept beside the result as they end: the same
+    command goes on where it was stopped.
     """
     from patagium.cli.identify import flight_network, table_network
     from patagium.cli.logs import flight_or_table
-    from patagium.cli.words import WholeNumbers, progress_bar, say_json
+    from patagium.cli.words import progress_bar, say_json
     from patagium.learning import tune as tune_learner
     from patagium.learning.settings import Alternatives
 
-    usual = WholeNumbers((8, 8) if choice.network is None else choice.shape()[1])
-    layers = list(dict.fromkeys(choice.hidden or [usual]))
     held = hold_out or []
     opened = [flight_or_table(file, mapping) for file in (*files, *held)]
     logs: list[Any] = [flight if table is None else table for flight, table in opened]
     _check_alike((*files, *held), logs)
     names = [file.name for file in files]
     make: Any = flight_network if opened[0][1] is None else table_network
-    networks = [make(logs[0], choice.network, tuple(one), choice.activation) for one in layers]
+    networks = [make(logs[0], *one, choice.activation) for one in _tried(choice, opened[0][1])]
     settings: dict[str, Any] = {}
     for name, given in nested(choice.settings or {}).items():
         several = isinstance(given, list) and len(given) > 1
@@ -118,6 +123,23 @@ def tune(
         say_json(found.best.model_dump(mode="json"))
     else:
         _show(found)
+
+
+def _tried(
+    choice: LearnerChoice, table: LogTable | None
+) -> list[tuple[NetworkKind | None, tuple[int, ...]]]:
+    """Kind and hidden layers of each network that is tried.
+
+    Args:
+        choice: Choice of the command line.
+        table: The log, where it is a table; None: a flight.
+    """
+    if choice.hidden:
+        return [(choice.network, tuple(one)) for one in dict.fromkeys(choice.hidden)]
+    found = [choice.shape()]
+    if choice.network is None and table is None:
+        found.append((NetworkKind.STRIP, (8, 8)))
+    return found
 
 
 def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:

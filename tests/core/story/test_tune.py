@@ -148,6 +148,18 @@ def test_the_default_network_is_tuned_with_its_own_misfit(
     assert speak("identify", flight, "--settings", out).code == 0
 
 
+def test_without_options_the_default_network_and_strips_are_tried(
+    folder: Path, tmp_path: Path, speak: Speak
+) -> None:
+    flight, out = folder / "flight.nc", tmp_path / "settings.yaml"
+    assert speak("tune", flight, *TUNE[:-2], "--out", out).code == 0
+    found = pt.learning.load_settings(out)
+    assert {tuple(trial["hidden"]) for trial in found.trials} == {(), (8, 8)}
+    assert found.network.kind == ("strip" if found.network.hidden else "linear_strip")
+    assert found.learner.kind == "extended"
+    assert speak("identify", flight, "--settings", out).code == 0
+
+
 def test_a_table_is_tuned_as_it_is_identified(folder: Path, tmp_path: Path, speak: Speak) -> None:
     flight = pt.load_flight(folder / "flight.nc")
     table, mapping, out = (tmp_path / name for name in ("log.csv", "columns.yaml", "s.yaml"))

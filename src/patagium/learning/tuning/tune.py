@@ -163,7 +163,8 @@ def tune(
 
     Args:
         flight: Record with q, v, a, u1, or a table; or several, learned one after the other.
-        network: Network that learns; several that differ in their hidden layers are alternatives.
+        network: Network that learns; several that differ in their hidden layers are alternatives,
+            of one kind or of several. Each is judged by the force that it learns.
         every: 100 to use one sample in 100. The settings found are for that rate.
         trials: Number of settings to try.
         learner: "cubature" or "extended".
@@ -186,13 +187,12 @@ def tune(
     unknown = sorted(set(options) - set(SearchOptions.__annotations__))
     if unknown:
         raise TypeError(f"tune() got an unexpected keyword argument {unknown[0]!r}")
-    networks = tuple(network) if isinstance(network, Sequence) else (network,)
+    networks, flights = _several("network", network), _several("flight", flight)
     chosen = dict(settings or {})
     if covariance is not None:
         chosen["covariance"] = Alternatives(tuple(covariance))
-    flights = [flight] if isinstance(flight, (xr.Dataset, LogTable)) else list(flight)
-    exam = _exam(flights, networks, every, options)
-    problem = _problem(exam, networks, learner, chosen, seed)
+    exams = tuple(_exam(flights, one, every, options) for one in networks)
+    problem = _problem(exams, networks, learner, chosen, seed)
     book = TrialJournal(problem.question(), options.get("journal"))
     drawn = _scored_trials(
         problem,
@@ -202,6 +202,18 @@ def tune(
         lambda: pool(options.get("jobs"), options.get("cluster")),
     )
     return problem.tuned([(trial, book.scores[trial.number]) for trial in drawn])
+
+
+def _several(name: str, given: Any) -> tuple[Any, ...]:
+    """One or several, as a tuple.
+
+    Raises:
+        ParameterError: If there is none.
+    """
+    found = tuple(given) if isinstance(given, Sequence) else (given,)
+    if not found:
+        raise ParameterError(name, "at least one", 0)
+    return found
 
 
 def _scored_trials(
@@ -237,7 +249,7 @@ def _scored_trials(
 
 @dataclass(frozen=True)
 class _Exam:
-    """Samples that all trials learn, and those that they are judged on.
+    """Samples that all trials of a network learn, and those that they are judged on.
 
     Attributes:
         every: One sample in so many is used.
@@ -258,32 +270,35 @@ class _Problem:
         networks: Networks by their hidden layers.
         space: Settings to try.
         seed: Seed of the search and of the initial weights.
-        exam: Samples that are learned and judged.
+        exams: Samples that are learned and judged, network by network.
     """
 
     networks: dict[tuple[int, ...], Network]
     space: SearchSpace
     seed: int
-    exam: _Exam
+    exams: dict[tuple[int, ...], _Exam]
 
     def question(self) -> dict[str, Any]:
         """Question that the trials of a journal answer, as JSON values."""
-        described = next(iter(self.networks.values())).describe()
-        flown, left_out = self.exam.flown, self.exam.left_out
-        rest = {key: value for key, value in described.items() if key != "hidden"}
+        described = [one.describe() for one in self.networks.values()]
+        exams = list(self.exams.values())
+        flown, left_out = exams[0].flown, exams[0].left_out
+        kinds = ", ".join(dict.fromkeys(one["kind"] for one in described))
         space = json.dumps([str(sorted(self.space.searched.items())), self.space.fixed])
         judged = [
             part.tobytes()
-            for fold in left_out.folds
+            for exam in exams
+            for fold in exam.left_out.folds
             for part in (fold.learned, fold.judged, fold.flown.log.x, fold.flown.y)
         ]
         return {
             "patagium": __version__,
             "flight": flown.name,
-            "samples": f"{len(flown.y)} of digest {_digest(_seen(flown))}",
-            "every": self.exam.every,
+            "samples": f"{len(flown.y)} of digest "
+            + _digest(b"".join(_seen(exam.flown) for exam in exams)),
+            "every": exams[0].every,
             "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
-            "network": f"{described['kind']} of digest {_digest(json.dumps(rest).encode())}",
+            "network": f"{kinds} of digest {_digest(json.dumps(described).encode())}",
             "learner": self.space.kind,
             "settings": f"a space of digest {_digest(space.encode())}",
             "seed": self.seed,
@@ -292,7 +307,7 @@ class _Problem:
     def call(self, trial: DrawnTrial) -> tuple[Any, ...]:
         """Arguments of `_try` for a trial."""
         hidden, values = self.space.values(trial.parameters)
-        return self.networks[hidden], self.space.kind, self.seed, values, self.exam
+        return self.networks[hidden], self.space.kind, self.seed, values, self.exams[hidden]
 
     def tuned(self, scored: Sequence[tuple[DrawnTrial, PredictionScore]]) -> Tuned:
         """Best of the trials, and all of them.
@@ -302,29 +317,30 @@ class _Problem:
         """
         found = [Trial(*self.space.values(one.parameters), score) for one, score in scored]
         tried = sorted(found, key=lambda trial: -trial.prediction.score)
-        best, flown, rule = tried[0], self.exam.flown, self.exam.left_out
+        best = tried[0]
+        rule, name = self.exams[best.hidden].left_out, self.exams[best.hidden].flown.name
         if not np.isfinite(best.prediction.score):
             raise LogError(
-                f"{flown.name}: expected a trial that predicts what was left out "
+                f"{name}: expected a trial that predicts what was left out "
                 f"({rule.text}), found that all {len(tried)} were refused; the first one: "
                 f"{best.prediction.reason}"
             )
         if rule.rule == "second half":
             best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
-        network = self.networks[best.hidden]
+        network, exam = self.networks[best.hidden], self.exams[best.hidden]
         described, outputs = network.describe(), np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
-            flight=flown.name,
-            every=self.exam.every,
+            flight=name,
+            every=exam.every,
             network=NetworkSettings(
                 kind=described["kind"],
                 hidden=best.hidden,
                 activation=described.get("activation", "softplus"),
             ),
             learner=LearnerSettings(kind=self.space.kind, seed=self.seed, **best.values),
-            prediction={**scores, "outputs": outputs[flown.scored.any(axis=0)].tolist()},
+            prediction={**scores, "outputs": outputs[exam.flown.scored.any(axis=0)].tolist()},
             search={
                 "rule": rule.text,
                 "trials": len(tried),
@@ -349,9 +365,13 @@ def _as_good_as(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _problem(
-    exam: _Exam, networks: tuple[Network, ...], kind: str, settings: dict[str, Any], seed: int
+    exams: tuple[_Exam, ...],
+    networks: tuple[Network, ...],
+    kind: str,
+    settings: dict[str, Any],
+    seed: int,
 ) -> _Problem:
-    """Networks and search space of an exam.
+    """Networks, their exams and the search space.
 
     Raises:
         ParameterError: If the networks or the settings are not as they should be.
@@ -365,29 +385,24 @@ def _problem(
         settings.setdefault("covariance", Alternatives(("node",)))
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
         settings = {"measurement_std": None, "noise_estimation": None} | settings
-    y, scored = exam.flown.y, exam.flown.scored
+    y, scored = exams[0].flown.y, exams[0].flown.scored
     std = np.nanstd(y, axis=0)  # of outputs that never move: the middle of the others
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])
     space = search_space(kind, list(by_hidden), std.tolist(), settings)
-    return _Problem(by_hidden, space, seed, exam)
+    return _Problem(by_hidden, space, seed, dict(zip(by_hidden, exams, strict=True)))
 
 
-def _exam(
-    flights: Sequence[Flight], networks: tuple[Network, ...], every: int, options: SearchOptions
-) -> _Exam:
-    """Samples of flights that are learned, and those that are left out.
+def _exam(flights: Sequence[Flight], network: Network, every: int, options: SearchOptions) -> _Exam:
+    """Samples of flights that a network learns, and those that are left out.
 
     Raises:
-        ParameterError: If there is no network or flight, or no output moves.
-        ShapeError: If a network does not fit a flight.
+        ParameterError: If no output moves.
+        ShapeError: If the network does not fit a flight.
     """
-    for name, count in (("network", len(networks)), ("flight", len(flights))):
-        if not count:
-            raise ParameterError(name, "at least one", 0)
     given = options.get("hold_out", ())
     named = given.items() if isinstance(given, Mapping) else [("", one) for one in given]
-    others = [_used(one, networks[0], every, name)[0] for name, one in named]
-    parts = [_used(one, networks[0], every, "") for one in flights]
+    others = [_used(one, network, every, name)[0] for name, one in named]
+    parts = [_used(one, network, every, "") for one in flights]
     flown = _joined([one for one, _ in parts], options.get("source", ""))
     half = len(flown.y) // 2
     for one, late in ((flown, flown.scored[half:]), *((one, one.scored) for one in others)):
