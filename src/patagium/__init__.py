@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from patagium.simulation import mounts as mounts
     from patagium.simulation import paths as paths
     from patagium.simulation import save_flight as save_flight
+    from patagium.simulation.simulator import Simulator as Simulator
     from patagium.simulation.simulator import simulate as simulate
     from patagium.viewer.replay import replay as replay
     from patagium.viewer.replay import still as still
@@ -70,6 +71,7 @@ _HOMES = {
     "dynamics": ("Dynamics",),
     "aerodynamics": ("AddedMass", "Air", "DeLaurier", "LiftingLine", "QuasiSteady"),
     "simulation": (
+        "Simulator",
         "cycle_statistics",
         "gaits",
         "load_flight",

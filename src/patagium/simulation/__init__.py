@@ -16,10 +16,12 @@ from patagium.simulation.flight import (
     robot_of,
     save_flight,
 )
-from patagium.simulation.simulator import simulate
+from patagium.simulation.simulator import FlightState, Simulator, simulate
 
 __all__ = [
     "QUANTITIES",
+    "FlightState",
+    "Simulator",
     "added_mass_of",
     "aero_of",
     "air_of",

@@ -103,7 +103,12 @@ QUANTITIES: dict[str, Quantity] = {
     "aero_state": Quantity(("lag",), "1", "states of the aerodynamic model"),
 }
 """Every variable of a flight, where q and v have the same names."""
+COMMAND = "command"
+"""Name of what a controller commanded of the gait."""
 OPTIONAL: dict[str, Quantity] = {
+    COMMAND: Quantity(
+        ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
+    ),
     LOAD_CELLS: Quantity(
         ("load_cell", "component"),
         _FORCE,
@@ -148,6 +153,7 @@ class FlightOrigin:
         added_mass: Inertia of the air that moved with it, or None.
         mount_path: Description of the path it was carried along, or None.
         load_cells: Where wrenches were measured.
+        commands: Names of what was commanded of the gait.
     """
 
     robot: Robot
@@ -159,6 +165,7 @@ class FlightOrigin:
     added_mass: AddedMass | None = None
     mount_path: Mapping[str, Any] | None = None
     load_cells: tuple[InternalLoadCell, ...] = ()
+    commands: tuple[str, ...] = ()
 
 
 def flight_record(
@@ -331,6 +338,7 @@ def _sizes(origin: FlightOrigin, samples: int) -> dict[str, int]:
         "component": len(WRENCH),
         "lag": origin.aero.state_size,
         "load_cell": len(origin.load_cells),
+        "command_name": len(origin.commands),
     }
 
 
@@ -349,6 +357,7 @@ def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
         "axis": ("axis", list(AXES)),
         "component": ("component", list(WRENCH)),
         **({"load_cell": ("load_cell", cells)} if cells else {}),
+        **({"command_name": ("command_name", list(origin.commands))} if origin.commands else {}),
     }
 
 

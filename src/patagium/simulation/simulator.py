@@ -9,9 +9,9 @@ sensors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -22,7 +22,7 @@ from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFaile
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.flight import FlightOrigin, flight_record
+from patagium.simulation.flight import COMMAND, FlightOrigin, flight_record
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
 from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
@@ -46,20 +46,26 @@ from patagium.simulation.state_limits import (
     outcome_message,
     singular_places,
 )
+from patagium.simulation.steered_gait import SteeredGait
 
 
-def whole_steps(duration: float, time_step: float) -> int:
+def whole_steps(duration: float, time_step: float, name: str = "duration") -> int:
     """Number of time steps in a duration.
+
+    Args:
+        duration: The duration [s].
+        time_step: Step [s].
+        name: Name of the duration in errors.
 
     Raises:
         ParameterError: If either is not positive, or they do not divide.
     """
-    for name, value in (("duration", duration), ("time_step", time_step)):
+    for which, value in ((name, duration), ("time_step", time_step)):
         if not (np.isfinite(value) and value > 0):
-            raise ParameterError(name, "a positive number of seconds", value)
+            raise ParameterError(which, "a positive number of seconds", value)
     steps = round(duration / time_step)
     if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
-        raise ParameterError("duration", f"a whole number of time steps of {time_step} s", duration)
+        raise ParameterError(name, f"a whole number of time steps of {time_step} s", duration)
     return steps
 
 
@@ -163,10 +169,57 @@ class FlightOptions(TypedDict, total=False):
     load_cells: Sequence[InternalLoadCell]
 
 
+Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
+"""Function from time [s] and state to commands by name, as `SteeredGait` takes them."""
+
+
+@dataclass(frozen=True)
+class FlightState:
+    """State of a flight at one time, as it truly is.
+
+    Attributes:
+        robot: The machine.
+        time: Since the start [s].
+        q: Coordinates, (n_q,) [m, rad, 1].
+        v: Velocities, (n,) [m/s, rad/s].
+    """
+
+    robot: Robot
+    time: float
+    q: Array
+    v: Array
+
+    def position(self, name: str) -> float:
+        """Coordinate of a name, such as `z` or `pitch` [m, rad, 1].
+
+        Raises:
+            ParameterError: If the robot has no such coordinate.
+        """
+        return float(self.q[_place("position", name, self.robot.coordinate_names)])
+
+    def velocity(self, name: str) -> float:
+        """Velocity of a degree of freedom, such as `x` or `pitch` [m/s, rad/s].
+
+        Raises:
+            ParameterError: If the robot has no such degree of freedom.
+        """
+        return float(self.v[_place("velocity", name, self.robot.dof_names)])
+
+
+def _place(what: str, name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise ParameterError(what, f"one of {', '.join(names)}", name)
+    return names.index(name)
+
+
 class Simulator:
-    """A flight that goes on as far as it is asked to, and whose gait may change on the way.
+    """A flight that goes on step by step, and whose gait may be commanded on the way.
 
     Pieces of any size give the same flight as `simulate`.
+
+        flying = pt.Simulator(robot, air, gait, duration=2.0, time_step=1e-4, control_period=0.01)
+        while flying.time < 2.0:
+            state = flying.step({"elevation_offset": -0.8 * flying.state.position("pitch")})
 
     Args:
         robot: The machine.
@@ -175,6 +228,8 @@ class Simulator:
         duration: Longest time it can fly, a whole number of time steps [s].
         time_step: Step [s].
         mount: Mount that holds the robot; free by default if it floats, else fixed.
+        control_period: Time that `step` takes, a whole number of time steps [s]; by default a
+            twentieth of a wingbeat, or 10 ms where the gait stands still.
         **options: Keywords of `FlightOptions`.
 
     Raises:
@@ -191,10 +246,14 @@ class Simulator:
         duration: float,
         time_step: float,
         mount: Mount | None = None,
+        control_period: float | None = None,
         **options: Unpack[FlightOptions],
     ) -> None:
         check_keywords(options, FlightOptions)
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
+        self._control_steps = _control_steps(gait, control_period, time_step)
+        self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
+        self._commands: list[tuple[int, dict[str, float]]] = []
         added_mass, cells = options.get("added_mass"), tuple(options.get("load_cells", ()))
         check_robots(robot, aero)
         check_added_mass(robot, aero, added_mass)
@@ -223,6 +282,7 @@ class Simulator:
         self._rows = rows
         self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
+        self._own_commands: dict[str, float] = {}
         self._origin = FlightOrigin(
             robot,
             aero,
@@ -265,26 +325,72 @@ class Simulator:
         """Outcome of the flight so far: COMPLETED while all is well."""
         return self._integration.outcome if self._cause is None else Outcome.STEP_TOO_LONG
 
-    def steer(self, gait: Gait) -> None:
-        """Follow another gait from now on.
+    @property
+    def state(self) -> FlightState:
+        """State of the flight now."""
+        samples = self.run.samples
+        return FlightState(self._robot, self.time, samples["q"][-1].copy(), samples["v"][-1].copy())
+
+    def command(self, commands: Mapping[str, float]) -> None:
+        """Have the gait go to other values from now on; names are those of `SteeredGait`.
 
         Args:
-            gait: One of the same joints that is now where the last one is, as fast.
+            commands: Values by name; what is not named stays as it was commanded.
 
         Raises:
-            ParameterError: If it moves other joints, or would have them jump.
+            ParameterError: If a name is no command, or a value not possible.
         """
-        check_gait(self._robot, gait)
-        now = np.array([self.time])
-        old, new = self._gait.motion(now), gait.motion(now)
-        jump = max(
-            float(np.abs(new.position - old.position).max(initial=0.0)),
-            float(np.abs(new.velocity - old.velocity).max(initial=0.0)),
-        )
-        if jump > _JUMP:
-            expected = f"joints that go on where they are at {self.time:g} s"
-            raise ParameterError("gait", expected, f"a jump of {jump:.3g}")
-        self._gait = gait
+        if self._steered is None:
+            self._steered = SteeredGait(self._robot, self._gait)
+        for name in commands:
+            if name not in self._own_commands:
+                self._own_commands[name] = self._steered.commanded(name)
+        self._steered.command(self.time, commands)
+        self._gait = self._steered
+        self._commands.append((self._integration.done, dict(commands)))
+
+    def fly(
+        self, controller: Controller | None = None, progress: Progress | None = None
+    ) -> Outcome:
+        """Fly to the end, or up to where the run breaks.
+
+        Args:
+            controller: Function that commands the gait once every control period.
+            progress: Function that takes the steps done and to do, called from time to time.
+
+        Returns:
+            COMPLETED if all is well.
+
+        Raises:
+            ParameterError: If a command has no such name, or is not possible.
+        """
+        if controller is None:
+            return self.advance(self.steps, progress)
+        while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
+            commands = controller(self.time, self.state)
+            if commands:
+                self.command(commands)
+            self.advance(self._control_steps, progress)
+        return self.outcome
+
+    def step(self, commands: Mapping[str, float] | None = None) -> FlightState:
+        """Command, fly on for one control period, and look.
+
+        Args:
+            commands: Values by name, as of `command`; None leaves all as they were commanded.
+
+        Returns:
+            The state at the end of the period.
+
+        Raises:
+            ParameterError: If a name is no command, or a value not possible.
+            SimulationFailed: If the run broke; it carries the flight.
+        """
+        if commands:
+            self.command(commands)
+        if self.advance(self._control_steps) is not Outcome.COMPLETED:
+            raise SimulationFailed(self.message(), self.flight(), self.outcome)
+        return self.state
 
     def message(self) -> str:
         """Outcome of the flight so far, in words."""
@@ -299,7 +405,23 @@ class Simulator:
         time = times_of(0, run.steps + 1, self._time_step)
         run.samples["wind"] = _wind(self._aero, run.samples, time)
         origin = replace(self._origin, gait=self._gait.describe())
-        return flight_record(origin, time, run.samples, self.outcome, self.message())
+        if self._commands:
+            names, values = self._command_samples(run.steps + 1)
+            origin = replace(origin, commands=names)
+            run.samples[COMMAND] = values
+        flight = flight_record(origin, time, run.samples, self.outcome, self.message())
+        if self._steered is not None:
+            flight.attrs["commands_limited"] = self._steered.limited
+        return flight
+
+    def _command_samples(self, count: int) -> tuple[tuple[str, ...], Array]:
+        """Names of commands, and what was commanded last at each sample, (N, names)."""
+        names = tuple(self._own_commands)
+        values = np.tile(np.array([self._own_commands[name] for name in names]), (count, 1))
+        for first, commands in self._commands:
+            for name, value in commands.items():
+                values[first:, names.index(name)] = value
+        return names, values
 
     def _failure_cause(self) -> StepTooLong | None:
         """Cause of the failure where the step was too long; else None."""
@@ -323,8 +445,18 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
     return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
 
 
-_JUMP = 1e-6
-"""Jump of a steered joint that is rounding of its phase [rad, rad/s, m, m/s]."""
+def _control_steps(gait: Gait, period: float | None, time_step: float) -> int:
+    """Number of time steps in a control period."""
+    if period is not None:
+        return whole_steps(period, time_step, "control_period")
+    wanted = CONTROL_SHARE * gait.period if gait.period else CONTROL_PERIOD
+    return max(1, round(wanted / time_step))
+
+
+CONTROL_SHARE = 0.05
+"""Control period over the wingbeat, where none is given."""
+CONTROL_PERIOD = 0.01
+"""Control period of a gait that stands still, where none is given [s]."""
 
 
 def _equations(
@@ -428,10 +560,14 @@ class SimulationOptions(FlightOptions, total=False):
     Attributes:
         throw: Whether a run that stops early raises; True where not given.
         progress: Function that takes the steps done and to do, called from time to time.
+        controller: Function from time and `FlightState` to commands of the gait by name.
+        control_period: Time between two calls of it [s].
     """
 
     throw: bool
     progress: Progress | None
+    controller: Controller | None
+    control_period: float | None
 
 
 def simulate(
@@ -469,6 +605,8 @@ def simulate(
             throw: Whether a run that stops early raises (default); else the flight up to there
             is returned, `outcome` and `message` among its attributes.
             progress: Function that takes the steps done and to do, called from time to time.
+            controller, control_period: Function from time [s] and `FlightState` to commands of
+                the gait (names of `SteeredGait`), or None; time between two calls of it [s].
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
@@ -480,11 +618,13 @@ def simulate(
     """
     check_keywords(options, SimulationOptions)
     throw, progress = options.pop("throw", True), options.pop("progress", None)
+    controller, period = options.pop("controller", None), options.pop("control_period", None)
+    if period is not None and controller is None:
+        raise ParameterError("control_period", "a controller with it", None)
     started: FlightOptions = options
-    simulator = Simulator(
-        robot, aero, gait, duration=duration, time_step=time_step, mount=mount, **started
-    )
-    simulator.advance(simulator.steps, progress)
+    times = {"duration": duration, "time_step": time_step}
+    simulator = Simulator(robot, aero, gait, mount=mount, control_period=period, **times, **started)
+    simulator.fly(controller, progress)
     flight = simulator.flight()
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:

@@ -26,7 +26,7 @@ from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.runge_kutta import times_of
 from patagium.simulation.simulator import Simulator
-from patagium.simulation.steered_gait import largest_amplitude, steerable_gait
+from patagium.simulation.steered_gait import SteeredGait
 from patagium.viewer.live_frames import Feed, Steering, Subject, records_without_learner
 from patagium.viewer.live_view import PERIOD, LiveView
 
@@ -53,7 +53,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
     outputs = robot.dof_names if network is None else network.output_names
     steering = None
     if gait.period:
-        most = min(_MOST_AMPLITUDE, largest_amplitude(robot, steerable_gait(gait)))
+        most = min(_MOST_AMPLITUDE, SteeredGait(robot, gait).largest_amplitude())
         own = 1.0 / gait.period
         steering = Steering(own, _SLOWEST * own, _FASTEST * own, max(1.0, most))
     title = f"{robot.name}: flying" + ("" if network is None else " and learning")
@@ -136,7 +136,7 @@ class LiveFlight:
 
     def _begin(self) -> None:
         """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
-        self._gait = steerable_gait(self._own) if self._steering else None
+        self._gait = SteeredGait(self._robot, self._own) if self._steering else None
         self._simulator = self._start(self._gait or self._own)
         self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
         self._show(np.zeros(1), {k: part[:1] for k, part in self._simulator.run.samples.items()})
@@ -166,8 +166,7 @@ class LiveFlight:
         if self._gait is None:
             return
         self._asked = frequency, amplitude
-        self._gait = self._gait.command(self._simulator.time, frequency, amplitude)
-        self._simulator.steer(self._gait)
+        self._simulator.command({"frequency": frequency, "amplitude": amplitude})
 
     def _steps_due(self) -> int:
         """Number of steps by which the flight is behind the clock."""

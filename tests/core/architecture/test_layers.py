@@ -34,6 +34,7 @@ PUBLIC = {
     "Pipeline",
     "QuasiSteady",
     "Robot",
+    "Simulator",
     "StripNetwork",
     "__version__",
     "air",

@@ -12,8 +12,7 @@ from numpy.polynomial import Polynomial
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.simulation.gaits import check_gait
-from patagium.simulation.simulator import Simulator
-from patagium.simulation.steered_gait import largest_amplitude, steerable_gait
+from patagium.simulation.steered_gait import SteeredGait
 
 ROBOT = pt.load_robot("aerobat")
 
@@ -27,19 +26,24 @@ def a_gait():
 
 def on_its_way():
     """Asked for while the last answer is still under way."""
-    gait = steerable_gait(a_gait())
-    for time, frequency, amplitude in ((0.2, 8.0, 1.3), (0.31, 3.0, 0.2), (0.35, 6.0, 1.0)):
-        gait = gait.command(time, frequency, amplitude)
+    gait = SteeredGait(ROBOT, a_gait(), {"elbow_offset": 0.1})
+    gait.command(0.2, {"frequency": 8.0, "amplitude": 1.3, "left_plunge_phase": 0.4})
+    gait.command(0.31, {"frequency": 3.0, "right_plunge_amplitude": 0.2, "elbow_offset": -0.2})
+    gait.command(0.35, {"frequency": 6.0, "amplitude": 1.0, "left_plunge_offset": 0.1})
     return gait
+
+
+def both(frequency: float, amplitude: float) -> dict[str, float]:
+    return {"frequency": frequency, "amplitude": amplitude}
 
 
 @pytest.mark.parametrize("own", [a_gait(), pt.gaits.linkage(ROBOT, frequency=7.0)])
 def test_unsteered_it_is_the_gait_to_the_last_bit(own):
     times = np.linspace(0.0, 3.0, 1001)
     for part in ("position", "velocity", "acceleration"):
-        found = getattr(steerable_gait(own).motion(times), part)
+        found = getattr(SteeredGait(ROBOT, own).motion(times), part)
         np.testing.assert_array_equal(found, getattr(own.motion(times), part))
-    assert steerable_gait(own).period == own.period
+    assert SteeredGait(ROBOT, own).period == own.period
 
 
 def test_velocities_and_accelerations_are_derivatives():
@@ -57,15 +61,16 @@ def test_velocities_and_accelerations_are_derivatives():
 
 def test_position_velocity_and_acceleration_go_on_where_it_is_asked():
     gait = on_its_way()
-    for piece in gait.pieces[1:]:
-        sides = gait.motion([np.nextafter(piece.time, 0.0), piece.time])
+    for time in (0.2, 0.31, 0.35):
+        sides = gait.motion([np.nextafter(time, 0.0), time])
         for part in (sides.position, sides.velocity, sides.acceleration):
             scale = np.abs(part).max()
             assert np.abs(part[1] - part[0]).max() < 1e-11 * scale  # rounding
 
 
 def test_it_settles_where_it_was_asked_to_and_stays_between():
-    gait = steerable_gait(a_gait()).command(0.1, 12.0, 0.5)
+    gait = SteeredGait(ROBOT, a_gait())
+    gait.command(0.1, both(12.0, 0.5))
     times = np.linspace(0.1, 2.0, 2000)
     seen = np.array([gait.command_at(float(t)) for t in times])
     assert (np.diff(seen[:, 0]) >= 0).all() and (np.diff(seen[:, 1]) <= 0).all()
@@ -83,50 +88,85 @@ def test_it_settles_where_it_was_asked_to_and_stays_between():
 def test_the_limits_of_the_joints_are_kept():
     count = len(ROBOT.lower)
     limited = replace(ROBOT, lower=(-0.65,) * count, upper=(0.8,) * count)
-    gait = steerable_gait(a_gait())
-    assert largest_amplitude(ROBOT, gait) == np.inf  # its file has no limits
-    most = largest_amplitude(limited, gait)
+    assert SteeredGait(ROBOT, a_gait()).largest_amplitude() == np.inf  # its file has no limits
+    gait = SteeredGait(limited, a_gait())
+    most = gait.largest_amplitude()
     assert most == pytest.approx(0.7 / 0.5, rel=1e-5)  # plunge, about 0.1; 2000 times
-    at_most = gait.command(0.0, 5.0, most)
-    position = at_most.motion(np.linspace(0.0, 3.0, 20001)).position
+    gait.command(0.0, both(5.0, most))
+    assert gait.limited == 0
+    gait.command(3.0, both(5.0, 2.0) | {"plunge_offset": 0.5})
+    assert gait.limited == 1
+    position = gait.motion(np.linspace(0.0, 6.0, 20001)).position
     assert position.min() >= -0.65 and position.max() <= 0.8 + 1e-6
     assert position.max() > 0.8 - 1e-4
 
 
+def test_a_command_moves_the_joints_it_names_and_no_other():
+    gait, own = SteeredGait(ROBOT, a_gait()), a_gait()
+    gait.command(0.0, {"left_plunge_amplitude": 0.5, "elbow_offset": 0.2, "right_elbow_phase": 1.0})
+    times = 2.0 + np.linspace(0.0, 0.2, 101)
+    away = gait.motion(times).position - gait.mean
+    alone = own.motion(times).position - gait.mean
+    ahead = own.motion(times + 1.0 / (2 * np.pi * 5.0)).position - gait.mean
+    place = {name: k for k, name in enumerate(gait.joints)}
+    expected = alone.copy()
+    expected[:, place["left_plunge"]] *= 0.5
+    expected[:, place["right_elbow"]] = ahead[:, place["right_elbow"]]
+    for joint in ("left_elbow", "right_elbow"):
+        expected[:, place[joint]] += 0.2
+    # ten wingbeats after the command exp(-80) of it is left
+    np.testing.assert_allclose(away, expected, atol=1e-12)
+
+
 def test_what_cannot_be_is_refused():
-    gait = steerable_gait(a_gait()).command(0.5, 5.0, 1.0)
-    for words in ((0.4, 5.0, 1.0), (0.6, 0.0, 1.0), (0.6, 5.0, -0.1), (np.nan, 5.0, 1.0)):
+    gait = SteeredGait(ROBOT, a_gait())
+    gait.command(0.5, both(5.0, 1.0))
+    wrong = (
+        (0.4, 5.0, 1.0),
+        (0.6, 0.0, 1.0),
+        (0.6, 5.0, -0.1),
+        (np.nan, 5.0, 1.0),
+        (1.0, 5.0, np.nan),
+    )
+    for time, *values in wrong:
         with pytest.raises(ParameterError):
-            gait.command(*words)
-    with pytest.raises(ParameterError, match="one that moves"):
-        steerable_gait(pt.gaits.still(ROBOT))
+            gait.command(time, both(*values))
+    for name in ("plunge", "feather_amplitude", "tail_offset", "plunge_speed", "offset"):
+        with pytest.raises(ParameterError, match="amplitude, <joint>_offset of left_plunge"):
+            gait.command(0.6, {name: 1.0})
+    still = SteeredGait(ROBOT, pt.gaits.still(ROBOT))
+    with pytest.raises(ParameterError, match="<joint>_offset"):
+        still.command(0.0, {"frequency": 3.0})
+    still.command(0.0, {"feather_offset": 0.1})
+    assert still.motion([1.0]).position[0, list(still.joints).index("left_feather")] == 0.1
+    with pytest.raises(ParameterError, match="a positive time"):
+        SteeredGait(ROBOT, a_gait(), {"plunge_offset": 0.0})
     check_gait(ROBOT, gait)
     json.dumps(gait.describe())
 
 
-def flown(pieces, steer=None):
-    gait = steerable_gait(a_gait())
-    aero, start = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
-    flying = Simulator(ROBOT, aero, gait, duration=0.2, time_step=1e-4, v=start)
+AERO, START = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
+
+
+def flown(pieces, commands=None):
+    flying = pt.Simulator(ROBOT, AERO, a_gait(), duration=0.2, time_step=1e-4, v=START)
     for piece in pieces:
         flying.advance(piece)
-        if steer is not None and flying.time == pytest.approx(0.1):
-            gait = gait.command(flying.time, *steer)
-            flying.steer(gait)
+        if commands is not None and flying.time == pytest.approx(0.1):
+            flying.command(commands)
     return flying.flight()
 
 
 def test_a_flight_in_pieces_is_the_flight():
-    aero, start = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
-    whole = pt.simulate(ROBOT, aero, a_gait(), duration=0.2, time_step=1e-4, v=start)
+    whole = pt.simulate(ROBOT, AERO, a_gait(), duration=0.2, time_step=1e-4, v=START)
     parts = flown([1, 7, 992, 333, 2000])
     for name in whole.data_vars:
         np.testing.assert_array_equal(parts[name].values, whole[name].values)
     assert parts.attrs["outcome"] == "COMPLETED" and pt.simulation.gait_period(parts) == 0.2
 
 
-def test_a_flight_follows_what_is_asked_for():
-    flight = flown([1000, 1000], (9.0, 0.6))
+def test_a_flight_follows_what_is_commanded(tmp_path):
+    flight = flown([1000, 1000], both(9.0, 0.6))
     plunge = flight["q"].sel(dof="left_plunge").values
     rate = flight["v"].sel(dof="left_plunge").values
     slope = np.gradient(plunge, 1e-4)
@@ -135,12 +175,59 @@ def test_a_flight_follows_what_is_asked_for():
     np.testing.assert_array_equal(plunge[:1001], before[:1001])
     assert np.abs(plunge - before).max() > 0.05
     assert flight.attrs["energy_audit"] < 1e-6
-    assert json.loads(flight.attrs["gait"])["asked"][-1]["frequency"] == 9.0
+    again = pt.load_flight(pt.save_flight(flight, tmp_path / "flight.nc"))
+    assert list(again["command_name"].values) == ["frequency", "amplitude"]
+    np.testing.assert_array_equal(again["command"].values[[0, 999, 1000, 2000], 0], [5, 5, 9, 9])
+    assert pt.simulation.gait_period(again) == pytest.approx(1 / 9)
 
 
-def test_a_gait_that_would_jump_is_refused():
-    aero = pt.QuasiSteady(ROBOT, pt.Air())
-    flying = Simulator(ROBOT, aero, a_gait(), duration=0.2, time_step=1e-4)
-    flying.advance(300)
-    with pytest.raises(ParameterError, match="a jump of"):
-        flying.steer(pt.gaits.sinusoidal(ROBOT, frequency=6.0, plunge=0.5))
+def test_a_controller_is_a_loop_of_steps():
+    """`simulate` with a controller, and `step` by hand, are the same flight to the last bit."""
+    calls = []
+
+    def controller(time, state):
+        calls.append(time)
+        return {"feather_offset": 0.3 * state.position("pitch"), "frequency": 5.0 + time}
+
+    options = dict(duration=0.1, time_step=1e-3, control_period=0.01, v=START)
+    flight = pt.simulate(ROBOT, AERO, a_gait(), controller=controller, **options)
+    np.testing.assert_allclose(calls, 0.01 * np.arange(10), atol=1e-12)  # rounding of the times
+    flying = pt.Simulator(ROBOT, AERO, a_gait(), **options)
+    while flying.time < 0.1 - 1e-9:
+        state = flying.step(controller(flying.time, flying.state))
+    for name in flight.data_vars:
+        np.testing.assert_array_equal(flight[name].values, flying.flight()[name].values)
+    assert state.velocity("x") == flight.v.sel(dof="x").values[-1]
+    for wrong in ("position", "velocity"):
+        with pytest.raises(ParameterError, match="left_plunge"):
+            getattr(state, wrong)("tail")
+
+
+def test_feedback_holds_the_pitch():
+    """A tail that answers pitch and its rate holds an ornithopter that falls without."""
+    robot = pt.load_robot("ornithopter")
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.5, offset={"elevation": -0.1})
+
+    def hold(time, state):
+        pitch, rate = state.position("pitch"), state.velocity("pitch")
+        return {"elevation_offset": 0.8 * pitch + 0.1 * rate}
+
+    found = {}
+    for name, controller in (("free", None), ("held", hold)):
+        flight = pt.simulate(
+            robot, pt.QuasiSteady(robot, pt.Air()), gait, duration=2.0, time_step=1e-3,
+            v=robot.velocities(x=6.0), controller=controller,
+        )  # fmt: skip
+        found[name] = np.abs(flight.q.sel(dof="pitch").values).max()
+    assert found["free"] > 0.6 and found["held"] < 0.3  # rad; measured .79 and .24
+
+
+def test_a_command_that_is_wrong_ends_the_flight_with_its_name():
+    for commands in ({"tail_offset": 1.0}, {"plunge_offset": np.nan}):
+        with pytest.raises(ParameterError, match=r"tail_offset|plunge_offset"):
+            pt.simulate(
+                ROBOT, AERO, a_gait(), duration=0.1, time_step=1e-3,
+                controller=lambda time, state, commands=commands: commands,
+            )  # fmt: skip
+    with pytest.raises(ParameterError, match="control_period"):
+        pt.simulate(ROBOT, AERO, a_gait(), duration=0.1, time_step=1e-3, control_period=0.01)
