@@ -14,13 +14,15 @@ from typer.testing import CliRunner
 from patagium.errors import ParameterError
 from patagium.report import cell_text
 from patagium.simulation import load_flight
+from patagium_lab.foreign import near as near_page
 from patagium_lab.foreign import page as pages
 from patagium_lab.foreign import trials as trial_module
-from patagium_lab.foreign.flights import Case
+from patagium_lab.foreign.contestants import DEFAULT
+from patagium_lab.foreign.flights import DISTANCES, Case, near_cases
 from patagium_lab.foreign.plan import QUICK, ForeignPlan
 from patagium_lab.foreign.run import planned, run, split
 from patagium_lab.foreign.subjects import LATTICE, MOUNTED
-from patagium_lab.foreign.trials import PHYSICS, Trial, run_trial
+from patagium_lab.foreign.trials import BEST, PHYSICS, SEARCH, Trial, run_trial
 from patagium_lab.study import Stages, write_study
 from patagium_lab.verbs.foreign import foreign
 
@@ -30,6 +32,7 @@ SMALL = ForeignPlan(
     contestants=("linear",),
     learned=1,
     unseen=1,
+    near=0,
     real=False,
     workers=0,
 )
@@ -134,8 +137,61 @@ def test_misses_are_marked_against_the_limits() -> None:
     worse = pages.target_rows([*rows, row_of("strip", 3e-3, 1e-2, 0.2)])
     assert [row["met"] for row in worse] == [False, False, True, False, True]
     assert worse[0]["flights"] == "1 of 2" and worse[0]["found"] == 3e-3
-    named = pages.shown([*rows, row_of(pages.DEFAULT, 1.0, 100.0)])
-    assert named == pages.DEFAULT
+    named = pages.shown([*rows, row_of(DEFAULT, 1.0, 100.0)])
+    assert named == DEFAULT
+
+
+def test_a_search_is_scored_beside_the_default_as_its_pick_and_its_best_trial(
+    out: Path, tmp_path: Path
+) -> None:
+    gaits = sorted(out.glob("flights/choosing/*/wing-slender/*.nc"))
+    learned, other = (Case(LATTICE, "wing-slender", int(p.stem), 13, False) for p in gaits[:2])
+    row = run_trial(Trial(SEARCH, learned, (other,), 40, 8), out / "flights", tmp_path)
+    (best,) = pages.best_rows([row])
+    assert best["contestant"] == BEST and row["contestant"] == SEARCH
+    assert 0 < best["known"]["worst"] <= row["known"]["worst"] < 1
+    assert len(best["unseen"]) == 1 and "prior_std" in row["settings"]
+    flight = {"robot": learned.robot, "gait": learned.gait}
+    default, physics = ({**row_of(name, 1.0, 1.0), **flight} for name in (DEFAULT, PHYSICS))
+    default["known"] = {**default["known"], "worst": 3.5 * best["known"]["worst"]}
+    targets = pages.target_rows([physics, default, row, best])
+    found = [one for one in targets if one["target"].startswith("all air")]
+    assert len(found) == 2 and found[1]["found"] == pytest.approx(3.5) and not found[1]["met"]
+    assert found[0]["found"] <= found[1]["found"]
+
+
+def test_near_wingbeats_stay_at_their_distance_on_one_ray() -> None:
+    case = Case(MOUNTED, "hawk", 0, 13, True)
+    drawn, around = case.wingbeat(), near_cases(case, 2)
+    assert [one.distance for one in around] == [d for d in DISTANCES for _ in range(2)]
+    assert len({one.path(Path()) for one in around}) == 6 and all(one.apart for one in around)
+    largest = max(drawn.amplitude.values())
+    for one in around:
+        beat = one.wingbeat()
+        assert beat == one.wingbeat()
+        shares = [beat.frequency / drawn.frequency - 1, beat.speed / drawn.speed - 1]
+        shares += [beat.amplitude[k] / drawn.amplitude[k] - 1 for k in drawn.amplitude]
+        shares += [beat.phase[k] - drawn.phase[k] for k in drawn.phase]
+        shares += [(beat.offset[k] - drawn.offset[k]) / largest for k in drawn.offset]
+        shares.append((beat.incidence - drawn.incidence) / largest)
+        assert max(map(abs, shares)) == pytest.approx(one.distance)
+        nearer, farther = (around[k + one.direction].wingbeat().frequency for k in (0, 4))
+        assert nearer - drawn.frequency == pytest.approx((farther - drawn.frequency) / 4)
+
+
+def test_near_flights_are_learned_by_the_default_and_their_misses_marked() -> None:
+    plan = ForeignPlan(airs=(MOUNTED,), robots=("aerobat",), contestants=(DEFAULT,), near=1)
+    trials, absent = planned(plan, Path("nowhere"))
+    near = [trial for trial in trials if trial.unseen[0].distance]
+    if not absent:  # with MuJoCo
+        assert [trial.contestant for trial in near] == [PHYSICS, DEFAULT]
+        assert all(trial.learned.apart for trial in near)
+    row = row_of(DEFAULT, 1e-3, 1e-2)
+    row |= {"unseen": [row["unseen"][0]] * 3, "distances": list(DISTANCES)}
+    row["unseen"] = [{**row["unseen"][0], "worst": worst} for worst in (0.01, 0.03, 9.0)]
+    target = near_page.near_targets([row])[0]
+    assert not target["met"] and target["found"] == 0.03 and target["flights"] == "1 of 2"
+    assert near_page.at_distance([row], 0.4, "worst").tolist() == [9.0]
 
 
 @pytest.mark.parametrize(
@@ -147,6 +203,8 @@ def test_misses_are_marked_against_the_limits() -> None:
         ({"learned": 0}, "learned"),
         ({"unseen": 12}, "unseen"),
         ({"gaits_apart": 1}, "gaits_apart"),
+        ({"near": -1}, "near"),
+        ({"search": 7}, "search"),
     ],
 )
 def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any], said: str) -> None:

@@ -39,6 +39,9 @@ NUMBERS = {"polar.lift_amplitude": 0.5, "polar.drag_offset": 0.5, "added_mass.fa
 """Numbers of the physics that the grey box learns, with their standard deviations."""
 _LEAST = 1e-3  # of the largest output of the same unit: scale of outputs that hardly move
 
+DEFAULT = "default"
+"""Name of the contestant that needs no learner."""
+
 Make = Callable[[xr.Dataset], Learner]
 
 
@@ -113,7 +116,7 @@ def _least_squares(features: int) -> Make:
 CONTESTANTS = {
     one.name: one
     for one in (
-        Contestant("default", "default", default_learner),
+        Contestant(DEFAULT, "default", default_learner),
         Contestant("linear", "linear least squares", _least_squares(0)),
         Contestant("features", f"{FEATURES} random features", _least_squares(FEATURES)),
         Contestant("dense", "dense network", _filtered(_dense)),

@@ -1,12 +1,13 @@
 """Foreign flights as files that are made once and kept.
 
-A file lies at <folder>/<air>/<robot>/<gait>.nc. What was kept apart lies in a folder of its own, so
-that nobody who chooses settings reads it by accident.
+A file lies at <folder>/<side>/<air>/<robot>/<gait>.nc. What was kept apart lies in a folder of its
+own, so that nobody who chooses settings reads it by accident. A wingbeat near a drawn one has the
+name of that one, its distance in per cent and the number of its direction: 00-near-20-1.nc.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.simulation import load_flight, save_flight
-from patagium_lab.foreign.kinematics import Wingbeat, draw_wingbeats
+from patagium_lab.foreign.kinematics import Wingbeat, draw_wingbeats, near_wingbeat
 from patagium_lab.foreign.mujoco_air import free_flight, mounted_flight
 from patagium_lab.foreign.record import foreign_record
 from patagium_lab.foreign.subjects import DRAG, LATTICE, MOUNTED, SUBJECTS, subject_robot
@@ -31,6 +32,8 @@ STORED = Path(__file__).with_name("stored") / "lattice.npz"
 Array = NDArray[np.float64]
 GAITS = 12
 """Number of wingbeats that are drawn for each robot."""
+DISTANCES = (0.1, 0.2, 0.4)
+"""Distances of the wingbeats near a drawn one [1]; see `near_wingbeat`."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,9 @@ class Case:
         gait: Number of the wingbeat among those drawn.
         seed: Seed of the set of wingbeats.
         apart: Whether it is kept apart: no setting was chosen on it.
+        distance: Largest change of a number of the drawn wingbeat, as `near_wingbeat` makes it
+            [1]; 0: the drawn wingbeat itself.
+        direction: Number of the direction in which the numbers change.
     """
 
     air: str
@@ -50,6 +56,8 @@ class Case:
     gait: int
     seed: int
     apart: bool
+    distance: float = 0.0
+    direction: int = 0
 
     def path(self, folder: Path) -> Path:
         """File of the flight.
@@ -58,18 +66,28 @@ class Case:
             folder: Folder of all flights.
         """
         side = "apart" if self.apart else "choosing"
-        return folder / side / self.air / self.robot / f"{self.gait:02d}.nc"
+        return folder / side / self.air / self.robot / f"{self.name}.nc"
+
+    @property
+    def name(self) -> str:
+        """Name of the file of the flight, without its ending."""
+        near = f"-near-{100 * self.distance:.0f}-{self.direction}" if self.distance else ""
+        return f"{self.gait:02d}{near}"
 
     @property
     def key(self) -> str:
         """Name of the case in a file of several."""
-        return f"{self.seed}/{self.robot}/{self.gait}"
+        return f"{self.seed}/{self.robot}/{self.name.removeprefix('0')}"
 
     def wingbeat(self) -> Wingbeat:
         """Wingbeat of the flight."""
         number = sorted(SUBJECTS[self.air]).index(self.robot)
         ranges = SUBJECTS[self.air][self.robot]
-        return draw_wingbeats(ranges, GAITS, 100 * self.seed + number)[self.gait]
+        drawn = draw_wingbeats(ranges, GAITS, 100 * self.seed + number)[self.gait]
+        if not self.distance:
+            return drawn
+        seed = (self.seed, number, self.gait, self.direction)
+        return near_wingbeat(drawn, self.distance, seed, subject_robot(self.robot))
 
 
 def cases(air: str, seed: int, *, gaits_apart: int, robots_apart: int) -> list[Case]:
@@ -88,6 +106,16 @@ def cases(air: str, seed: int, *, gaits_apart: int, robots_apart: int) -> list[C
         apart = set(draw.choice(GAITS, gaits_apart, replace=False).tolist())
         found += [Case(air, robot, k, seed, robot in whole or k in apart) for k in range(GAITS)]
     return found
+
+
+def near_cases(case: Case, directions: int) -> list[Case]:
+    """Cases near a drawn one, each direction at all `DISTANCES`.
+
+    Args:
+        case: Case of a drawn wingbeat.
+        directions: Number of directions.
+    """
+    return [replace(case, distance=d, direction=k) for d in DISTANCES for k in range(directions)]
 
 
 @cache

@@ -11,13 +11,19 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import FourierGait
 
 Range = tuple[float, float]
+
+FARTHEST = 0.4
+"""Largest distance of a wingbeat near another one [1]."""
+_DRAWS = 1000  # of a direction, at most
 
 
 @dataclass(frozen=True)
@@ -129,3 +135,54 @@ def draw_wingbeats(ranges: GaitRange, count: int, seed: int) -> tuple[Wingbeat, 
     points = low + cube.random(count) * (high - low)
     names = [one.name for one in ranges.joints]
     return tuple(Wingbeat.of(row, names) for row in points)
+
+
+def near_wingbeat(
+    wingbeat: Wingbeat, distance: float, seed: Sequence[int], robot: Robot
+) -> Wingbeat:
+    """Wingbeat near another one, in a direction that the seed draws.
+
+    Frequency, speed and amplitudes are multiplied by 1 + d e, phases change by d e rad, the body
+    pitch and the means of joints by d e times the largest amplitude, with d the distance and e of
+    each number from -1 to 1, the largest of them 1 or -1. Joints that hold still stay so, and
+    means of joints that have none. A direction that leads beyond a joint's limit within
+    `FARTHEST` is drawn again, so that all distances share their directions.
+
+    Args:
+        wingbeat: The other wingbeat.
+        distance: Largest change d, at most `FARTHEST` [1].
+        seed: Seed of the direction.
+        robot: Robot whose joints' limits hold.
+
+    Raises:
+        ParameterError: If no direction stays within the limits.
+    """
+    draw = np.random.default_rng(seed)
+    for _ in range(_DRAWS):
+        drawn = draw.uniform(-1.0, 1.0, 3 + 3 * len(wingbeat.amplitude))
+        drawn /= np.abs(drawn).max()
+        try:
+            _moved(wingbeat, FARTHEST * drawn).gait(robot)
+        except ParameterError:
+            continue
+        return _moved(wingbeat, distance * drawn)
+    raise ParameterError("wingbeat", "one with room to the limits of the joints", wingbeat)
+
+
+def _moved(wingbeat: Wingbeat, by: NDArray[np.float64]) -> Wingbeat:
+    """Wingbeat whose numbers change by given shares, in the order of `Wingbeat.of`."""
+    largest = max(wingbeat.amplitude.values())
+    amplitude, phase, offset = (by[3 + k :: 3] for k in range(3))
+    names = list(wingbeat.amplitude)
+    means = [wingbeat.offset[name] for name in names]
+    return Wingbeat(
+        float(wingbeat.frequency * (1 + by[0])),
+        float(wingbeat.speed * (1 + by[1])),
+        float(wingbeat.incidence + largest * by[2]),
+        {n: float(wingbeat.amplitude[n] * (1 + e)) for n, e in zip(names, amplitude, strict=True)},
+        {n: float(wingbeat.phase[n] + e) for n, e in zip(names, phase, strict=True)},
+        {
+            n: float(mean + largest * e if mean else 0.0)
+            for n, mean, e in zip(names, means, offset, strict=True)
+        },
+    )

@@ -9,10 +9,21 @@ import numpy as np
 
 from patagium.report import Block, Note, PageSection, Picture, Table, cell_text, picture
 from patagium_lab.comparisons import score_bars
-from patagium_lab.foreign.contestants import CONTESTANTS
+from patagium_lab.foreign.contestants import CONTESTANTS, DEFAULT
+from patagium_lab.foreign.figures import (
+    COVERED,
+    HALVES,
+    HELD,
+    LIMITS,
+    best_rows,
+    figures,
+    held_rows,
+    marked,
+)
 from patagium_lab.foreign.flights import DURATION, GAITS, STEP
+from patagium_lab.foreign.near import NEAR, near_section, near_targets
 from patagium_lab.foreign.subjects import DRAG, FREE, LATTICE, MOUNTED, TITLES
-from patagium_lab.foreign.trials import PHYSICS
+from patagium_lab.foreign.trials import BEST, PHYSICS, REFITTED, SEARCH
 from patagium_lab.foreign.vortex_lattice import BEATS, PANELS, STEPS
 from patagium_lab.study import Columns, Metrics, Page, Results, Row, table_of
 from patagium_lab.targets import row_verdict
@@ -23,23 +34,18 @@ SUMMARY = (
     "contestant learns a flight sample by sample, each predicted before it is used, and is then "
     "scored on other wingbeats of the same robot with its weights frozen."
 )
-LIMITS = {LATTICE: (0.002, 0.02), MOUNTED: (0.03, 0.05), FREE: (0.1, 0.2), DRAG: (0.1, 0.2)}
-"""Largest error of the worst output, known and unseen, that the default learner may have."""
-COVERED = ((0.88, 0.99), (0.80, 0.995))
-"""Least and largest share of the truth in the 95 % interval, known and unseen."""
+FACTOR = 3.0
+"""Largest error of the default over that of searched settings."""
 GLANCE = "Unseen wingbeats at a glance"
-RESULTS = ("Targets", GLANCE, *TITLES.values(), "What was kept apart", "How it is scored")
+RESULTS = ("Targets", GLANCE, NEAR, *TITLES.values(), "What was kept apart", "How it is scored")
 """Titles of the sections, but for those of the measured sets."""
-DEFAULT = "default"
-"""Name of the contestant that needs no learner, once there is one."""
-HELD = "held"
 RIVALS = (HELD, PHYSICS, "linear", "features")
 """Contestants that the default learner must beat on unseen gaits."""
-_HALVES = ("known", "unseen")
-_MISS = " *"  # behind a figure that misses its limit
 _TITLES = {
     HELD: "held sample",
     PHYSICS: "physics alone",
+    SEARCH: "pick of a search",
+    BEST: "best trial of the search on the scored half",
     **{name: one.title for name, one in CONTESTANTS.items()},
 }
 _MADE = {
@@ -71,12 +77,14 @@ def page(results: Results) -> Page:
         results: Results of `run`.
     """
     metrics = results.metrics
-    rows = [*metrics["rows"], *held_rows(metrics["rows"])]
+    rows = [*metrics["rows"], *held_rows(metrics["rows"]), *best_rows(metrics["rows"])]
+    near = [*metrics["near"], *held_rows(metrics["near"])]
     airs = [air for air in TITLES if any(row["air"] == air for row in rows)]
-    targets = target_rows(rows)
+    targets = [*target_rows(rows), *near_targets(near)]
     sections = [
         PageSection("Targets", [_targets_note(rows, targets), _targets(targets)]),
         PageSection(GLANCE, [_glance(rows, airs)]),
+        *([near_section(near, rows)] if near else []),
         *(_air(air, [row for row in rows if row["air"] == air]) for air in airs),
         *results.sections,
         PageSection("What was kept apart", _split(metrics)),
@@ -84,23 +92,6 @@ def page(results: Results) -> Page:
     ]
     facts = {"made by": "`patagium foreign`", **metrics["environment"]}
     return Page(TITLE, f"{SUMMARY} {_found(rows)}", facts, sections)
-
-
-def held_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Rows of the held sample, as those of a contestant, from the rows of physics alone.
-
-    Args:
-        rows: Rows of `run_trial`.
-    """
-    found = []
-    for row in rows:
-        if row["contestant"] == PHYSICS:
-            known, *unseen = (
-                {"worst": one["held"], "mean": None, "coverage": None, "held": one["held"]}
-                for one in (row["known"], *row["unseen"])
-            )
-            found.append({**row, "contestant": HELD, "known": known, "unseen": unseen})
-    return found
 
 
 def target_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -112,7 +103,7 @@ def target_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
     name, found = shown(rows), []
     for air in TITLES:
         own = [row for row in rows if row["air"] == air and row["contestant"] == name]
-        for half, limit, covered in zip(_HALVES, LIMITS[air], COVERED, strict=True):
+        for half, limit, covered in zip(HALVES, LIMITS[air], COVERED, strict=True):
             if not own:
                 continue
             errors = figures(own, half, "worst")
@@ -127,7 +118,7 @@ def target_rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
             ]  # fmt: skip
         better = _better(rows, air, name)
         found += [better] if better else []
-    return found
+    return [*found, *(one for rival in (SEARCH, BEST) if (one := _near_best(rows, name, rival)))]
 
 
 def shown(rows: Sequence[Row]) -> str:
@@ -136,25 +127,12 @@ def shown(rows: Sequence[Row]) -> str:
     Args:
         rows: Rows of `run_trial`.
     """
-    names = sorted({row["contestant"] for row in rows} - {HELD, PHYSICS})
+    names = sorted({row["contestant"] for row in rows} - {HELD, PHYSICS, SEARCH, BEST})
     if DEFAULT in names:
         return DEFAULT
     own = {name: [row for row in rows if row["contestant"] == name] for name in names}
     medians = {name: float(np.median(figures(own[name], "unseen", "worst"))) for name in names}
     return str(min(medians, key=medians.__getitem__))
-
-
-def figures(rows: Sequence[Row], half: str, key: str) -> Any:
-    """A figure of every flight, (k,); an error that is not finite is infinite.
-
-    Args:
-        rows: Rows of `run_trial`.
-        half: "known" or "unseen".
-        key: Such as "worst".
-    """
-    parts = [one for row in rows for one in ([row[half]] if half == "known" else row[half])]
-    lost = np.nan if key == "coverage" else np.inf
-    return np.array([lost if one[key] is None else one[key] for one in parts], float)
 
 
 def _target(name: str, limit: str, found: Any, met: Any, worst: float) -> dict[str, Any]:
@@ -182,8 +160,24 @@ def _better(rows: Sequence[Row], air: str, name: str) -> dict[str, Any] | None:
     return _target(title, "at most 1", np.array(ratios), np.array(ratios) <= 1, max(ratios))
 
 
+def _near_best(rows: Sequence[Row], name: str, rival: str) -> dict[str, Any] | None:
+    """Target: on every flight that was learned, within `FACTOR` times of a search's settings."""
+    own = {_flight(row): row for row in rows if _is(row, rival)}
+    pairs = [(row, own[_flight(row)]) for row in rows if _is(row, name) and _flight(row) in own]
+    if not pairs:
+        return None
+    known = [figures(side, "known", "worst") for side in zip(*pairs, strict=True)]
+    ratios = known[0] / known[1]
+    title = f"all air: known, worst output, over that of the {_title(rival)}"
+    return _target(title, f"at most {FACTOR:g}", ratios, ratios <= FACTOR, float(np.max(ratios)))
+
+
+def _flight(row: Row) -> tuple[Any, ...]:
+    return tuple(row[key] for key in ("air", "robot", "gait", "apart"))
+
+
 def _same(one: Row, other: Row) -> bool:
-    return all(one[key] == other[key] for key in ("air", "robot", "gait", "apart"))
+    return _flight(one) == _flight(other)
 
 
 def _targets_note(rows: Sequence[Row], targets: Sequence[Row]) -> str:
@@ -223,7 +217,8 @@ def _glance(rows: Sequence[Row], airs: Sequence[str]) -> Picture:
 
 def _names(rows: Sequence[Row]) -> list[str]:
     """Contestants that have rows, in the order of the page."""
-    return [name for name in (HELD, PHYSICS, *CONTESTANTS) if any(_is(row, name) for row in rows)]
+    names = (HELD, PHYSICS, *CONTESTANTS, SEARCH, BEST)
+    return [name for name in names if any(_is(row, name) for row in rows)]
 
 
 def _air(air: str, rows: Sequence[Row]) -> PageSection:
@@ -233,7 +228,7 @@ def _air(air: str, rows: Sequence[Row]) -> PageSection:
         side = [row for row in rows if row["apart"] is apart]
         if side:
             blocks.append(_summary_table(air, side, names, where))
-    for half in _HALVES:
+    for half in HALVES:
         blocks.append(_flight_table(air, rows, names, half))
     return PageSection(TITLES[air], blocks)
 
@@ -243,12 +238,12 @@ def _summary_table(air: str, rows: Sequence[Row], names: Sequence[str], where: s
         def cell(row: Row) -> str:
             own = figures([one for one in rows if _is(one, row["name"])], half, key)
             value = float(pick(own))
-            return _marked(value, air, half, key)
+            return marked(value, air, half, key)
 
         return cell
 
     columns: dict[str, Any] = {"contestant": lambda row: _title(row["name"])}
-    for half in _HALVES:
+    for half in HALVES:
         columns[f"{half}: worst output, median flight"] = figure(half, "worst", np.median)
         columns[f"{half}: worst output, worst flight"] = figure(half, "worst", np.max)
         columns[f"{half}: mean of outputs, median flight"] = figure(half, "mean", np.median)
@@ -268,7 +263,7 @@ def _flight_table(air: str, rows: Sequence[Row], names: Sequence[str], half: str
         def cell(flight: Row) -> str:
             own = [row for row in rows if _is(row, name) and flight.items() <= row.items()]
             found = figures(own, half, "worst")
-            return _marked(float(np.max(found)), air, half, "worst") if len(found) else "–"
+            return marked(float(np.max(found)), air, half, "worst") if len(found) else "–"
 
         return cell
 
@@ -282,20 +277,6 @@ def _flight_table(air: str, rows: Sequence[Row], names: Sequence[str], half: str
     return table_of(columns, flights, f"Worst output, {half} ({what}), flight by flight [1].")
 
 
-def _marked(value: float, air: str, half: str, key: str) -> str:
-    """A figure, with a star where it misses its limit."""
-    if np.isnan(value) or (key == "mean" and np.isinf(value)):
-        return "–"
-    place = _HALVES.index(half)
-    low, high = COVERED[place]
-    missed = {
-        "worst": value > LIMITS[air][place],
-        "coverage": not low <= value <= high,
-        "mean": False,
-    }
-    return cell_text(value) + _MISS * missed[key]
-
-
 def _is(row: Row, name: str) -> bool:
     return bool(row["contestant"] == name)
 
@@ -307,7 +288,7 @@ def _title(name: str) -> str:
 def _found(rows: Sequence[Row]) -> str:
     name = shown(rows)
     own = [row for row in rows if _is(row, name)]
-    known, unseen = (float(np.median(figures(own, half, "worst"))) for half in _HALVES)
+    known, unseen = (float(np.median(figures(own, half, "worst"))) for half in HALVES)
     return (
         f"Over {len(own)} flights the worst output of the {_title(name)} errs by "
         f"{cell_text(known)} of its variance in the median, and by {cell_text(unseen)} on "
@@ -347,7 +328,23 @@ def _notes(metrics: Metrics, rows: Sequence[Row]) -> list[str]:
         "No contestant is given a setting: noise, prior and scales are what a learner finds "
         "itself (docs/settings.md). Networks learn by the extended filter. The first wingbeat "
         "scales inputs and outputs of the dense network and of least squares.",
+        *_search_notes(metrics),
         "Physics alone: blade elements and added mass by theory, nothing learned.",
         "The force is what inverse dynamics gives, without noise of sensors: added mass and "
         "everything else that the other program lets the air do.",
+    ]
+
+
+def _search_notes(metrics: Metrics) -> list[str]:
+    trials = metrics["plan"]["search"]
+    if not trials:
+        return []
+    return [
+        "Pick of a search: `patagium tune` of the default network by the extended filter, "
+        f"{trials} trials on each learned flight over the ranges of docs/settings.md (prior, "
+        "memory, structure of the covariance). It picks by what it leaves out of the flight, "
+        "without a second flight.",
+        f"Best trial of the search on the scored half: of the {REFITTED} trials with the least "
+        "mean error on the second half itself, the one with the least error of the worst output "
+        "there. Nobody can know it beforehand.",
     ]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patagium.errors import ParameterError
+from patagium.learning.tuning.search import LEAST_TRIALS
 from patagium_lab.foreign.contestants import CONTESTANTS
 from patagium_lab.foreign.flights import GAITS
 from patagium_lab.foreign.subjects import LATTICE, MOUNTED, SUBJECTS
@@ -25,6 +26,9 @@ class ForeignPlan:
         contestants: Names of contestants; physics alone and the held sample are always there.
         learned: Number of flights that are learned, of each robot and side of the split.
         unseen: Number of flights on which each learned model is then scored, frozen.
+        near: Number of directions in which wingbeats near a learned one are flown, for one
+            learned flight of each robot that is kept apart; 0: none.
+        search: Number of trials of the search for settings on each learned flight; 0: none.
         every: One sample in so many is used.
         seed: Seed of the wingbeats and of the split.
         gaits_apart: Number of wingbeats of each robot that are kept apart.
@@ -42,6 +46,8 @@ class ForeignPlan:
     contestants: tuple[str, ...] = tuple(CONTESTANTS)
     learned: int = 2
     unseen: int = 2
+    near: int = 2
+    search: int = 0
     every: int = 10
     seed: int = SEED
     gaits_apart: int = 4
@@ -60,13 +66,15 @@ class ForeignPlan:
             for one in found:
                 if one not in known:
                     raise ParameterError(name, f"one of {', '.join(sorted(known))}", one)
-        for name, value, most in (
-            ("learned", self.learned, GAITS),
-            ("unseen", self.unseen, GAITS - 1),
-            ("every", self.every, 1000),
+        for name, value, least, most in (
+            ("learned", self.learned, 1, GAITS),
+            ("unseen", self.unseen, 1, GAITS - 1),
+            ("near", self.near, 0, 100),
+            ("search", self.search or LEAST_TRIALS, LEAST_TRIALS, 10_000),
+            ("every", self.every, 1, 1000),
         ):
-            if not 1 <= value <= most:
-                raise ParameterError(name, f"a whole number from 1 to {most}", value)
+            if not least <= value <= most:
+                raise ParameterError(name, f"a whole number from {least} to {most}", value)
         if not 2 <= self.gaits_apart <= GAITS - 2:
             raise ParameterError("gaits_apart", f"from 2 to {GAITS - 2}", self.gaits_apart)
 
@@ -81,6 +89,7 @@ QUICK = ForeignPlan(
     contestants=("linear", "features", "strip", "turning"),
     learned=1,
     unseen=1,
+    near=0,
     real=False,
 )
 """Plan of a first look, of about a minute."""

@@ -7,19 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from patagium_lab.conditions import conditions
-from patagium_lab.foreign.flights import Case, cases, kept_flight, stored_wrenches
+from patagium_lab.foreign.contestants import DEFAULT
+from patagium_lab.foreign.flights import Case, cases, kept_flight, near_cases, stored_wrenches
 from patagium_lab.foreign.plan import ForeignPlan
 from patagium_lab.foreign.programs import LATTICE_PROGRAM, MUJOCO, installed
 from patagium_lab.foreign.subjects import LATTICE
-from patagium_lab.foreign.trials import PHYSICS, Trial, run_trial
+from patagium_lab.foreign.trials import PHYSICS, SEARCH, Trial, run_trial
 from patagium_lab.gallery import Gallery
 from patagium_lab.jobs import Job, run_jobs
 from patagium_lab.measured.crazyflie import crazyflie_sections, crazyflie_study
 from patagium_lab.measured.yeo import yeo_sections, yeo_study
 from patagium_lab.study import Results, Stages
 
-COSTS = {LATTICE: 20.0, "other": 5.0, "trial": 3.0}
-"""Expected durations of flights and trials, for progress [s]."""
+COSTS = {LATTICE: 20.0, "other": 5.0, "trial": 3.0, "searched": 0.4}
+"""Expected durations of flights, of trials, and of each trial of a search, for progress [s]."""
 
 
 def run(plan: ForeignPlan, out: Path, stages: Stages) -> Results:
@@ -38,8 +39,10 @@ def run(plan: ForeignPlan, out: Path, stages: Stages) -> Results:
         places = {case: k for k, case in enumerate(used)}
         for trial in trials:
             after = tuple(places[case] for case in (trial.learned, *trial.unseen))
-            jobs.append(Job(run_trial, (trial, flights, out), COSTS["trial"], after))
+            cost = COSTS["trial"] + COSTS["searched"] * trial.search
+            jobs.append(Job(run_trial, (trial, flights, out), cost, after))
         rows = run_jobs(jobs, tell, plan.workers)[len(used) :]
+    near = [trial.unseen[0].distance > 0 for trial in trials]
     sections = []
     with stages.stage("measured sets", 0.9, 1.0):
         if plan.real:
@@ -48,10 +51,13 @@ def run(plan: ForeignPlan, out: Path, stages: Stages) -> Results:
             sections += crazyflie_sections(crazyflie_study(plan.log, every=(plan.every,)))
     metrics: dict[str, Any] = {
         "environment": conditions(),
-        "plan": {"seed": plan.seed, "every": plan.every, "gaits_apart": plan.gaits_apart},
+        "plan": {
+            name: getattr(plan, name) for name in ("seed", "every", "gaits_apart", "near", "search")
+        },
         "split": split(plan),
         "absent": len(absent),
-        "rows": rows,
+        "rows": [row for row, close in zip(rows, near, strict=True) if not close],
+        "near": [row for row, close in zip(rows, near, strict=True) if close],
     }
     return Results(metrics, Gallery(out / "figures"), sections)
 
@@ -72,6 +78,13 @@ def planned(plan: ForeignPlan, flights: Path) -> tuple[list[Trial], list[Case]]:
             for apart in (False, True):
                 side = [c for c in ready if c.robot == robot and c.apart is apart]
                 trials += _side(plan, side)
+            kept = [case for case in ready if case.robot == robot and case.apart][:1]
+            around = [one for case in kept for one in near_cases(case, plan.near)]
+            lost = [one for one in around if not _available(one, flights)]
+            absent += lost
+            if around and not lost:
+                names = (PHYSICS, *(name for name in plan.contestants if name == DEFAULT))
+                trials += [Trial(name, kept[0], tuple(around), plan.every) for name in names]
     return trials, absent
 
 
@@ -101,6 +114,8 @@ def _side(plan: ForeignPlan, side: Sequence[Case]) -> list[Trial]:
         others = [side[(k + j) % len(side)] for j in range(1, min(len(side), plan.unseen + 1))]
         for name in (PHYSICS, *plan.contestants):
             trials.append(Trial(name, case, tuple(others), plan.every))
+        if plan.search:
+            trials.append(Trial(SEARCH, case, tuple(others), plan.every, plan.search))
     return trials
 
 

@@ -10,7 +10,7 @@ import typer
 
 EXAMPLES = (
     "patagium foreign --out foreign --quick",
-    "patagium foreign --out foreign --log log16.csv.gz --page docs/foreign.md",
+    "patagium foreign --out foreign --search 64 --log log16.csv.gz --page docs/foreign.md",
 )
 
 
@@ -22,6 +22,13 @@ def foreign(
     unseen: Annotated[
         int, typer.Option(min=1, help="Unseen flights on which each learned model is scored.")
     ] = 2,
+    near: Annotated[
+        int,
+        typer.Option(min=0, help="Directions in which wingbeats near a learned one are flown."),
+    ] = 2,
+    search: Annotated[
+        int, typer.Option(min=0, help="Trials of a search for settings on each flight; 0: none.")
+    ] = 0,
     every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 10,
     flights: Annotated[
         Path | None, typer.Option(help="Folder of the flights; flights of the study by default.")
@@ -50,8 +57,9 @@ def foreign(
     from patagium_lab.study import write_study
 
     found = None if log is None else existing(log)
-    plan = QUICK if quick else ForeignPlan(learned=learned, unseen=unseen, log=found)
-    plan = replace(plan, every=every, flights=flights, workers=jobs)
+    full = ForeignPlan(learned=learned, unseen=unseen, near=near, log=found)
+    plan = QUICK if quick else full
+    plan = replace(plan, search=search, every=every, flights=flights, workers=jobs)
     with stage_bar("Foreign air") as progress:
         report, results = write_study(out, plan, run, pages.page, progress)
         if page is not None:
