@@ -12,7 +12,7 @@ from datetime import date
 from importlib.metadata import version
 
 from patagium import __version__
-from patagium.native.compiler import STRAIGHT_LINE, compiler_path
+from patagium.native.compiler import STRAIGHT_LINE, compiler_command
 
 
 def conditions() -> dict[str, str]:
@@ -43,10 +43,10 @@ def load_average() -> str:
 
 
 def _compiler() -> str:
-    path = compiler_path()
-    if path is None:
+    compiler = compiler_command()
+    if compiler is None:
         return "no C compiler"
-    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+    done = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False)
     flags = " ".join(flag for flag in STRAIGHT_LINE if flag != "-fPIC")
     return f"{done.stdout.splitlines()[0]}, {flags}"
 

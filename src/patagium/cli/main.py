@@ -16,6 +16,7 @@ from typing import Annotated, TextIO
 import typer
 
 from patagium.cli import (
+    cache,
     check,
     cycles,
     evaluate,
@@ -56,7 +57,7 @@ def _add(verb: ModuleType) -> None:
 
 for _verb in (
     simulate, cycles, figures, view, inspect, import_log, motion, identify, tune, evaluate,
-    stream, send, robots, check,
+    stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
 for _point in plugins(VERBS).values():

@@ -1,36 +1,36 @@
-"""The user's C compiler, and the cache of what it built.
+"""The user's C compiler, and libraries built by it, kept in the cache.
 
-A build is a folder of the cache, named by the hash of everything it depends on,
-made beside its place and renamed into it: parallel processes may build the same
-thing, and an interrupted build leaves nothing. Environment: `CC` chooses the
-compiler, `PATAGIUM_COMPILER=none` does without, `PATAGIUM_CACHE` moves the cache.
+Environment: `CC` chooses the compiler and may give it arguments, `PATAGIUM_COMPILER=none`
+does without.
 """
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
-import hashlib
-import importlib
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
 
-from patagium.errors import CompilerError
+from patagium.errors import CompilerError, ParameterError
+from patagium.native.cache import (
+    Library,
+    build_lock,
+    building_folder,
+    keep_library,
+    load_library,
+    record_library,
+    short_hash,
+    tell,
+)
 from patagium.native.structs import STRUCTS
-
-fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
-"""Locks of files; not on Windows."""
 
 KERNELS = Path(__file__).parent / "kernels"
 _COMMON = ("-std=gnu11", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
@@ -43,58 +43,82 @@ _TOLD = "PATAGIUM_TOLD_WITHOUT_COMPILER"
 
 
 @functools.cache
-def _compiler(choice: str, preferred: str) -> str | None:
+def _compiler(choice: str, preferred: str) -> tuple[str, ...] | None:
     if choice == "none":
         return None
     for name in filter(None, (preferred, "cc", "gcc", "clang")):
-        path = shutil.which(name)
-        if path and _works(path):
-            return path
+        command = command_words("CC", name)
+        if command and _works(command):
+            if preferred and name != preferred:
+                tell(f"CC={preferred!r} makes no library that loads here: {command[0]} is used")
+            return command
     return None
 
 
-def _works(path: str) -> bool:
-    """Whether the compiler links a library with the vector types the kernels use."""
-    known = cache_folder() / f"works-{short_hash(machine_identity(path), header_digest())}"
-    if known.exists():
+def command_words(variable: str, text: str) -> tuple[str, ...] | None:
+    """Compiler that an environment variable names, and its arguments; None if it is not there.
+
+    Args:
+        variable: Name of the variable.
+        text: Its value: a program, or words as in a shell, such as "ccache gcc -m64".
+
+    Raises:
+        ParameterError: If a quote in it is not closed.
+    """
+    path = shutil.which(text)
+    if path:
+        return (path,)
+    try:
+        words = shlex.split(text, posix=os.name == "posix")
+    except ValueError:
+        raise ParameterError(variable, "a compiler, with arguments as in a shell", text) from None
+    path = shutil.which(words[0]) if words else None
+    return (path, *words[1:]) if path else None
+
+
+def _works(command: Sequence[str]) -> bool:
+    """Whether the compiler makes a library, with the kernels' vector types, that loads here."""
+    known = short_hash("a compiler that works", machine_identity(command), header_digest())
+    if load_library(known) is not None:
         return True
-    with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder, "probe.c")
-        source.write_text('#include "operations.h"\nint probe(void) { return LANES; }\n')
-        command = [path, *STRAIGHT_LINE, f"-I{KERNELS}", "-shared", str(source)]
-        done = subprocess.run(
-            [*command, "-o", str(source.with_suffix(".so")), "-lm"], capture_output=True
-        )
-    if done.returncode == 0:
-        known.touch()
-    return done.returncode == 0
+    probe = {"probe.c": '#include "operations.h"\nint probe(void) { return LANES; }\n'}
+    try:
+        record_library(known, keep_library(_compiled(command, probe, STRAIGHT_LINE)), None)
+    except CompilerError as error:
+        tell(f"{shlex.join(command)} does not work: {str(error).splitlines()[-1]}")
+        return False
+    return load_library(known) is not None
 
 
 @functools.cache
-def compiler_accepts(path: str, flag: str) -> bool:
+def compiler_accepts(compiler: tuple[str, ...], flag: str) -> bool:
     """Whether a compiler knows a flag.
 
     Args:
-        path: The compiler.
+        compiler: The compiler and its arguments.
         flag: One of its options.
     """
-    command = [path, flag, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
+    command = [*compiler, flag, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
     return subprocess.run(command, capture_output=True).returncode == 0
 
 
-def compiler_path() -> str | None:
-    """The C compiler in use, or None; the first None of a process is announced."""
+def compiler_command() -> tuple[str, ...] | None:
+    """The C compiler in use and its arguments, or None; the first None is announced.
+
+    Raises:
+        ParameterError: If a quote in `CC` is not closed.
+    """
     choice = os.environ.get("PATAGIUM_COMPILER", "")
-    path = _compiler(choice, os.environ.get("CC", ""))
-    if path is None:
+    command = _compiler(choice, os.environ.get("CC", "").strip())
+    if command is None:
         _announce_fallback(choice)
-    return path
+    return command
 
 
 def compiler_name() -> str | None:
     """The C compiler in use as a short name, or None where there is none."""
-    path = compiler_path()
-    return Path(path).name if path else None
+    command = compiler_command()
+    return Path(command[0]).name if command else None
 
 
 @functools.cache
@@ -110,44 +134,24 @@ def _announce_fallback(choice: str) -> None:
     )
 
 
-def short_hash(*texts: str) -> str:
-    """Name of a cache entry that depends on all the texts."""
-    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:32]
+def machine_identity(compiler: Sequence[str]) -> str:
+    """Text that identifies compiler and processor, on which a binary depends beside its source.
+
+    Args:
+        compiler: The compiler and its arguments.
+    """
+    return _identity(tuple(compiler))
 
 
 @functools.cache
-def _writable(folder: Path) -> Path:
-    """The folder, made when missing; a private temporary one where that is refused."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    fallback = Path(tempfile.mkdtemp(prefix="patagium-"))
-    print(f"patagium: {folder} is not writable, builds go to {fallback}", file=sys.stderr)
-    return fallback
-
-
-def cache_folder() -> Path:
-    """Folder of the cache, created when it is missing."""
-    chosen = os.environ.get("PATAGIUM_CACHE")
-    if chosen:
-        folder = Path(chosen)
-    elif sys.platform == "darwin":
-        folder = Path.home() / "Library" / "Caches" / "patagium"
-    elif sys.platform == "win32":
-        folder = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "patagium"
-    else:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "patagium"
-    return _writable(folder)
-
-
-@functools.cache
-def machine_identity(path: str) -> str:
-    """Text that identifies compiler and processor, on which a binary depends beside its source."""
-    status = os.stat(path)
-    text = f"{os.path.realpath(path)} {status.st_size} {status.st_mtime_ns} {platform.machine()}"
+def _identity(compiler: tuple[str, ...]) -> str:
+    text = platform.machine()
+    for word in compiler:  # "ccache gcc": both are programs
+        program = shutil.which(word)
+        if program:
+            status = os.stat(program)
+            word = f"{os.path.realpath(program)} {status.st_size} {status.st_mtime_ns}"
+        text += f" {word}"
     cpu = Path("/proc/cpuinfo")
     if cpu.exists():
         flags = next((x for x in cpu.read_text().splitlines() if x.startswith("flags")), "")
@@ -155,96 +159,79 @@ def machine_identity(path: str) -> str:
     return text
 
 
-@contextmanager
-def build_lock(name: str) -> Iterator[None]:
-    """Lock of a cache entry: other processes that would build it wait until it exists.
-
-    Where files cannot be locked nobody waits, and the same may be made twice.
-
-    Args:
-        name: Of the entry.
-    """
-    if fcntl is None:
-        yield
-        return
-    file = cache_folder() / f"making-{name}"
-    lock = _locked(file)
-    try:
-        yield
-    finally:
-        if lock is not None:
-            file.unlink(missing_ok=True)
-            lock.close()
-
-
-def _locked(file: Path) -> IO[bytes] | None:
-    """A file that this process alone holds; None of a file system that knows no locks."""
-    while True:
-        lock = file.open("wb")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        except OSError:
-            lock.close()
-            return None
-        with contextlib.suppress(FileNotFoundError):  # taken away by who held it before
-            if os.path.samestat(os.fstat(lock.fileno()), file.stat()):
-                return lock
-        lock.close()
-
-
-def build(path: str, sources: Mapping[str, str], flags: Sequence[str], label: str) -> Path:
-    """Folder of the cache that holds `library.so` and whatever else the sources bring.
+def build(
+    compiler: Sequence[str], sources: Mapping[str, str], flags: Sequence[str], label: str
+) -> Library:
+    """Library of some sources, from the cache or compiled now; its fact is the time it took [s].
 
     Args:
-        path: The compiler.
-        sources: File name to text; `.c` files are compiled side by side, others
-            are kept as they are.
+        compiler: The compiler and its arguments.
+        sources: File name to text; `.c` files are compiled side by side, others can be included.
         flags: Compiler flags.
         label: What is being compiled, for the progress line.
 
     Raises:
         CompilerError: With the compiler's own words.
+        OutputError: If the disk does not take it.
     """
     texts = [f"{name}\n{text}" for name, text in sources.items()]
-    folder = cache_folder() / short_hash(header_digest(), machine_identity(path), *flags, *texts)
-    if (folder / "library.so").exists():
-        return folder
+    name = short_hash(header_digest(), machine_identity(compiler), *flags, *texts)
+    library = load_library(name)
+    if library is None:
+        with build_lock(name):
+            library = load_library(name) or _built(name, compiler, sources, flags, label)
+    return library
+
+
+def _built(
+    name: str,
+    compiler: Sequence[str],
+    sources: Mapping[str, str],
+    flags: Sequence[str],
+    label: str,
+) -> Library:
+    """Library that is compiled now, kept and recorded."""
     started = time.perf_counter()
     print(f"patagium: compiling {label}, kept for next time", end="", file=sys.stderr, flush=True)
-    with tempfile.TemporaryDirectory(
-        dir=folder.parent, prefix="building-", ignore_cleanup_errors=True
-    ) as scratch:
-        work = Path(scratch)
-        units = []
+    end = ""
+    try:
+        digest = keep_library(_compiled(compiler, sources, flags))
+        seconds = time.perf_counter() - started
+        record_library(name, digest, seconds)
+        end = f" ... {seconds:.1f} s"
+    finally:
+        print(end, file=sys.stderr)
+    library = load_library(name)
+    if library is None:
+        raise CompilerError(f"{label}: {shlex.join(compiler)} made a library that does not load")
+    return library
+
+
+def _compiled(compiler: Sequence[str], sources: Mapping[str, str], flags: Sequence[str]) -> bytes:
+    """Bytes of the shared library of some sources."""
+    with building_folder() as work:
         for name, text in sources.items():
             (work / name).write_text(text)
-            if name.endswith(".c"):
-                units.append(work / name)
+        units = [work / name for name in sources if name.endswith(".c")]
+
+        def compiled(unit: Path) -> str:
+            target = str(unit.with_suffix(".o"))
+            include = (f"-I{KERNELS}", f"-I{work}")
+            _run([*compiler, *flags, *include, "-c", str(unit), "-o", target])
+            return target
+
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            objects = list(pool.map(lambda unit: _compile(path, unit, flags), units))
+            objects = list(pool.map(compiled, units))
         library = work / "library.so"
-        _run([path, "-shared", *map(str, objects), "-o", str(library), "-lm"])
-        for leftover in objects:
-            leftover.unlink()
-        try:
-            work.rename(folder)
-        except OSError:
-            if not (folder / "library.so").exists():
-                raise
-    print(f" ... {time.perf_counter() - started:.1f} s", file=sys.stderr)
-    return folder
+        _run([*compiler, "-shared", *objects, "-o", str(library), "-lm"])
+        return library.read_bytes()
 
 
-def _compile(path: str, unit: Path, flags: Sequence[str]) -> Path:
-    target = unit.with_suffix(".o")
-    _run([path, *flags, f"-I{KERNELS}", f"-I{unit.parent}", "-c", str(unit), "-o", str(target)])
-    return target
-
-
-def _run(command: list[str]) -> None:
+def _run(command: Sequence[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
-        raise CompilerError(f"{' '.join(command)}\nfailed:\n{done.stderr.strip()[-4000:]}")
+        words = done.stderr.strip()[-4000:] or f"exit status {done.returncode}"
+        raise CompilerError(f"{shlex.join(command)}\nfailed:\n{words}")
 
 
 @functools.cache
@@ -266,12 +253,10 @@ def load_kernel(
     Raises:
         CompilerError: If the compiler refuses it.
     """
-    path = compiler_path()
-    if path is None:
+    compiler = compiler_command()
+    if compiler is None:
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
     headers = {f"{one.name}_struct.h": one.header for one in STRUCTS}
     sources = {f"{name}.c": (folder / f"{name}.c").read_text(), **headers}
-    with build_lock(short_hash(name, *macros, machine_identity(path))):
-        built = build(path, sources, (*LOOPS, *macros), f"the {name} kernel")
-    return ctypes.CDLL(str(built / "library.so"))
+    return build(compiler, sources, (*LOOPS, *macros), f"the {name} kernel").handle

@@ -9,24 +9,27 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
-import json
-import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import astuple
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import casadi as ca
 
+from patagium.native.cache import (
+    Library,
+    build_lock,
+    load_library,
+    record_library,
+    short_hash,
+)
 from patagium.native.compiler import (
     STRAIGHT_LINE,
     build,
-    build_lock,
-    cache_folder,
     compiler_accepts,
-    compiler_path,
+    compiler_command,
     machine_identity,
-    short_hash,
 )
 from patagium.native.emit import emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
@@ -41,6 +44,18 @@ _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
     *("simulation", "sensing", "learning", "live"),
 )
+
+
+class Code(NamedTuple):
+    """C text of functions.
+
+    Attributes:
+        units: File name to text.
+        signatures: Name, arguments and results of each function.
+    """
+
+    units: dict[str, str]
+    signatures: list[Any]
 
 
 def load_functions(
@@ -70,64 +85,51 @@ def load_functions(
     """
     expressions = functools.cache(lambda: {made.name(): made for made in build_functions()})
     expression = partial(_expression, expressions)
-    path = compiler_path()
-    if path is None:
+    compiler = compiler_command()
+    if compiler is None:
         return {
             name: NativeFunction(_signature(f), partial(expression, name), None)
             for name, f in expressions().items()
         }
 
     def batch_library(name: str) -> ctypes.CDLL:
-        unit = f"{name}_batch.c"
-        folder = _folder(
-            path,
+        return _library(
+            compiler,
             f"{key} batch {name}",
-            lambda: {unit: emit_batch(expressions()[name])},
+            lambda: _code({name: expressions()[name]}, [name]),
             f"{label}: {name} of many states",
-        )
-        return ctypes.CDLL(str(folder / "library.so"))
+        ).handle
 
     many = " ".join(["many only", *sorted(many_only)]) if many_only else ""
-    folder = _folder(path, key + many, lambda: _texts(expressions(), many_only), label)
-    library = ctypes.CDLL(str(folder / "library.so"))
+    library = _library(compiler, key + many, lambda: _code(expressions(), many_only), label)
     functions = {}
-    for entry in json.loads((folder / "signatures.json").read_text()):
+    for entry in library.facts:
         signature = Signature.from_list(entry)
         name = signature.name
-        compiled = Compiled(None, lambda: library)
+        compiled = Compiled(None, lambda: library.handle)
         if name not in many_only:
-            compiled = Compiled(getattr(library, name), partial(batch_library, name))
+            compiled = Compiled(getattr(library.handle, name), partial(batch_library, name))
         functions[name] = NativeFunction(signature, partial(expression, name), compiled)
     return functions
 
 
-def _folder(path: str, key: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
-    """Folder of the cache with the library of a key; its texts are made only when missing."""
-    name = short_hash(key, source_digest(), machine_identity(path))
-    folder = _cached_folder(name)
-    if folder is None:
+def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], label: str) -> Library:
+    """Library of a key, its facts the signatures; its code is made only where it is not kept."""
+    name = short_hash(key, source_digest(), machine_identity(compiler))
+    library = load_library(name)
+    if library is None:
         with build_lock(name):
-            folder = _cached_folder(name) or _built_folder(path, name, texts, label)
-    return folder
+            library = load_library(name) or _built(name, compiler, code(), label)
+    return library
 
 
-def _cached_folder(name: str) -> Path | None:
-    """Folder of the cache that an index names; None where there is none."""
-    index = cache_folder() / f"index-{name}"
-    folder = cache_folder() / index.read_text() if index.exists() else None
-    return folder if folder is not None and (folder / "library.so").exists() else None
-
-
-def _built_folder(path: str, name: str, texts: Callable[[], dict[str, str]], label: str) -> Path:
-    """Folder of the cache with a library that is compiled now and named by an index."""
-    units = texts()
-    long = max(map(len, units.values())) > LONG
-    spared = [flag for flag in SPARED if long and compiler_accepts(path, flag)]
-    folder = build(path, units, (*STRAIGHT_LINE, *spared), label)
-    scratch = cache_folder() / f"index-{name}.{os.getpid()}"
-    scratch.write_text(folder.name)
-    scratch.replace(cache_folder() / f"index-{name}")
-    return folder
+def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
+    """Library that is compiled if its code is new, recorded under a name with its signatures."""
+    long = max(map(len, code.units.values())) > LONG
+    spared = [flag for flag in SPARED if long and compiler_accepts(compiler, flag)]
+    library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label)
+    record_library(name, library.digest, code.signatures)
+    return library._replace(facts=code.signatures)
 
 
 @functools.cache
@@ -156,13 +158,11 @@ def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> c
     return functions()[name]
 
 
-def _texts(functions: dict[str, ca.Function], many_only: Collection[str]) -> dict[str, str]:
-    """C text of each function, and their signatures, by the name of the file."""
-    signatures = [astuple(_signature(function)) for function in functions.values()]
+def _code(functions: dict[str, ca.Function], many_only: Collection[str]) -> Code:
     units = {
         f"{name}_batch.c" if name in many_only else f"{name}.c": (
             emit_batch(function) if name in many_only else emit(function)
         )
         for name, function in functions.items()
     }
-    return units | {"signatures.json": json.dumps(signatures)}
+    return Code(units, [astuple(_signature(function)) for function in functions.values()])

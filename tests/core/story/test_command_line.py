@@ -21,7 +21,7 @@ from patagium.sensing.logs.mapping import load_mapping
 
 VERBS = (
     *("simulate", "cycles", "figures", "view", "inspect", "import", "motion", "identify", "tune"),
-    *("evaluate", "stream", "send", "robots", "check"),
+    *("evaluate", "stream", "send", "robots", "check", "cache"),
 )
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")

@@ -15,7 +15,7 @@ import pytest
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, load_functions, load_kernel
-from patagium.native.compiler import compiler_accepts, compiler_path
+from patagium.native.compiler import compiler_accepts, compiler_command
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
@@ -90,9 +90,10 @@ def test_narrower_vectors_give_the_same(processor, tmp_path, monkeypatch, rng):
     here = load_functions("every operation", every_operation, label="test")["many"]
     wide = here.batch(xs, ys, p)
     compiler = tmp_path / "cc"
-    real = compiler_module.compiler_path()
+    real = compiler_command()
+    assert real is not None
     compiler.write_text(
-        f'#!/bin/sh\nexec {real} $(echo "$@" | sed s/-march=native/-march={processor}/)\n'
+        f'#!/bin/sh\nexec {real[0]} $(echo "$@" | sed s/-march=native/-march={processor}/)\n'
     )
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
@@ -172,15 +173,17 @@ def test_a_second_load_makes_no_expression(tmp_path, monkeypatch):
 def test_code_for_many_states_is_compiled_when_first_asked_for(tmp_path, monkeypatch):
     monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
     turn = load_functions("late", trigonometry, label="test")["turn"]
-    assert len(list(tmp_path.glob("index-*"))) == 1
+    assert len(list(tmp_path.glob("*.so"))) == 1
     turn.batch(np.zeros(3))
-    assert len(list(tmp_path.glob("index-*"))) == 2
+    assert len(list(tmp_path.glob("*.so"))) == 2
 
 
 @needs_compiler
 def test_a_compiler_is_asked_before_it_is_given_a_flag():
-    assert compiler_accepts(compiler_path(), "-O1")
-    assert not compiler_accepts(compiler_path(), "-fno-such-thing")
+    compiler = compiler_command()
+    assert compiler is not None
+    assert compiler_accepts(compiler, "-O1")
+    assert not compiler_accepts(compiler, "-fno-such-thing")
 
 
 @needs_compiler
@@ -190,7 +193,7 @@ def test_functions_of_many_states_only_are_compiled_at_once_and_serve_one_too(
     monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
     turn = load_functions("only", trigonometry, label="test", many_only=["turn"])["turn"]
     np.testing.assert_allclose(turn.batch(np.zeros(3))[:, 1], 1.0, rtol=0)
-    assert len(list(tmp_path.glob("index-*"))) == 1
+    assert len(list(tmp_path.glob("*.so"))) == 1
     assert turn.address is None
     for angle in (0.3, 0.4):
         np.testing.assert_allclose(turn(angle)[0], np.sin(angle), rtol=ROUNDING)
@@ -232,10 +235,10 @@ def test_parallel_processes_share_one_fresh_cache(tmp_path):
 @needs_compiler
 def test_a_compiler_error_carries_the_compilers_words(tmp_path, monkeypatch):
     monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
-    path = compiler_module.compiler_path()
-    assert path is not None
+    compiler = compiler_command()
+    assert compiler is not None
     with pytest.raises(CompilerError, match="error"):
-        compiler_module.build(path, {"bad.c": "int x = ;"}, ("-O0",), "a broken file")
+        compiler_module.build(compiler, {"bad.c": "int x = ;"}, ("-O0",), "a broken file")
     assert not list(tmp_path.glob("building-*"))
 
 
@@ -272,7 +275,7 @@ def test_kernels_folder_is_part_of_the_package():
 def test_processes_that_need_the_same_entry_wait_for_each_other(tmp_path, monkeypatch):
     from concurrent.futures import ThreadPoolExecutor
 
-    from patagium.native.compiler import build_lock
+    from patagium.native.cache import build_lock
 
     monkeypatch.setenv("PATAGIUM_CACHE", str(tmp_path))
     within, most = 0, 0

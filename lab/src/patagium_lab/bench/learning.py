@@ -30,7 +30,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.models.wing import WingNetwork
 from patagium.native import NativeFunction, load_functions
-from patagium.native.compiler import compiler_path
+from patagium.native.compiler import compiler_command
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
 from patagium.simulation import gaits, simulate
@@ -228,7 +228,7 @@ def pipeline_results(samples: int = PACKETS) -> Iterator[Result]:
     Args:
         samples: Packets of each case.
     """
-    if compiler_path() is None:
+    if compiler_command() is None:
         yield Result("rival left out", None, "us", note="no C compiler: no compiled pipeline")
         return
     for one in measure_latency(samples, LOADS[:1]):

@@ -18,7 +18,7 @@ from patagium.aerodynamics import Air
 from patagium.dynamics import equations
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.network import Network
-from patagium.native.compiler import STRAIGHT_LINE, compiler_path
+from patagium.native.compiler import STRAIGHT_LINE, compiler_command
 from patagium.native.emit import emit
 from patagium.robot import load_robot
 from patagium.robot.model import Robot
@@ -171,7 +171,7 @@ def _unshared(robot: Robot) -> Rival | str:
 
 def _recursive(robot: Robot) -> Rival | str:
     """Our own D, C v + G and both, built alone so that their making can be timed."""
-    compiler = compiler_path()
+    compiler = compiler_command()
     if compiler is None:
         return "no C compiler"
     started = time.process_time()

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from patagium.native.compiler import compiler_path
+from patagium.native.compiler import compiler_command
 from patagium_lab.bench.overhead import AIR_MODELS, AIR_NETWORKS, QUICK_RIVALS, RIVALS
 from patagium_lab.reproduction.cases import AS_RUN, FLIGHT_CASES, STRIPS, DenseSettings
 from patagium_lab.reproduction.errors import HEADING, STEPPING, ErrorCase, error_cases
@@ -91,7 +91,7 @@ class ReproductionPlan:
             quick: Whether flights are short and runs are few.
             crazyflie: Log of a quadrotor, or None.
         """
-        compiled = compiler_path() is not None
+        compiled = compiler_command() is not None
         if not quick:
             return cls(dense_every=1 if compiled else 100, crazyflie=crazyflie)
         return cls(

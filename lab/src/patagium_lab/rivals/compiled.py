@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -52,25 +51,21 @@ class Rival:
 
 
 def compile_rival(
-    name: str, sources: Mapping[str, str], compiler: str, flags: Sequence[str]
+    name: str, sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]
 ) -> tuple[ctypes.CDLL, float]:
     """A compiled library, and the seconds the compiler took to build it.
 
     Args:
         name: Name of the library, for the progress line.
         sources: File name (`.c`) to text: C, or C++ where the flags say so.
-        compiler: Path of the compiler.
+        compiler: The compiler and its arguments.
         flags: Flags of the compiler.
 
     Raises:
         CompilerError: With the compiler's own words.
     """
-    started = time.perf_counter()
-    folder = build(compiler, sources, flags, name)
-    record = folder / "compile-seconds"
-    if not record.exists():
-        record.write_text(f"{time.perf_counter() - started:.2f}")
-    return ctypes.CDLL(str(folder / "library.so")), float(record.read_text())
+    library = build(compiler, sources, flags, name)
+    return library.handle, library.facts
 
 
 def library_calls(

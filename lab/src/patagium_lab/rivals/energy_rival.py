@@ -14,7 +14,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from patagium.native.compiler import compiler_path
+from patagium.native.compiler import compiler_command
 from patagium.robot.model import Robot
 from patagium_lab.rivals import energy_form as energy
 from patagium_lab.rivals.compiled import (
@@ -78,7 +78,7 @@ def _machine(robot: Robot, symbol: type) -> tuple[Robot, ca.SX, ca.SX, ca.SX]:
 def _compiled(
     robot: Robot, name: str, functions: list[ca.Function], flags: tuple[str, ...], started: float
 ) -> Rival | str:
-    compiler = compiler_path()
+    compiler = compiler_command()
     if compiler is None:
         return "no C compiler"
     text = "\n".join([generated_c(functions), *(_wrapper(f) for f in functions)])

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from patagium.native.compiler import compiler_path
+from patagium.native.compiler import compiler_command
 from patagium.robot.model import Robot
 from patagium_lab.rivals.compiled import SHORT_FLAGS, Rival, compile_rival, library_calls
 from patagium_lab.rivals.mujoco_model import MujocoModel, mujoco_xml
@@ -28,7 +28,7 @@ def mujoco_rival(robot: Robot) -> Rival | str:
     Raises:
         CompilerError: If the compiler refuses the header.
     """
-    compiler = compiler_path()
+    compiler = compiler_command()
     if compiler is None:
         return "no C compiler"
     found = find_spec("mujoco")

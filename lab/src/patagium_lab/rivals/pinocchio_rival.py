@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import ctypes
 import os
-import shutil
 import sysconfig
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import casadi as ca
 
+from patagium.native.compiler import command_words
 from patagium.robot.model import Robot
 from patagium_lab.rivals.compiled import Rival, compile_rival, library_calls
 from patagium_lab.rivals.joint_table import coordinate_order, flat, joint_table
@@ -42,7 +42,7 @@ def pinocchio_rival(robot: Robot) -> Rival | str:
     """
     if robot.attitude == "quaternion":
         return "the model has the coordinates of q, which here are Euler angles"
-    compiler = shutil.which(os.environ.get("CXX", "g++"))
+    compiler = command_words("CXX", os.environ.get("CXX", "g++"))
     if compiler is None or os.environ.get("PATAGIUM_COMPILER") == "none":
         return "no C++ compiler"
     site = Path(sysconfig.get_paths()["purelib"])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.native.compiler import compiler_path
+from patagium.native.compiler import compiler_command
 from patagium.robot.model import Robot
 from patagium_lab.rivals.compiled import (
     LONG_FLAGS,
@@ -45,7 +45,7 @@ def symbolic_rival(
         shared: Whether shared subexpressions are kept.
         quantities: Names out of `QUANTITIES`.
     """
-    compiler = compiler_path()
+    compiler = compiler_command()
     if compiler is None:
         return "no C compiler"
     texts = [c_text(code, robot.dof, quantity, shared) for quantity in quantities]
