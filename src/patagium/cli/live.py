@@ -189,7 +189,7 @@ def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
     with LiveView(subject, *_host_and_port(address or DEFAULT_ADDRESS)) as view:
         reach = "loopback: this machine alone"
         if not view.loopback:
-            reach = f"listens at {view.host}: whoever reaches this machine can watch and steer"
+            reach = f"listens at {view.host}, not encrypted: whoever has it can watch and steer"
         typer.echo(f"The live view is at {view.address} ({reach})", err=True)
         yield view
 

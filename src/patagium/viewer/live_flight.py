@@ -156,7 +156,8 @@ class LiveFlight:
             self._paused = bool(command["paused"])
             self._anchor()
         asked = float(command["frequency"]), float(command["amplitude"])
-        if asked != self._asked:
+        steering = self._steering
+        if asked != self._asked and steering is not None and steering.allows(*asked):
             self._steer(*asked)
         if int(command["resets"]) != self._resets:
             self._resets = int(command["resets"])

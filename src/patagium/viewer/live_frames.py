@@ -125,6 +125,18 @@ class Steering:
     most: float
     amplitude: float
 
+    def allows(self, frequency: float, amplitude: float) -> bool:
+        """Whether a command is within the range, to rounding.
+
+        Args:
+            frequency: Beats a second [Hz].
+            amplitude: Excursion over the gait's own [1].
+        """
+        room = 1.0 + 1e-9
+        return self.least <= room * frequency <= room**2 * self.most and (
+            0.0 <= amplitude <= room * self.amplitude
+        )
+
 
 @dataclass(frozen=True)
 class Subject:

@@ -8,6 +8,7 @@ bounded number of points. Nothing is shown of the time before the page was serve
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Sequence
 from html import escape
@@ -24,6 +25,7 @@ from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
 from patagium.robot.drawing import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
+from patagium.viewer.live_door import Door, is_number
 from patagium.viewer.live_frames import (
     FORCES,
     Mailbox,
@@ -89,17 +91,20 @@ def learner_rows(letter: Any, rate: float) -> list[Row]:
     return rows
 
 
-def picture_rows(drawn: int, sent: int, meters_per_newton: float) -> list[Row]:
-    """Rows about the picture.
+def picture_rows(drawn: int, sent: int, meters_per_newton: float, refused: int) -> list[Row]:
+    """Rows about the picture and the page.
 
     Args:
         drawn: Frames drawn.
         sent: Frames sent.
         meters_per_newton: Length of arrows.
+        refused: Requests and messages that were refused.
     """
     rows = [("Frames drawn", f"{drawn} of {sent} sent")]
     if meters_per_newton > 0:
         rows.append(("Arrows", f"1 N is {100 * meters_per_newton:g} cm"))
+    if refused:
+        rows.append(("Requests refused", f"{refused}"))
     return rows
 
 
@@ -149,9 +154,10 @@ class LivePlots:
     Args:
         gui: viser's.
         subject: Subject of the page.
+        door: Door that lets the choices of forces in.
     """
 
-    def __init__(self, gui: Any, subject: Subject) -> None:
+    def __init__(self, gui: Any, subject: Subject, door: Door) -> None:
         self._subject = subject
         m = len(subject.outputs)
         self._trace = np.empty((0, 1 + len(FORCES) * m))
@@ -165,7 +171,8 @@ class LivePlots:
             self._coverage = _plot(gui, "Measurements in the 95 % interval [%]", ["inside", "95 %"])
         with gui.add_folder("Forces shown", expand_by_default=False):
             for place, name in enumerate(self._shown):
-                choice = gui.add_dropdown(f"Plot {place + 1}", subject.outputs, name)
+                choice = gui.add_dropdown(f"Plot {place + 1}", subject.outputs, initial_value=name)
+                door.allow(choice, subject.outputs.__contains__)
                 choice.on_update(lambda _, k=place, one=choice: self._choose(k, one.value))
 
     def add(self, letter: Any) -> None:
@@ -365,10 +372,9 @@ class LiveScene:
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=False)  # shadows take most of the time in software
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere("/sky", rgb("#ffffff"), rgb("#b9c4cd"), intensity=1.75)
-        scene.add_light_directional(
-            "/sun", rgb("#ffffff"), intensity=1.7, position=(-0.4, -0.7, 1.4)
-        )
+        sky, ground, at = rgb("#ffffff"), rgb("#b9c4cd"), (-0.4, -0.7, 1.4)
+        scene.add_light_hemisphere("/sky", sky_color=sky, ground_color=ground, intensity=1.75)
+        scene.add_light_directional("/sun", color=sky, intensity=1.7, position=at)
         scene.configure_fog(8.0 * reach, 40.0 * reach, color=(247, 249, 250))
         self._bodies = [
             scene.add_frame(f"/robot/{body.name}", show_axes=False) for body in self._robot.bodies
@@ -523,15 +529,22 @@ class LivePage:
         subject: Subject of the page.
         host: Address.
         port: Port; 0: any that is free.
+        token: First part of the path of its address, which nobody can guess.
         commands: Where what is asked for goes.
 
     Raises:
         OSError: If the port was taken meanwhile.
+        ParameterError: If viser cannot be guarded.
     """
 
-    def __init__(self, subject: Subject, host: str, port: int, commands: Mailbox) -> None:
+    def __init__(
+        self, subject: Subject, host: str, port: int, token: str, commands: Mailbox
+    ) -> None:
         self._subject, self._commands = subject, commands
-        self._server = viser.ViserServer(host, port, label="patagium", verbose=False)
+        self._door = Door(host, token)
+        place = host if ":" in host else socket.gethostbyname(host)  # one address of a name
+        with self._door.guarding():
+            self._server = viser.ViserServer(place, port, label="patagium", verbose=False)
         self.port = int(self._server.get_port())
         if port and self.port != port:
             self._server.stop()
@@ -592,15 +605,16 @@ class LivePage:
             self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
             follow = gui.add_checkbox("Follow the robot (F)", True)
+        self._door.allow(follow, lambda value: isinstance(value, bool))
         follow.on_update(lambda _: self._follow(follow.value))
-        gui.add_command("Follow the robot", hotkey="F").on_trigger(
+        self._door.allow(gui.add_command("Follow the robot", hotkey="F")).on_trigger(
             lambda _: setattr(follow, "value", not follow.value)
         )
         gui.main_panel.dock_left()
         gui.main_panel.set_width(310)
         panel = gui.add_panel()
         with panel.add_tab("Plots"):
-            self._plots = LivePlots(gui, subject)
+            self._plots = LivePlots(gui, subject, self._door)
         panel.dock_right()
         panel.set_width(400)
 
@@ -618,14 +632,19 @@ class LivePage:
         with gui.add_folder("Flight", order=11):
             pause = gui.add_button("Pause (space)", icon=viser.Icon.PLAYER_PAUSE)
             reset = gui.add_button("Fly again from the start (R)", icon=viser.Icon.REFRESH)
+        allow, first = self._door.allow, steering.frequency
+        allow(beat, lambda value: is_number(value) and steering.allows(value, 1.0))
+        allow(size, lambda value: is_number(value) and steering.allows(first, 0.01 * value))
         self._pause = pause
         self._asked["frequency"] = steering.frequency
         beat.on_update(lambda _: self._ask("frequency", float(beat.value)))
         size.on_update(lambda _: self._ask("amplitude", 0.01 * float(size.value)))
-        pause.on_click(lambda _: self._toggle())
-        reset.on_click(lambda _: self._reset())
-        gui.add_command("Pause or fly on", hotkey="SPACE").on_trigger(lambda _: self._toggle())
-        gui.add_command("Fly again from the start", hotkey="R").on_trigger(lambda _: self._reset())
+        allow(pause).on_click(lambda _: self._toggle())
+        allow(reset).on_click(lambda _: self._reset())
+        space = allow(gui.add_command("Pause or fly on", hotkey="SPACE"))
+        space.on_trigger(lambda _: self._toggle())
+        again = allow(gui.add_command("Fly again from the start", hotkey="R"))
+        again.on_trigger(lambda _: self._reset())
 
     def _ask(self, name: str, value: Any) -> None:
         self._asked[name] = value
@@ -685,7 +704,9 @@ class LivePage:
         self._numbers.content = table(
             flight_rows(letter, subject, pace),
             learner_rows(letter, rate) if subject.network is not None else [],
-            picture_rows(self._asked["drawn"], sent, self._scene.meters_per_newton),
+            picture_rows(
+                self._asked["drawn"], sent, self._scene.meters_per_newton, self._door.refused
+            ),
             key=[("true", TRUTH), *([("learned", COLORS[0])] if subject.network else [])],
             letter=letter,
         )

@@ -2,12 +2,14 @@
 
 The page is served by viser in a process of its own, at a lower priority, which reads frames from
 a mailbox and sends commands through another. Where it hangs, frames are overwritten; where it
-dies, nobody else does. Both processes are on one machine and share memory.
+dies, nobody else does. Both processes are on one machine and share memory. The address has a
+random token, new each time: who does not have it sees nothing.
 """
 
 from __future__ import annotations
 
 import os
+import secrets
 import signal
 import socket
 import sys
@@ -18,6 +20,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Self
 
 from patagium.errors import ParameterError
+from patagium.live.sources import is_loopback
 from patagium.viewer.live_frames import COMMAND, SLOTS, Mailbox, Subject
 
 PERIOD = 1.0 / 30.0
@@ -33,8 +36,11 @@ class LiveView:
 
     Args:
         subject: Subject of the page.
-        host: Address it is served at; others than loopback let others in.
+        host: Address it is served at.
         port: Port; 0: any that is free.
+
+    Attributes:
+        loopback: Whether only this machine can reach the page.
 
     Raises:
         ParameterError: If viser is not installed, or the page cannot be served there.
@@ -43,13 +49,14 @@ class LiveView:
     def __init__(self, subject: Subject, host: str, port: int) -> None:
         if find_spec("viser") is None:
             raise ParameterError("live view", "viser: pip install 'patagium[viewer]'", None)
-        _check_free(host, port)
+        self.loopback = is_loopback(_bound(host, port))
+        self._token = secrets.token_urlsafe(32)
         self.letters, self._commands = Mailbox(subject.layout, SLOTS), Mailbox(COMMAND, _COMMANDS)
         self.subject = subject
         self._command: Any = None
         spawn = get_context("spawn")
         self._pipe, other = spawn.Pipe()
-        words = (subject, host, port, self.letters, self._commands, other)
+        words = (subject, host, port, self._token, self.letters, self._commands, other)
         self._process = spawn.Process(target=_serve, args=words, daemon=True, name="live view")
         self._process.start()
         other.close()
@@ -59,14 +66,10 @@ class LiveView:
 
     @property
     def address(self) -> str:
-        """Address for a browser."""
+        """Address for a browser, with the token that lets it in."""
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
-        return f"http://{f'[{host}]' if ':' in host and host[0] != '[' else host}:{self.port}"
-
-    @property
-    def loopback(self) -> bool:
-        """Whether only this machine can reach the page."""
-        return self.host == "localhost" or self.host.startswith("127.") or self.host == "::1"
+        place = f"[{host}]" if ":" in host and host[0] != "[" else host
+        return f"http://{place}:{self.port}/{self._token}"
 
     @property
     def command(self) -> Any:
@@ -119,8 +122,8 @@ class LiveView:
         raise ParameterError("live view", expected, reason)
 
 
-def _check_free(host: str, port: int) -> None:
-    """Refuse an address that cannot be listened at.
+def _bound(host: str, port: int) -> str:
+    """Address in numbers that a page would be served at.
 
     Raises:
         ParameterError: If it is taken, or not one of this machine.
@@ -131,13 +134,20 @@ def _check_free(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
             probe.listen(1)
+            return str(probe.getsockname()[0])
         except OSError as error:
             expected = "an address of this machine with a port that is free"
             raise ParameterError("live address", expected, f"{host}:{port}") from error
 
 
 def _serve(
-    subject: Subject, host: str, port: int, letters: Mailbox, commands: Mailbox, pipe: Connection
+    subject: Subject,
+    host: str,
+    port: int,
+    token: str,
+    letters: Mailbox,
+    commands: Mailbox,
+    pipe: Connection,
 ) -> None:
     """The process: serve until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who flies
@@ -145,7 +155,7 @@ def _serve(
     try:
         from patagium.viewer.live_page import LivePage
 
-        page = LivePage(subject, host, port, commands)
+        page = LivePage(subject, host, port, token, commands)
         pipe.send((page.port, ""))
         os.nice(_COURTESY)
         due = time.monotonic()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import socket
 import threading
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +66,12 @@ def learned(packets: Any, pipeline: Pipeline, view: Any = None, at_half: Any = N
     return summary(status, queue, pipeline)
 
 
+def answer(port: int, path: str) -> int:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as asking:
+        asking.request("GET", path)
+        return asking.getresponse().status
+
+
 def test_a_learner_with_a_page_learns_the_same_and_outlives_it(
     flight: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -77,7 +85,10 @@ def test_a_learner_with_a_page_learns_the_same_and_outlives_it(
     with live_view.LiveView(subject, "127.0.0.1", 0) as view:
         beside_facts = learned(packets, beside, view)
         sent = view.letters.sent
-        assert sent > 1
+        assert sent > 1 and view.loopback
+        place, token = view.address.rsplit("/", 1)
+        assert place == f"http://127.0.0.1:{view.port}" and len(token) == 43  # 256 bits
+        assert [answer(view.port, path) for path in (f"/{token}", "/")] == [200, 403]
         process = view._process
         orphan_facts = learned(packets, orphan, view, process.kill)
         process.join()
@@ -218,7 +229,7 @@ def test_a_page_elsewhere_says_who_can_reach_it(capsys: pytest.CaptureFixture[st
         patch.setattr(live_view, "LiveView", Elsewhere)
         with live_words.opened(Subject(robot, robot.dof_names, None, "a robot"), "0.0.0.0:1"):
             pass
-    assert "whoever reaches this machine can watch and steer" in capsys.readouterr().err
+    assert "not encrypted: whoever has it can watch and steer" in capsys.readouterr().err
     with pytest.raises(ParameterError, match="HOST:PORT"):
         live_words._host_and_port("localhost")
     assert live_words._host_and_port("[::1]:80") == ("::1", 80)

@@ -78,7 +78,7 @@ class Program:
         told = (line for line in self._process.stderr if "compiling" not in line)
         said = next(told)  # what is compiled first, from an empty cache, is told before
         assert "(loopback: this machine alone)" in said
-        self.address = re.findall(r"http://127\.0\.0\.1:\d+", said)[0]
+        self.address = re.findall(r"http://127\.0\.0\.1:\d+/\S+", said)[0]
 
     def end(self) -> str:
         self._process.send_signal(signal.SIGINT)
@@ -163,6 +163,7 @@ def test_a_browser_sees_a_flight_and_steers_it(
     browser.press(" ")
     until(words, lambda said: "Paused." not in said and number_of(said, "Time") > 1.5)
     browser.screenshot(artefacts / "live-steered.png")
+    assert "refused" not in words()  # the page sends nothing that its door does not know
 
     program.end()
     assert [k for k in browser.complaints if HARMLESS not in k and "WebSocket" not in k] == []
