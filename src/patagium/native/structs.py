@@ -111,6 +111,26 @@ def struct(name: str, text: str, *others: Struct, base: Struct | None = None) ->
     return Struct(name, found, type(name, (parent,), members), "" if base is None else base.name)
 
 
+BOUNDS = struct(
+    "bounds",
+    """
+    int64_t inputs: n_x that are measured; arrays hold n: those, then the outputs
+    int64_t smooth: of them that do not jump: all but accelerations
+    const double *x: n_x: inputs of this sample
+    const double *scale: n: of each channel before it is known
+    double *low: n: least value of the range
+    double *high: n: largest value of the range
+    double *before: n: last value taken
+    double *step: n: median absolute step
+    double *odd: n: last value refused
+    double *odd_low: n: least of those refused of late
+    double *odd_high: n: largest of those refused of late
+    int64_t *taken: n: values taken that moved
+    int64_t *odd_run: n: values refused of late, less those taken
+    double *clock: stamp of the last sample taken, usual step, samples refused since then
+    """,
+)
+
 SCREENING = struct(
     "screening",
     """
@@ -160,7 +180,10 @@ SCREENING = struct(
     double *usual: m: mean variance that the weights gave of late
     double *interval: m: variance that the filter states
     int64_t *heard: m: samples of the channel so far
+    int64_t *far: m: samples in a row that were too far off to be used
+    bounds *bounds: of inputs and outputs, ahead of the filter
     """,
+    BOUNDS,
 )
 
 WEIGHT_FILTER = struct(
@@ -342,7 +365,7 @@ PIPELINE = struct(
 )
 
 STRUCTS = (
-    *(PIPELINE, SCREENING, WEIGHT_FILTER, PANEL_FILTER),
+    *(PIPELINE, BOUNDS, SCREENING, WEIGHT_FILTER, PANEL_FILTER),
     *(LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK),
 )
 """Structures of the kernels; the header of each can be included by any kernel."""

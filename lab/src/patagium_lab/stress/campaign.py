@@ -323,7 +323,8 @@ def _ratio(error: Array, clean: Array, begin: int) -> float:
 
 def _counted(faulted: Faulted, added: dict[str, int]) -> bool:
     exact = all(added[name] == count for name, count in faulted.exact.items())
-    return exact and all(added[name] >= count for name, count in faulted.least.items())
+    told = {**added, "outliers": added["outliers"] + added["out_of_range"]}
+    return exact and all(told[name] >= count for name, count in faulted.least.items())
 
 
 def _killed_child(learner: CubatureLearner, feed: Feed, path: Path, delay: float) -> int:

@@ -114,9 +114,12 @@ class BlockKernel:
         self._covariance = "kept" in self._arrays
         self._whole = _TYPES[name]()
         self._struct = self._whole.filter if name == "extended" else self._whole
-        self._screening = screening_memory(self.screen)
+        self._screening, bounds = screening_memory(self.screen)
         self._fill(ctypes.addressof(self._screening))
-        self._x, self._keep = self._installed(name)
+        self._x, keep = self._installed(name)
+        if self._x is not None:
+            bounds.x = self._x.ctypes.data
+        self._keep = keep, bounds
         self._address = ctypes.addressof(self._struct)
         self._predict, self._update = (
             _function(library, f"{name}_{verb}") for verb in ("predict", "update")
@@ -279,6 +282,7 @@ class BlockKernel:
         if self._x is not None:
             self._x[:] = x
             return
+        self.screen.bounds.x[:] = x
         encoding = self._numbers.network.encode_one(x)
         self._arrays["features"][...] = encoding.features
         self._arrays["readout"][...] = encoding.readout.T

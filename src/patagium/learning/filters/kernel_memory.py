@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.learning.filters.bounds import MEMORY
 from patagium.learning.filters.screening import Screen
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork
-from patagium.native.structs import LAGS, SCREENING
+from patagium.native.structs import BOUNDS, LAGS, SCREENING
 
 Array = NDArray[np.float64]
 
@@ -64,14 +65,20 @@ def addresses(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
     return {name: array.ctypes.data for name, array in arrays.items()}
 
 
-def screening_memory(screen: Screen) -> Any:
-    """Memory of a screening as a kernel takes it.
+def screening_memory(screen: Screen) -> tuple[Any, Any]:
+    """Memory of a screening as a kernel takes it, and that of its bounds, which it points to.
 
     Args:
         screen: Screening, whose arrays are shared by address; it must outlive the memory.
     """
-    arrays = {**screen.arrays, "stated": screen.stated}
-    return SCREENING.type(
+    bounds, arrays = screen.bounds, {**screen.arrays, "stated": screen.stated}
+    shared = {name.removeprefix("bound_"): arrays.pop(name) for name in MEMORY}
+    limits = BOUNDS.type(
+        inputs=bounds.inputs,
+        smooth=bounds.smooth,
+        **addresses({**shared, "x": bounds.x, "scale": bounds.scale}),
+    )
+    whole = SCREENING.type(
         channels=len(arrays["noise"]),
         stuck_samples=screen.stuck_samples,
         window=screen.monitor.window,
@@ -81,8 +88,10 @@ def screening_memory(screen: Screen) -> Any:
         ratio=screen.monitor.ratio,
         relative=screen.relative,
         floor=screen.misfit.floor,
+        bounds=ctypes.addressof(limits),
         **addresses(arrays),
     )
+    return whole, limits
 
 
 def install_lags(network: HiddenStripNetwork, whole: Any) -> tuple[Array, tuple[Any, ...]]:

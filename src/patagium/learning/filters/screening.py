@@ -1,6 +1,7 @@
 """Screening of samples: outliers, stuck and missing channels, late samples, noise.
 
-A channel that is no number is left out: the others are learned from as if it were not there.
+What no sensor can say is refused first (`bounds`), whatever the settings. A channel that is no
+number is left out: the others are learned from as if it were not there.
 With `Screening`, so is one that moved before and now repeats one value; and an innovation beyond
 a limit has its noise raised until it lies at the limit. With `NoiseEstimation` the
 variances of the measurement follow the innovations. Samples that are late are refused. Whatever
@@ -20,19 +21,21 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.errors import Outcome
+from patagium.learning.filters.bounds import MEMORY, Bounds
 from patagium.learning.filters.misfit import PARTS as MISFIT_PARTS
 from patagium.learning.filters.misfit import Misfit
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
+from patagium.learning.models.network import Network
 from patagium.learning.settings import ChangeDetection, FilterSettings
 
 Array = NDArray[np.float64]
 
 EVENTS = (
     *("missing", "outliers", "stuck", "bad_inputs", "late", "duplicates", "clock_resets"),
-    *("blind", "refused", "changes"),
+    *("blind", "refused", "changes", "out_of_range", "jumps", "reopened"),
 )
-"""What is counted: channels of samples for the first three, samples for the others."""
+"""What is counted: channels of samples for the first three and the last three, else samples."""
 
 REFUSALS = {
     Outcome.BAD_INPUT: "bad_inputs",
@@ -42,7 +45,7 @@ REFUSALS = {
 }
 """Outcomes of samples that are not learned from, and no failure of the filter."""
 
-_CLOCK_RUN, _FAR, _FIRST_MEMORY = 10, 1e6, 9  # as in screening.h
+_CLOCK_RUN, _FAR, _FAR_RUN, _FIRST_MEMORY = 10, 1e6, 10, 9  # as in screening.h
 _LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
 RELATIVE_NOISE = 0.1
 """Standard deviation of the noise to start from, over the scale of the output [1]."""
@@ -56,9 +59,9 @@ _PARTS = (
     *("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last"),
     *("offset", "scale", "largest"),
 )
-_MARKS = ("still", "moved", "left_out", "seen")
-NEWER = ("offset", "scale", "largest", "seen", "heard", "clock", *MISFIT_PARTS)
-"""Arrays that files of earlier releases do not hold: there the noise was always given."""
+_MARKS = ("still", "moved", "left_out", "seen", "far")
+NEWER = ("offset", "scale", "largest", "seen", "far", "heard", "clock", *MISFIT_PARTS, *MEMORY)
+"""Arrays that files of earlier releases do not hold."""
 
 
 class Screened(NamedTuple):
@@ -143,12 +146,17 @@ class Screen:
     Args:
         noise: Variances of the measurement to start from, (n_y,) [y^2]; NaN where they are found
             from the samples.
+        network: Network that is fed.
         settings: Settings of a filter, of which its three groups are read.
         offset: Value of y that the scale of each output is about, scalar or (n_y,) [unit of y].
     """
 
     def __init__(
-        self, noise: Array, settings: FilterSettings | None = None, offset: ArrayLike = 0.0
+        self,
+        noise: Array,
+        network: Network,
+        settings: FilterSettings | None = None,
+        offset: ArrayLike = 0.0,
     ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
         screening, noise_estimation = chosen.screening, chosen.noise_estimation
@@ -173,6 +181,7 @@ class Screen:
         )
         if self.misfit.floor:
             self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
+        self.bounds = Bounds(network)
         self.numbers[:3] = np.nan, -inf, np.nan
 
     @property
@@ -188,6 +197,7 @@ class Screen:
             **self.misfit.parts,
             "heard": self.misfit.heard,
             "clock": self.misfit.clock,
+            **self.bounds.arrays,
         }
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
@@ -199,9 +209,22 @@ class Screen:
         for name, array in self.arrays.items():
             array[...] = arrays[name]
 
+    def bounded(self, x: Array, y: Array) -> Array | None:
+        """Measurement within its bounds, (n_y,), NaN elsewhere; None where x is out of its own.
+
+        Args:
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
+        """
+        usable, within, events = self.bounds.bounded(x, y, float(self.numbers[_STAMP]))
+        for event, count in {**events, "bad_inputs": int(not usable)}.items():
+            self.counts[EVENTS.index(event)] += count
+        return within if usable else None
+
     def restart_clock(self) -> None:
         """Take the next time stamp, whatever it is."""
         self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = -inf, 0
+        self.bounds.forget_place()
 
     @property
     def events(self) -> dict[str, int]:
@@ -275,12 +298,11 @@ class Screen:
         self.numbers[_STAMP] = np.nan if time is None else time
         if self.admit():
             return None
-        if not np.isfinite(x).all():
-            self.note("bad_inputs")
+        within = self.bounded(x, y)
+        if within is None:
             return None
-        kept = np.isfinite(y)
-        for _ in range(int((~kept).sum())):
-            self.note("missing")
+        kept = np.isfinite(within)
+        self.counts[EVENTS.index("missing")] += int((~kept).sum())
         if not kept.any():
             self.note("blind")
             return None
@@ -404,9 +426,12 @@ class Screen:
             reach = float(np.abs(apart) / np.sqrt(variance))
         if reach > self.limit:
             self.note("outliers")
-            if not reach < _FAR:
+            far = self.marks["far"]
+            far[k] += not reach < _FAR
+            if not reach < _FAR and far[k] < _FAR_RUN:
                 return False
             extra[k] = (apart / self.limit) ** 2 - variance
+        self.marks["far"][k] = 0
         innovation[k] = apart
         return True
 
@@ -474,7 +499,8 @@ def new_screen(numbers: FilterNumbers) -> Screen:
     Args:
         numbers: Numbers of the filter.
     """
-    return Screen(numbers.noise, numbers.settings, getattr(numbers.network, "offset", 0.0))
+    offset = getattr(numbers.network, "offset", 0.0)
+    return Screen(numbers.noise, numbers.network, numbers.settings, offset)
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:

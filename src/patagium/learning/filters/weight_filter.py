@@ -191,6 +191,10 @@ class WeightFilter:
         refused = self.screen.admit()
         if refused:
             return refused, prediction
+        within = self.screen.bounded(x, y)
+        if within is None:
+            return Outcome.BAD_INPUT, prediction
+        y = within
         self.screen.follow(y)  # before the noise is found
         before, encoding = self._advanced(), self.numbers.network.encode_one(x)
         look = self._look(encoding)

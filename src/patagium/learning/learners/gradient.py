@@ -68,7 +68,7 @@ class GradientLearner(OnlineLearner):
         self._power = np.zeros(network.outputs)
         self._memory: list[tuple[Array, Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
-        self._screen = Screen(np.ones(network.outputs))
+        self._screen = Screen(np.ones(network.outputs), network)
 
     @property
     def weights(self) -> Array:

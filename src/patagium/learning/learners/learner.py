@@ -142,7 +142,9 @@ class OnlineLearner(Learner):
         Channels of samples: missing (no number), outliers (down-weighted, or too far off to be
         used), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets (a clock
         that went back was believed), blind (no channel left), refused (the filter could not be
-        moved by it), changes (the covariance was opened anew).
+        moved by it), changes (the covariance was opened anew). Values of sensors: out_of_range
+        (no sensor says that), jumps (an input moved too far in one step), reopened (a range was
+        widened to what a sensor kept saying).
         """
         return self._screen.events
 
@@ -211,8 +213,10 @@ class OnlineLearner(Learner):
             ShapeError: If an array has another shape.
         """
         screen = self._screen.arrays
-        newer = {name: screen[name] for name in NEWER}
-        seen = arrays_like(screen, newer | part(state, "screen_"))
+        newer = {name: screen[name] for name in NEWER} | part(state, "screen_")
+        counts = newer.get("counts", screen["counts"])  # events of later releases come last
+        newer["counts"] = np.pad(counts, (0, max(len(screen["counts"]) - len(counts), 0)))
+        seen = arrays_like(screen, newer)
         stopwatch = Stopwatch(int(state["count"]))
         self._place(state)
         if self.memory is not None:

@@ -186,6 +186,6 @@ class LinearLearner(OnlineLearner):
 def _screen(network: DenseNetwork, std: Numbers | None) -> Screen:
     """Screening with the noise that is given, or that is found from the samples."""
     if std is not None:
-        return Screen(scale_of("measurement_std", std, network.outputs) ** 2)
+        return Screen(scale_of("measurement_std", std, network.outputs) ** 2, network)
     watched = FilterSettings(noise_estimation=NoiseEstimation())
-    return Screen(np.full(network.outputs, np.nan), watched, network.output_center)
+    return Screen(np.full(network.outputs, np.nan), network, watched, network.output_center)

@@ -85,6 +85,7 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   double *g = f->small + 2 * size, *turned = g + size, inner[stride], gain[stride], nis = 0;
   const int refused = admit(f->screen);
   if (refused) return refused;
+  if (!bound(f->screen, f->measured)) return BAD_INPUT;
   follow(f->screen, f->measured);
   const int lost = s->predict(memory);
   if (lost) return lost == NOT_FINITE ? unpredicted(f) : lost;

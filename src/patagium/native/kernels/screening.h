@@ -14,17 +14,20 @@
 enum { COMPLETED = 0, NOT_FINITE = 1, COVARIANCE_LOST = 2 };          /* as errors.Outcome */
 enum { BAD_INPUT = 4, LATE = 5, DUPLICATE = 6, BLIND = 7 };
 enum { MISSING, OUTLIERS, STUCK, BAD_INPUTS, BEHIND, DUPLICATES, RESETS, BLINDS, REFUSED, CHANGES };
+enum { OUT_OF_RANGE = CHANGES + 1, JUMPS, REOPENED }; /* events as well */
 enum { STAMP, LAST_STAMP, LATE_STAMP, RECENT, BEFORE };               /* of `numbers` */
 enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `whole` */
 
 #define CLOCK_RUN 10      /* late samples in a row, each later than the one before: a new clock */
-#define FAR 1e6           /* deviations beyond which an innovation tells nothing */
+#define FAR 1e6           /* deviations beyond which an innovation tells nothing, but in a row of */
+#define FAR_RUN 10        /* samples: the weights are wrong then, and not the sensor */
 #define FIRST_MEMORY 9    /* samples over which the first variance is estimated, less one */
 #define LARGEST_NIS 1e6   /* a channel, as the monitor of changes takes it */
 #define FIRST_SAMPLES 20  /* whose noise is a share of the scale; it is estimated from then on */
 #define LEAST_NOISE 1e-6  /* variance that is found, at least, over the square of the scale */
 #define LEAST_SCALE 1e-2  /* square of a scale, at least, over the network's own */
 
+#include "bounds.h"
 #include "misfit.h"
 
 /* Whether the sample is later than the one before; an event otherwise. */
@@ -123,10 +126,11 @@ static int weigh(screening *s, const double *measured, const double *predicted,
     const double apart = y - predicted[k], reach = fabs(apart) / sqrt(variance);
     if (reach > s->limit) {
       s->counts[OUTLIERS]++;
-      if (!(reach < FAR)) continue;
+      if (!(reach < FAR) && ++s->far[k] < FAR_RUN) continue;
       s->extra[k] = apart / s->limit * (apart / s->limit) - variance;
     }
     s->left_out[k] = 0;
+    s->far[k] = 0;
     innovation[k] = apart;
     kept++;
   }

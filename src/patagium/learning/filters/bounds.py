@@ -1,0 +1,164 @@
+"""Bounds of inputs and outputs, ahead of every filter: what a sensor can say.
+
+A value is refused that lies further than 3 widths of its range (10 for an output) outside of that
+range. So is an input, no acceleration, that moves by more than 15 times its median step and a
+quarter of its range, and 2 steps more for each usual time step since it was last taken. The range
+is that of the values taken so far, at least the network's own scale of an input and a hundredth of
+the widest output. A value outside of it widens it by a quarter at most, and 1e-4 of it is
+forgotten with each sample. The first 20 values of a channel that moves are bounded by 1e6 of the
+network's scale alone.
+
+A sample with an input that is refused is not learned; an output that is refused is missing. A
+hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
+equal, are what the sensor says by now: the range opens up to them, which is an event.
+`kernels/bounds.h` does the same in C on the same arrays. Neglected: values that are wrong within
+their range.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.learning.models.memory import measured_inputs
+from patagium.learning.models.network import Network, flight_terms
+
+Array = NDArray[np.float64]
+
+_KNOWN, _MANY, _BOUNDLESS = 20, 100, 1e6  # all as in bounds.h
+_REACHES, _LEAST_SHARE = (3.0, 10.0), 0.01
+_JUMP, _JUMP_SHARE, _AHEAD = 15.0, 0.25, 2.0
+_GROWTH, _LEAK, _WILD, _RUN, _FAST, _SLOW = 0.25, 1e-4, 1e4, 100, 0.5, 0.02
+_LAST, _USUAL, _MISSED = range(3)  # of `clock`
+_VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high")
+_COUNTS = ("taken", "odd_run")
+MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock")
+"""Names of the arrays of a memory."""
+
+
+class Bounds:
+    """Memory of the bounds, arrays that the kernels share: inputs first, then outputs.
+
+    Args:
+        network: Network that is fed.
+
+    Attributes:
+        inputs: Number of inputs that are measured.
+        smooth: Number of them that do not jump, the first: all but accelerations.
+        x: Inputs of a sample where a kernel does not read them itself, (n_x,) [units of x].
+        scale: Scale of each channel before it is known, (n,) [units of x and y].
+        arrays: Memory by name, (n,) each; clock: last stamp [s], usual step [s], samples
+            refused since then.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.inputs, outputs = measured_inputs(network), network.outputs
+        accelerations = self.inputs // 3 if flight_terms(network).acceleration else 0
+        self.smooth = self.inputs - accelerations
+        self.x = np.zeros(network.inputs)
+        self.scale = np.ones(self.inputs + outputs)
+        self.scale[: self.inputs] = getattr(network, "input_scale", 1.0)
+        self.scale[self.inputs :] = getattr(network, "output_scale", 1.0)
+        self._reach = np.repeat(_REACHES, (self.inputs, outputs))
+        self.arrays: dict[str, NDArray[Any]] = {
+            **{f"bound_{name}": np.full(len(self.scale), np.nan) for name in _VALUES},
+            **{f"bound_{name}": np.zeros(len(self.scale), np.int64) for name in _COUNTS},
+            "bound_clock": np.array([np.nan, 0.0, 0.0]),
+        }
+        self.arrays["bound_step"][:] = 0.0
+
+    def forget_place(self) -> None:
+        """Take the next inputs however far they moved."""
+        self.arrays["bound_before"][:] = np.nan
+
+    def bounded(self, x: Array, y: Array, time: float) -> tuple[bool, Array, dict[str, int]]:
+        """Whether a sample can be learned; y, NaN where it is refused, (n_y,); events.
+
+        Args:
+            x: Input, (n_x,) [units of x].
+            y: Measurement, (n_y,) [unit of y].
+            time: Of the sample [s]; NaN: unknown.
+        """
+        memory, n = self.arrays, self.inputs
+        value, width, ahead = np.concatenate([x[:n], y]), self._width(), self._ahead(time)
+        with np.errstate(invalid="ignore", over="ignore"):
+            beyond = np.maximum(memory["bound_low"] - value, value - memory["bound_high"])
+            known = memory["bound_taken"] >= _KNOWN
+            outside = known & ~(beyond <= self._reach * width)
+            outside |= ~(np.abs(value) <= np.where(known, inf, _BOUNDLESS * self.scale))
+            step = memory["bound_step"]
+            most = np.maximum(_JUMP_SHARE * width, _JUMP * step) + _AHEAD * step * (ahead - 1)
+            stepped = memory["bound_taken"] >= _MANY
+            jumps = stepped & (np.abs(value - memory["bound_before"]) > most) & ~outside
+        jumps[self.smooth :] = False
+        finite, odd = np.isfinite(value), outside | jumps
+        if odd[:n].any():
+            memory["bound_clock"][_MISSED] += 1
+            odd[n:] = False
+        else:
+            self._keep_time(time)
+            self._take(value, ~odd, known, width)
+        told = np.flatnonzero(odd & finite).tolist()
+        opened = [self._refuse(k, float(value[k]), bool(known[k]), float(width[k])) for k in told]
+        jumped = sum(bool(jumps[k]) for k in told)
+        events = {"out_of_range": len(told) - jumped, "jumps": jumped, "reopened": sum(opened)}
+        return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
+
+    def _width(self) -> Array:
+        n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
+        width = np.nan_to_num(high - low)
+        width[:n] = np.maximum(width[:n], self.scale[:n])
+        width[n:] = np.maximum(width[n:], _LEAST_SHARE * width[n:].max(initial=0.0))
+        return np.asarray(width)
+
+    def _ahead(self, time: float) -> float:
+        """Usual steps since the last sample that was taken; infinite where none can be told."""
+        last, usual, missed = self.arrays["bound_clock"].tolist()
+        step = time - last
+        if not isfinite(step):
+            return float(1.0 + missed)
+        return float(max(step / usual, 1.0)) if step > 0 and usual > 0 else inf
+
+    def _keep_time(self, time: float) -> None:
+        clock = self.arrays["bound_clock"]
+        step, usual = time - clock[_LAST], clock[_USUAL]
+        if isfinite(step) and step > 0:
+            clock[_USUAL] = usual + (min(step, 10 * usual) - usual) / 10 if usual > 0 else step
+        clock[_LAST], clock[_MISSED] = time, 0.0
+
+    def _take(self, value: Array, kept: NDArray[np.bool_], known: Any, width: Array) -> None:
+        """Range and median step from a sample; channels that are not kept stay as they are."""
+        low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
+        taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS)
+        span, most = _LEAK * (high - low), np.where(known, _GROWTH * width, inf)
+        raised = np.where(value > high, np.minimum(value, high + most), high - span)
+        lowered = np.where(value < low, np.maximum(value, low - most), low + span)
+        first, moved = np.isnan(low), np.abs(value - before)
+        np.copyto(high, np.where(first, value, raised), where=kept)
+        np.copyto(low, np.where(first, value, lowered), where=kept)
+        moving = kept & (moved > 0)
+        rate = np.where(known, np.maximum(2.0 / np.maximum(taken, 1), _SLOW), _FAST)
+        after = step + step * np.where(moved > step, rate, -rate)
+        np.copyto(step, np.where(step > 0, after, moved), where=moving)
+        np.copyto(before, value, where=kept)
+        taken += moving
+        run -= kept & (run > 0)
+
+    def _refuse(self, k: int, value: float, known: bool, width: float) -> bool:
+        """Whether the range of a channel opens after one more value that was refused."""
+        low, high, before, _, odd, least, most = (self.arrays[f"bound_{name}"] for name in _VALUES)
+        run = self.arrays["bound_odd_run"]
+        if not (known and max(low[k] - value, value - high[k]) <= _WILD * width):
+            run[k] = 0
+        elif value != odd[k]:
+            least[k] = min(value, least[k]) if run[k] else value
+            most[k] = max(value, most[k]) if run[k] else value
+            odd[k], run[k] = value, run[k] + 1
+        if run[k] < _RUN:
+            return False
+        low[k], high[k] = min(low[k], least[k]), max(high[k], most[k])
+        before[k], run[k] = value, 0
+        return True

@@ -1,0 +1,125 @@
+/* What a sensor can say: bounds of inputs and outputs, ahead of a filter. Memory is the caller's;
+ * Python's twin, equation by equation and array by array, is `bounds.py`.
+ */
+#ifndef PATAGIUM_BOUNDS_H
+#define PATAGIUM_BOUNDS_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "bounds_struct.h"
+#include "screening_struct.h"
+
+#define KNOWN 20          /* values of a channel that moves before its range is known, */
+#define MANY 100          /* before its median step is, */
+#define BOUNDLESS 1e6     /* and scales that a value has at most until then */
+#define INPUT_REACH 3.0   /* widths of the range that an input may lie outside of it, */
+#define OUTPUT_REACH 10.0 /* and an output */
+#define LEAST_SHARE 0.01  /* width of an output, at least, over the widest */
+#define JUMP 15.0         /* median steps that an input may move, */
+#define JUMP_SHARE 0.25   /* or widths, */
+#define AHEAD 2.0         /* and median steps for each usual step of time in between */
+#define GROWTH 0.25       /* widths by which one value widens a range */
+#define LEAK 1e-4         /* of a range that a sample forgets */
+#define ODD 1e4           /* widths beyond which a range never opens */
+#define ODD_RUN 100       /* values refused, less those taken, after which it does */
+
+enum { IN_RANGE, OUTSIDE, JUMPED };
+
+static double width_of(const bounds *b, int k) {
+  return isnan(b->low[k]) ? 0 : b->high[k] - b->low[k];
+}
+
+static int judged(const bounds *b, int k, double value, double width, double ahead) {
+  if (b->taken[k] < KNOWN) return fabs(value) <= BOUNDLESS * b->scale[k] ? IN_RANGE : OUTSIDE;
+  const double reach = (k < b->inputs ? INPUT_REACH : OUTPUT_REACH) * width;
+  if (!(b->low[k] - value <= reach && value - b->high[k] <= reach)) return OUTSIDE;
+  if (k >= b->smooth || b->taken[k] < MANY) return IN_RANGE;
+  const double most =
+      fmax(JUMP_SHARE * width, JUMP * b->step[k]) + AHEAD * b->step[k] * (ahead - 1);
+  return fabs(value - b->before[k]) > most ? JUMPED : IN_RANGE;
+}
+
+static void take(const bounds *b, int k, double value, double width) {
+  const int known = b->taken[k] >= KNOWN;
+  const double low = b->low[k], high = b->high[k], moved = fabs(value - b->before[k]);
+  const double most = known ? GROWTH * width : INFINITY, rate = known ? fmax(2.0 / (double)b->taken[k], 0.02) : 0.5;
+  b->high[k] = value > high ? fmin(value, high + most) : high - LEAK * (high - low);
+  b->low[k] = value < low ? fmax(value, low - most) : low + LEAK * (high - low);
+  if (isnan(low)) b->low[k] = b->high[k] = value;
+  if (moved > 0) {
+    const double step = b->step[k];
+    b->taken[k]++;
+    b->step[k] = step > 0 ? step + step * (moved > step ? rate : -rate) : moved;
+  }
+  b->before[k] = value;
+  b->odd_run[k] -= b->odd_run[k] > 0;
+}
+
+static void refuse(screening *s, int k, double value, double width, int why) {
+  const bounds *b = s->bounds;
+  if (!isfinite(value)) return;
+  s->counts[why == JUMPED ? JUMPS : OUT_OF_RANGE]++;
+  const double beyond = fmax(b->low[k] - value, value - b->high[k]);
+  if (!(b->taken[k] >= KNOWN && beyond <= ODD * width)) {
+    b->odd_run[k] = 0;
+  } else if (value != b->odd[k]) {
+    const int more = b->odd_run[k] > 0;
+    b->odd_low[k] = more ? fmin(value, b->odd_low[k]) : value;
+    b->odd_high[k] = more ? fmax(value, b->odd_high[k]) : value;
+    b->odd[k] = value;
+    b->odd_run[k]++;
+  }
+  if (b->odd_run[k] < ODD_RUN) return;
+  b->low[k] = fmin(b->low[k], b->odd_low[k]);
+  b->high[k] = fmax(b->high[k], b->odd_high[k]);
+  b->before[k] = value;
+  b->odd_run[k] = 0;
+  s->counts[REOPENED]++;
+}
+
+/* Usual steps since the last sample that was taken; infinite where none can be told. */
+static double ahead_of(const bounds *b, double step) {
+  if (!isfinite(step)) return 1 + b->clock[2];
+  return step > 0 && b->clock[1] > 0 ? fmax(step / b->clock[1], 1) : INFINITY;
+}
+
+/* Whether the inputs can be learned from; outputs that are refused become NaN. */
+static int bound(screening *s, double *measured) {
+  const bounds *b = s->bounds;
+  const int n = (int)b->inputs;
+  const double stamp = s->numbers[0], step = stamp - b->clock[0], ahead = ahead_of(b, step);
+  double widths[n + s->channels], widest = 0;
+  int odd = 0;
+  for (int k = 0; k < n; k++) {
+    widths[k] = fmax(width_of(b, k), b->scale[k]);
+    odd += judged(b, k, b->x[k], widths[k], ahead) != IN_RANGE;
+  }
+  if (odd) {
+    for (int k = 0; k < n; k++) {
+      const int why = judged(b, k, b->x[k], widths[k], ahead);
+      if (why != IN_RANGE) refuse(s, k, b->x[k], widths[k], why);
+    }
+    b->clock[2]++;
+    s->counts[BAD_INPUTS]++;
+    return 0;
+  }
+  if (isfinite(step) && step > 0)
+    b->clock[1] += b->clock[1] > 0 ? (fmin(step, 10 * b->clock[1]) - b->clock[1]) / 10 : step;
+  b->clock[0] = stamp;
+  b->clock[2] = 0;
+  for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);
+  for (int k = 0; k < s->channels; k++) widest = fmax(widest, widths[n + k] = width_of(b, n + k));
+  for (int k = 0; k < s->channels; k++) {
+    const double width = fmax(widths[n + k], LEAST_SHARE * widest);
+    if (judged(b, n + k, measured[k], width, ahead) == IN_RANGE) {
+      take(b, n + k, measured[k], width);
+    } else {
+      refuse(s, n + k, measured[k], width, OUTSIDE);
+      measured[k] = NAN;
+    }
+  }
+  return 1;
+}
+
+#endif

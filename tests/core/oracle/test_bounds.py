@@ -1,0 +1,176 @@
+"""Bounds of what sensors can say: no sample ends a filter, clean data is not touched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.learning import LowRank, Misfit, NoiseEstimation, Screening
+from patagium.learning.filters.block_kernel import structure_and_kernel
+from patagium.learning.filters.bounds import Bounds
+from patagium.learning.filters.numbers import filter_numbers
+from patagium.learning.filters.weight_filter import WeightFilter
+from patagium.learning.settings import FilterSettings
+from patagium.native import compiler_name
+
+STEP = 1e-3
+
+
+def flapping(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and rates of two joints, and a force, noise included."""
+    time = STEP * np.arange(count)[:, None]
+    phase = 2 * np.pi * np.array([4.0, 5.3]) * time + np.array([0.3, 1.1])
+    x = np.hstack([0.7 * np.sin(phase), 20 * np.cos(phase)])
+    y = np.stack([x[:, 0] * x[:, 2] / 20, x[:, 1] + x[:, 3] / 20], axis=1)
+    return x, y + 0.02 * np.random.default_rng(3).normal(size=y.shape)
+
+
+def network() -> pt.DenseNetwork:
+    return pt.DenseNetwork(4, (5,), 2, input_scale=[1.0, 1.0, 20.0, 20.0])
+
+
+def late_error(learner: Any, x: np.ndarray, y: np.ndarray, begin: int) -> float:
+    each = [learner.update(x[k], y[k], STEP * k) for k in range(begin, len(x))]
+    return float(np.sqrt(np.nanmean(np.square(each[100:]))))
+
+
+KINDS: dict[str, Any] = {
+    "extended": lambda **o: pt.ExtendedLearner(network(), **o),
+    "cubature": lambda **o: pt.CubatureLearner(network(), **o),
+    "single": lambda **o: pt.CubatureLearner(network(), dtype="float32", **o),
+    "node": lambda **o: pt.CubatureLearner(network(), covariance="node", **o),
+    "low rank": lambda **o: pt.CubatureLearner(network(), covariance=LowRank(6), **o),
+    "linear": lambda **o: pt.LinearLearner(pt.DenseNetwork(4, (), 2)),
+    "gradient": lambda **o: pt.GradientLearner(network()),
+}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "plain": {"measurement_std": 0.05},
+    "screened, noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation()},
+    "misfit": {"misfit": Misfit()},
+}
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_wild_sample_ends_a_learner(kind: str, options: str) -> None:
+    """Inputs of 1e50, measurements of 1e150, extremes; 1.5 times the error of a twin."""
+    x, y = flapping(800)
+    learner, twin = (KINDS[kind](**OPTIONS[options]) for _ in range(2))
+    for k in range(400):
+        learner.update(x[k], y[k], STEP * k)
+        twin.update(x[k], y[k], STEP * k)
+    draw = np.random.default_rng(0)
+    wild_x, wild_y = x[400:440].copy(), y[400:440].copy()
+    wild_x[0, 1], wild_y[1] = 1e50, 1e150
+    wild_x[2:20] *= 10.0 ** draw.uniform(2, 300, (18, 4))
+    wild_y[20:] *= 10.0 ** draw.uniform(2, 300, (20, 2))
+    for k in range(40):
+        learner.update(wild_x[k], wild_y[k], STEP * (400 + k))
+        twin.update(x[400 + k], y[400 + k], STEP * (400 + k))
+    assert learner.events["bad_inputs"] == 19 and learner.events["out_of_range"] >= 19 + 2 * 21 - 1
+    assert twin.events["bad_inputs"] == twin.events["out_of_range"] == 0
+    assert late_error(learner, x, y, 440) < 1.5 * late_error(twin, x, y, 440)
+    if kind not in ("linear", "gradient"):
+        assert (learner.measurement_std < 1.0).all()
+
+
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
+def test_kernels_bound_as_their_twins(structure: str, rng: np.random.Generator) -> None:
+    """Spikes, an encoder that jumps, and an offset that stays until the range opens."""
+    if compiler_name() is None:
+        pytest.skip("no C compiler here")
+    settings = FilterSettings(measurement_std=0.1, covariance=structure, spread=3**0.5)
+    numbers = filter_numbers(network(), settings, "cubature")
+    fast, plain = (
+        WeightFilter(numbers, structure_and_kernel(numbers, one), network().initial(0))
+        for one in (True, False)
+    )
+    x, y = flapping(800)
+    wild = rng.random(x.shape) < 0.01
+    x[150:300][wild[150:300]] *= 10.0 ** rng.uniform(1, 300, wild[150:300].sum())
+    y[200:210] *= 1e20
+    x[320:325, 0] -= 1.0
+    x[400:550, 3] += 2000.0
+    y[400:700, 1] += 500.0
+    for k in range(800):
+        fast.screen.numbers[0] = plain.screen.numbers[0] = np.nan if k % 7 == 3 else STEP * k
+        assert fast.update(x[k], y[k])[0] == plain.update(x[k], y[k])[0]
+        assert fast.screen.events == plain.screen.events
+        for name, array in fast.screen.bounds.arrays.items():
+            other = plain.screen.bounds.arrays[name]
+            np.testing.assert_allclose(array, other, rtol=1e-12, err_msg=name)
+    np.testing.assert_allclose(fast.mean, plain.mean, rtol=1e-7, atol=1e-9)  # 500 samples on
+    found = fast.screen.events
+    assert found["jumps"] >= 5 and found["out_of_range"] > 100 and found["reopened"] >= 2
+
+
+def test_clean_flapping_is_not_touched() -> None:
+    """Flapping from rest, at any rate of the samples, with noise of the encoders."""
+    x, y = flapping(6000)
+    noisy = x + 1e-4 * np.random.default_rng(1).normal(size=x.shape)
+    start = np.clip(np.arange(6000) / 400 - 0.5, 0, 1)[:, None]
+    for every in (1, 4, 10):
+        bounds = Bounds(network())
+        for k in range(0, 6000, every):
+            usable, within, events = bounds.bounded(start[k] * noisy[k], y[k], STEP * k)
+            assert usable and np.isfinite(within).all() and not any(events.values()), k
+
+
+def test_an_encoder_that_jumps_within_its_range_is_refused() -> None:
+    x, y = flapping(1000)
+    learner = pt.ExtendedLearner(network(), measurement_std=0.05)
+    for k in range(900):
+        learner.update(x[k], y[k], STEP * k)
+    before = learner.weights
+    x[900, 0] -= np.copysign(0.8, x[900, 0])
+    assert np.isnan(learner.update(x[900], y[900], 0.9)).all()
+    np.testing.assert_array_equal(learner.weights, before)
+    assert learner.events["jumps"] == 1
+    assert np.isfinite(learner.update(x[901], y[901], 0.901)).all()
+
+
+def test_a_sensor_that_says_something_else_for_long_is_believed() -> None:
+    """An offset of 2000 rad/s: the range opens after 100 samples, which is told."""
+    x, y = flapping(700)
+    x[300:, 2] += 2000.0
+    learner = pt.ExtendedLearner(network(), measurement_std=0.05)
+    for k in range(700):
+        learner.update(x[k], y[k], STEP * k)
+    assert learner.events["reopened"] == 1 and learner.events["bad_inputs"] == 100
+    assert learner.count == 600
+
+
+def test_a_sensor_stuck_at_a_wild_value_is_never_believed() -> None:
+    x, y = flapping(900)
+    x[300:800, 2] = 32767.0
+    learner = pt.ExtendedLearner(network(), measurement_std=0.05)
+    for k in range(900):
+        learner.update(x[k], y[k], STEP * k)
+    assert learner.events["bad_inputs"] == 500 and learner.events["reopened"] == 0
+
+
+def test_outputs_far_from_wrong_weights_are_believed_in_the_end() -> None:
+    """Weights that are sure and wrong by 1e6 deviations: the tenth sample in a row is used."""
+    network = pt.DenseNetwork(1, (), 1)
+    learner = pt.ExtendedLearner(
+        network, measurement_std=1e-9, prior_std=1e-9, screening=Screening()
+    )
+    for k in range(30):
+        learner.update([np.sin(0.1 * k)], [1.0 + 0.1 * np.sin(0.1 * k)], STEP * k)
+    assert learner.events["blind"] in range(9, 28) and learner.count > 2
+
+
+def test_a_learner_file_of_the_release_before_bounds_is_read() -> None:
+    x, y = flapping(60)
+    learner, again = (pt.ExtendedLearner(network(), measurement_std=0.05) for _ in range(2))
+    for k in range(50):
+        learner.update(x[k], y[k], STEP * k)
+    state = learner.state()
+    old = {name: value for name, value in state.items() if not name.startswith("screen_bound")}
+    del old["screen_far"]
+    old["screen_counts"] = state["screen_counts"][:10]
+    again.resume(old)
+    np.testing.assert_array_equal(again.update(x[50], y[50]), learner.update(x[50], y[50]))
