@@ -162,15 +162,7 @@ class Indicial:
         Args:
             reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
         """
-        return self._transfer(reduced_frequency, self.lift)
-
-    def circulation_transfer(self, reduced_frequency: ArrayLike) -> ComplexArray:
-        """Circulation over its quasi-steady value in harmonic motion, (N,).
-
-        Args:
-            reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
-        """
-        return self._transfer(reduced_frequency, self.circulation)
+        return np.asarray(1.0 - _basis(reduced_frequency, self.rate) @ np.asarray(self.lift, float))
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
@@ -179,10 +171,6 @@ class Indicial:
             "lift": list(self.lift),
             "circulation": list(self.circulation),
         }
-
-    def _transfer(self, reduced_frequency: ArrayLike, amplitude: tuple[float, ...]) -> ComplexArray:
-        basis = _basis(reduced_frequency, self.rate)
-        return np.asarray(1.0 - basis @ np.asarray(amplitude, float))
 
 
 def fitted_indicial(rate: Sequence[float]) -> Indicial:

@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.learner_options import (
-    LearnerChoice,
-    NetworkKind,
-    nested,
-    with_learner_options,
-)
+from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,12 +123,7 @@ def tune(
 def _tried(
     choice: LearnerChoice, table: LogTable | None
 ) -> list[tuple[NetworkKind | None, tuple[int, ...]]]:
-    """Kind and hidden layers of each network that is tried.
-
-    Args:
-        choice: Choice of the command line.
-        table: The log, where it is a table; None: a flight.
-    """
+    """Kind and hidden layers of each network that is tried; table: None where a flight is."""
     if choice.hidden:
         return [(choice.network, tuple(one)) for one in dict.fromkeys(choice.hidden)]
     found = [choice.shape()]

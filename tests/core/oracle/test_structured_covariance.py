@@ -15,7 +15,7 @@ from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_covariance import scattered
 from patagium.learning.filters.weight_filter import WeightFilter
-from patagium.learning.models.structure import blocks_of, described_structure
+from patagium.learning.models.structure import blocks_of
 from patagium.learning.settings import FilterSettings, structure_from
 from patagium.native import compiler_name
 
@@ -265,7 +265,8 @@ def test_structures_are_refused_and_described():
     with pytest.raises(ParameterError, match="rank"):
         pt.learning.LowRank(0)
     for structure in ("full", "layer", "node", pt.learning.LowRank(4)):
-        assert structure_from(described_structure(structure)) == structure
+        described = FilterSettings(covariance=structure).describe()["covariance"]
+        assert structure_from(described) == structure
     for structure in ("full", "layer", "node"):
         blocks = blocks_of(network.perceptron, structure)
         np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(network.size))

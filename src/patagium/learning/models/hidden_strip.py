@@ -167,7 +167,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         self.stall_begins = float(stall_begins)
         self.stall_complete = float(stall_complete)
         self.coefficient_scale = positive("coefficient_scale", start["coefficient_scale"])
-        self.robot = robot
+        self.robot, self._names = robot, robot.dof_names
         self.air = Air() if air is None else air
         self.items = len(robot.strips)
         self.perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)

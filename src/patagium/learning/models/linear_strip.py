@@ -115,6 +115,7 @@ class LinearStripNetwork(WingNetwork):
 
     Attributes:
         terms: Physical terms, whose weights follow the corrections.
+        measured: Names of the coordinates whose force y is.
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -137,7 +138,7 @@ class LinearStripNetwork(WingNetwork):
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         self.robot, self.air = robot, Air() if air is None else air
-        self._names = robot.dof_names if measured is None else tuple(measured)
+        self._names = self.measured = robot.dof_names if measured is None else tuple(measured)
         rows = [robot.index(name) for name in self._names]
         self.terms = _terms(robot)
         slots = _slots(len(self.terms))
@@ -153,16 +154,6 @@ class LinearStripNetwork(WingNetwork):
     def inputs(self) -> int:
         """Length of [q, v, a]."""
         return self.robot.state_size + self.robot.dof
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
-
-    @property
-    def measured(self) -> tuple[str, ...]:
-        """Names of the coordinates whose force y is."""
-        return self._names
 
     @property
     def flight_terms(self) -> FlightTerms:

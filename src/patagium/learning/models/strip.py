@@ -107,11 +107,6 @@ class StripNetwork(WingNetwork):
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
 
     @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
-
-    @property
     def measured(self) -> tuple[str, ...] | Array:
         """Coordinates whose force y is, or the matrix on strip forces, (n_y, 3 n_strips)."""
         return self._names if self._matrix is None else self._matrix

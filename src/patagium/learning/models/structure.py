@@ -8,20 +8,15 @@ sample the covariance over all weights is computed, and the part in the structur
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
-from patagium.learning.settings import BLOCKS, OWN_BLOCKS, LowRank, Structure
+from patagium.learning.settings import BLOCKS, OWN_BLOCKS
 
 Indices = NDArray[np.int64]
-
-
-def described_structure(structure: Structure) -> Any:
-    """A structure as a JSON-able value."""
-    return {"rank": structure.rank} if isinstance(structure, LowRank) else structure
 
 
 class Layered(Protocol):

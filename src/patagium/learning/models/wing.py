@@ -47,6 +47,7 @@ class RobotNetwork(Network):
     robot: Robot
     air: Air
     perceptron: Perceptron
+    _names: tuple[str, ...]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
@@ -56,8 +57,8 @@ class RobotNetwork(Network):
 
     @property
     def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y: by default all coordinates."""
-        return self.robot.dof_names
+        """Names of the components of y."""
+        return self._names
 
     @property
     def hidden(self) -> tuple[int, ...]:
