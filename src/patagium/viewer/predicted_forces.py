@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from patagium.errors import LogError, ShapeError
 from patagium.learning.identify import samples
 from patagium.learning.model_file import Model
-from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
+from patagium.learning.models import hidden_strip, linear_strip
+from patagium.learning.models.hidden_strip import HiddenStripNetwork
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
@@ -30,7 +32,7 @@ Array = NDArray[np.float64]
 Frames = NDArray[np.int64]
 Predicted: TypeAlias = Trained | Identification
 
-_WINGED = (StripNetwork, HiddenStripNetwork)
+_WINGED = (StripNetwork, HiddenStripNetwork, LinearStripNetwork)
 _ASKED = 241  # times at which a model says how sure it is
 
 
@@ -153,7 +155,9 @@ def _with_measurements(network: Network, measured: Any) -> StripNetwork:
 def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array | None:
     """Force on each strip, world axes, (F, n_strips, 3) [N]; None where the network has none."""
     if isinstance(network, HiddenStripNetwork):
-        return strip_forces(network, x, weights)
+        return hidden_strip.strip_forces(network, x, weights)
+    if isinstance(network, LinearStripNetwork):
+        return linear_strip.strip_forces(network, x, weights)
     every = strip_force_network(network, robot)
     if every is None:
         return None

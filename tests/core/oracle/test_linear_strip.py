@@ -13,11 +13,18 @@ from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.learning.models.linear_strip import BODY_TERMS, LinearStripNetwork
+from patagium.learning.models.linear_strip import (
+    BODY_TERMS,
+    STRIP_TERMS,
+    WHOLE_TERMS,
+    LinearStripNetwork,
+    strip_forces,
+)
 from patagium.learning.models.registry import network_from_description
 from patagium.robot import Robot
 
 Array = NDArray[np.float64]
+OF_STRIPS = {WHOLE_TERMS[0].name, *(term.name for term in STRIP_TERMS)}
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +53,20 @@ def test_expected_weights_are_blade_elements_with_added_mass(
     expected = physics(network.robot, q, v, a)
     found = network(np.concatenate([q, v, a]), network.initial(0))
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
+    network: LinearStripNetwork,
+) -> None:
+    robot = network.robot
+    x = np.array([np.concatenate(sample(robot, seed)) for seed in range(3)])
+    places = network._placed(np.ones(17), [term.name in OF_STRIPS for term in network.terms], 0.0)
+    weights = places * np.random.default_rng(0).standard_normal(network.size)
+    forces = strip_forces(network, x, weights)
+    assert forces.shape == (3, len(robot.strips), 3)
+    expected = network.evaluate(x, weights)[:, :3]  # along x, y, z of the world
+    atol = 1e-12 * np.abs(expected).max()
+    np.testing.assert_allclose(forces.sum(axis=1), expected, atol=atol)
 
 
 def test_force_is_linear_in_the_weights(network: LinearStripNetwork) -> None:

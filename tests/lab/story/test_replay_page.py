@@ -136,6 +136,17 @@ def test_an_identification_is_shown_as_it_foresaw(subject: Subject, tmp_path: Pa
     assert words["arrows"]["predicted"] is None and words["arrows"]["predicted_total"] is not None
 
 
+def test_the_default_network_shows_the_force_on_each_strip(
+    subject: Subject, tmp_path: Path
+) -> None:
+    flight = subject.flight.isel(time=slice(0, 5000, 5))
+    result = pt.identify(flight)
+    arrows = content(pt.replay(flight, tmp_path / "a.html", predicted=result))["arrows"]
+    force, guess = numbers(arrows["force"]), numbers(arrows["predicted"])
+    # it has learned for half a second that its air has no added mass: 7e-4 measured
+    assert np.abs(guess - force).max() < 0.02 * np.abs(force).max()
+
+
 def test_a_network_without_strips_shows_force_and_moment_of_the_whole(
     subject: Subject, tmp_path: Path
 ) -> None:

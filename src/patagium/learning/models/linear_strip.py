@@ -27,7 +27,7 @@ from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, generalized_force
+from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, FlightTerms
@@ -197,10 +197,22 @@ class LinearStripNetwork(WingNetwork):
         Args:
             weights: Weights, (n,) [1].
         """
-        inputs, _ = self.perceptron.widths
-        matrix = np.asarray(weights, float)[: _OUTPUTS * inputs].reshape(_OUTPUTS, inputs)
-        values = matrix[:, _POLYNOMIALS:].T.ravel()[: len(self.terms)]
+        values = self._matrix(weights)[:, _POLYNOMIALS:].T.ravel()[: len(self.terms)]
         return {term.name: float(w) for term, w in zip(self.terms, values, strict=True)}
+
+    def section_forces(self, features: Array, weights: Array) -> Array:
+        """Corrections of the coefficients of each section, (N, m, 4) [m^2/s^2].
+
+        Args:
+            features: Polynomials of each strip, (N, m, n_in) [m^2/s^2].
+            weights: Weights, (n,) [1].
+        """
+        return np.asarray(features @ self._matrix(weights).T)
+
+    def _matrix(self, weights: Array) -> Array:
+        """Weights of the corrections and the terms, (4, n_in) [1]."""
+        inputs, _ = self.perceptron.widths
+        return np.asarray(weights, float)[: _OUTPUTS * inputs].reshape(_OUTPUTS, inputs)
 
     def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:
         """Numbers of the corrections, of the terms and of what stands for nothing, (n,)."""
@@ -211,6 +223,28 @@ class LinearStripNetwork(WingNetwork):
         slots[: len(terms)] = terms
         matrix[:, _POLYNOMIALS:] = slots.reshape(-1, _OUTPUTS).T
         return np.concatenate([matrix.ravel(), np.full(_OUTPUTS, others)])
+
+
+def strip_forces(network: LinearStripNetwork, x: Array, weights: Array) -> Array:
+    """Force of each strip, world axes, (N, m, 3) [N]: blade elements, terms and corrections.
+
+    Neglected: the added mass and its circulation, which are of a wing and not of its strips.
+
+    Args:
+        network: The network.
+        x: Inputs, (N, n_x) [units of x].
+        weights: Weights, (n,) [1].
+    """
+    robot, terms = network.robot, list(network.term_weights(weights).values())
+    features = network.encode(x).features[:, : len(robot.strips)]
+    corrections = network.section_forces(features, weights)
+    forces = _strip_forces(robot)
+    wind, density = network.air.wind, network.air.density
+    found = [
+        forces(sample, wind, density, robot.parameters, section.T, terms).full().T
+        for sample, section in zip(x, corrections, strict=True)
+    ]
+    return np.array(found)
 
 
 class _Flow(NamedTuple):
@@ -362,6 +396,74 @@ def _square(values: ca.SX) -> ca.SX:
     return ca.vertcat(*[one * _size(one) for one in ca.vertsplit(values)])
 
 
+class _Sample(NamedTuple):
+    """Symbols of a sample.
+
+    Attributes:
+        x: State and accelerations [q, v, a], (n_x,).
+        wind: Wind, world axes, (3,) [m/s].
+        density: Of the air [kg/m^3].
+        motion: q, v and a.
+        airflows: Velocity of each body relative to the air, body axes.
+        flows: Motion of each strip.
+    """
+
+    x: ca.SX
+    wind: ca.SX
+    density: ca.SX
+    motion: tuple[ca.SX, ca.SX, ca.SX]
+    airflows: Sequence[Twist]
+    flows: list[_Flow]
+
+
+def _sample(robot: Robot) -> _Sample:
+    """Symbols of a sample of a symbolic robot."""
+    n_q, dof = robot.coordinate_count, robot.dof
+    x, wind = ca.SX.sym("x", robot.state_size + dof), ca.SX.sym("wind", 3)
+    q, v, a = x[:n_q], x[n_q : n_q + dof], x[n_q + dof :]
+    airflows = body_airflows(robot, q, v, wind)
+    accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
+    flows = [_flow(s, airflows[s.body], accelerations[s.body]) for s in robot.strips]
+    return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, flows)
+
+
+def _section_load(flow: _Flow, density: ca.SX, coefficients: ca.SX, terms: ca.SX) -> ca.SX:
+    """Force forward, normal, along the span [N], and moment over the chord [N], (4, 1).
+
+    Args:
+        flow: Motion of the strip.
+        density: Of the air [kg/m^3].
+        coefficients: Corrections of its section, (4, 1) [m^2/s^2].
+        terms: Weights of `STRIP_TERMS`, (m, 1) [1].
+    """
+    area = flow.strip.chord * flow.strip.width
+    return density * area / 2 * (coefficients + _strip_terms(flow) @ terms)
+
+
+def _force(flow: _Flow, load: ca.SX) -> ca.SX:
+    """Force of a section, body axes, (3, 1) [N]."""
+    forward, normal, span = flow.axes
+    return forward * load[0] + normal * load[1] + span * load[2]
+
+
+def _strip_forces(machine: Robot) -> ca.Function:
+    """Force of each strip, world axes, (3, m) [N], by corrections (4, m) and weights of terms."""
+    robot, robot_parameters = machine.symbolic()
+    x, wind, density, (q, v, _), _, flows = _sample(robot)
+    coefficients, terms = ca.SX.sym("c", _OUTPUTS, len(flows)), ca.SX.sym("w", len(_terms(machine)))
+    blades, poses = QuasiSteady(machine), body_poses(robot, q)
+    numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
+    elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).strip_force
+    own = terms[len(WHOLE_TERMS) : len(WHOLE_TERMS) + len(STRIP_TERMS)]
+    forces = [
+        poses[flow.strip.body].rotation
+        @ _force(flow, _section_load(flow, density, coefficients[:, k], own))
+        for k, flow in enumerate(flows)
+    ]
+    inputs = [x, wind, density, robot_parameters, coefficients, terms]
+    return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
+
+
 def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
     """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs.
 
@@ -370,13 +472,7 @@ def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
         rows: Places of the outputs among the coordinates.
     """
     robot, robot_parameters = machine.symbolic()
-    n_q, dof = robot.coordinate_count, robot.dof
-    x, wind = ca.SX.sym("x", robot.state_size + dof), ca.SX.sym("wind", 3)
-    density = ca.SX.sym("rho")
-    q, v, a = x[:n_q], x[n_q : n_q + dof], x[n_q + dof :]
-    airflows = body_airflows(robot, q, v, wind)
-    accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
-    flows = [_flow(s, airflows[s.body], accelerations[s.body]) for s in robot.strips]
+    x, wind, density, (q, v, a), airflows, flows = _sample(robot)
     strips, slots = len(flows), _slots(len(_terms(machine)))
     coefficients = ca.SX.sym("c", _OUTPUTS, strips)
     weights = ca.SX.sym("w", _OUTPUTS * slots)
@@ -386,11 +482,10 @@ def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
         own = weights[first + len(BODY_TERMS) * place :][: len(BODY_TERMS)]
         wrenches[k] = _body_wrench(robot.bodies[k], airflows[k], density, own)
     for number, flow in enumerate(flows):
-        physics = _strip_terms(flow) @ weights[len(WHOLE_TERMS) : first]
-        strip, (forward, normal, span) = flow.strip, flow.axes
-        load = density * strip.chord * strip.width / 2 * (coefficients[:, number] + physics)
-        force = forward * load[0] + normal * load[1] + span * load[2]
-        moment = cross(flow.middle, force) - span * (strip.chord * load[3])
+        strip, own = flow.strip, weights[len(WHOLE_TERMS) : first]
+        load = _section_load(flow, density, coefficients[:, number], own)
+        force = _force(flow, load)
+        moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
         total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
         wrenches[strip.body] = (total[0] + force, total[1] + moment)
     y = generalized_force(robot, q, wrenches)
