@@ -167,6 +167,7 @@ _REMEDIES = {
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "name a place that may be written"),
     **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "make its folder first: mkdir -p {folder}"),
     errno.EISDIR: "name a file, not a folder",
+    errno.EAGAIN: "end that process, or name another file",
 }
 
 

@@ -65,13 +65,12 @@ class Draft:
         except PatagiumError:
             raise
         except (OSError, RuntimeError) as problem:
-            if "NetCDF" in str(problem):
-                raise OutputError(self.target, _cause(self.path) or problem) from problem
             named, folder = getattr(problem, "filename", None), self.path.parent
             elsewhere = named is not None and folder not in (Path(named), Path(named).parent)
-            if isinstance(problem, RuntimeError) or elsewhere:
+            of_netcdf = "NetCDF" in str(problem)
+            if not of_netcdf and (elsewhere or isinstance(problem, RuntimeError)):
                 raise  # of what is read meanwhile
-            raise OutputError(self.target, problem) from problem
+            raise OutputError(self.target, _cause(self.path) or problem) from problem
 
     def publish(self) -> Path:
         """Replace the file by the draft; at any moment it holds its old content or the new one.
@@ -148,6 +147,46 @@ def make_folder(path: str | Path) -> Path:
     with _told_of(path):
         Path(path).mkdir(exist_ok=True)
     return Path(path)
+
+
+@contextmanager
+def locked(path: str | Path) -> Iterator[None]:
+    """Block that one process at a time enters, by a lock beside a file; a killed one leaves it.
+
+    Args:
+        path: The file, in a folder that is there.
+
+    Raises:
+        OutputError: If another process is in such a block; which one is told.
+    """
+    import fcntl
+
+    with _told_of(path):
+        place, _ = _behind(Path(path))
+        name = place.with_name(f".{place.name}.lock")
+        while True:
+            lock = name.open("a+")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                with lock:
+                    lock.seek(0)
+                    raise BlockingIOError(errno.EAGAIN, f"{lock.read()} uses it") from None
+            with suppress(FileNotFoundError):  # taken away by who held it before
+                if os.path.samestat(os.fstat(lock.fileno()), name.stat()):
+                    break
+            lock.close()
+    try:
+        with suppress(OSError):  # a full disk locks as well
+            lock.truncate(0)
+            lock.write(f"process {os.getpid()} ({' '.join(sys.argv)[:200]})")
+            lock.flush()
+        yield
+    finally:
+        with suppress(OSError):
+            name.unlink()
+        with suppress(OSError):
+            lock.close()
 
 
 def force_folder(folder: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.outputs import Outputs
 from patagium.cli.words import quantity
 
 EXAMPLES = (
@@ -44,13 +45,16 @@ def cycles(
     statistics = cycle_statistics(
         load_flight(existing(flight)), period=period, skip=skip, phases=phases
     )
+    outputs, facts = Outputs(), dict(statistics.attrs)
     if figure is not None:
         from patagium.report.figures import save_figure, wingbeat
 
-        save_figure(wingbeat(statistics), figure)
+        outputs.attempt("figure", lambda: save_figure(wingbeat(statistics), figure))
     if table is not None:
         from patagium.whole_file import write_whole
 
         rows = statistics.drop_dims("cycle").to_dataframe().reset_index()
-        write_whole(table, rows.to_csv(index=False).encode())
-    answer(dict(statistics.attrs), as_json=as_json, title="Over a wingbeat, SI units")
+        outputs.attempt("table", lambda: write_whole(table, rows.to_csv(index=False).encode()))
+    title = "Over a wingbeat, SI units"
+    outputs.attempt("means on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    outputs.check()

@@ -25,6 +25,7 @@ from patagium.cli.learner_options import (
     winged_network,
     with_learner_options,
 )
+from patagium.cli.outputs import Outputs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -104,7 +105,7 @@ def identify(
     with; all other options must be the same as before. A learner that diverged is not kept.
     """
     from patagium.cli.logs import flight_or_table, long_record
-    from patagium.cli.state import keep_model, keep_state, resumed
+    from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.cli.words import progress_bar
     from patagium.errors import Outcome
     from patagium.learning.default_learner import learner_choices
@@ -123,30 +124,33 @@ def identify(
         network = grey_box(flight, estimate, aero, rest)
     else:
         network = flight_network(flight, kind, layers, choice.activation)
-    learner = resumed(choice.learner(network), state)
-    learned = long or (flight if table is None else table)
-    result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
+    outputs = Outputs()
+    with sole_user(state):
+        learner = resumed(choice.learner(network), state)
+        learned = long or (flight if table is None else table)
+        result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
+        if result.outcome is Outcome.COMPLETED:
+            outputs.attempt("state", lambda: keep_state(result.learner, state))
     result.scores["chosen"] |= learner_choices(
         result.learner, given=bool(estimate) or not choice.default
     )
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
-    if result.outcome is Outcome.COMPLETED:
-        keep_state(result.learner, state)
-        if refine:
-            with progress_bar(f"Refining what {file.name} taught"):
-                result = refined(result, flight, result.scores["every"])
-    keep_model(model, result.learner, None if table is None else table.input_names, file.name)
-    if predictions is not None:
-        result.save(predictions)
+    if refine and result.outcome is Outcome.COMPLETED:
+        with progress_bar(f"Refining what {file.name} taught"):
+            result = refined(result, flight, result.scores["every"])
+    names = None if table is None else table.input_names
+    outputs.attempt("model", lambda: keep_model(model, result.learner, names, file.name))
+    if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
     if report is not None:
         flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
-        _report(result, file, flown, report)
-    show_scores(result.scores, as_json=as_json)
+        outputs.attempt("report", lambda: _report(result, file, flown, report))
+    outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
+    outputs.check()
 
 
 def _learned(
@@ -178,7 +182,8 @@ def _learned(
                 return identify(learned, learner, progress=progress, **options)
         except Interrupted:
             if isinstance(learned, LogRecord):
-                typer.echo(f"The same command goes on from {resume}", err=True)
+                if resume is not None and resume.exists():
+                    typer.echo(f"The same command goes on from {resume}", err=True)
             else:
                 keep_state(learner, state)
             raise typer.Exit(130) from None

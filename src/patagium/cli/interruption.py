@@ -1,27 +1,33 @@
-"""Ctrl-C and SIGTERM as requests to end the work, not the program."""
+"""Ctrl-C, SIGTERM and SIGHUP as requests to end the work, not the program."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from patagium.cli.words import Progress
 
 
 @contextmanager
-def interrupted(*answers: Callable[[], None]) -> Iterator[None]:
-    """Signals answered in order by functions; one more signal ends the program.
+def interrupted(answers: Iterable[Callable[[], None]]) -> Iterator[None]:
+    """Signals answered in order by functions; one more Ctrl-C ends the program.
 
-    Outside of the main thread signals cannot be caught, and nothing is done.
+    SIGTERM and SIGHUP ask once, however often they come: a terminal that is closed sends several.
+    SIGHUP stays ignored where it is, as under `nohup`. Outside of the main thread signals cannot
+    be caught, and nothing is done.
 
     Args:
         answers: Functions, one for each signal.
     """
-    left = iter(answers)
+    left, asked = iter(answers), False
 
     def answer(number: int, frame: object) -> None:
+        nonlocal asked
+        if asked and number != signal.SIGINT:
+            return
+        asked = True
         act = next(left, None)
         if act is None:
             raise KeyboardInterrupt
@@ -30,7 +36,10 @@ def interrupted(*answers: Callable[[], None]) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, answer) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, answer) for number in numbers}
     try:
         yield
     finally:
@@ -59,5 +68,5 @@ def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
         if pressed.is_set() and done < total:
             raise Interrupted
 
-    with interrupted(pressed.set):
+    with interrupted([pressed.set]):
         yield tell

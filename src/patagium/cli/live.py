@@ -168,7 +168,7 @@ def fly_live(
     subject = flight_subject(robot, gait, pipeline)
     start(gait)  # compiled before there is a page, and refused before
     stop = threading.Event()
-    with opened(subject, chosen.address) as view, interrupted(stop.set):
+    with opened(subject, chosen.address) as view, interrupted([stop.set]):
         flying = LiveFlight(start, robot, gait, time_step, view, subject, pipeline, every)
         return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 

@@ -7,11 +7,13 @@ they run, so that --help is quick.
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from types import ModuleType
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO, cast
 
 import typer
 
@@ -92,7 +94,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
         SystemExit: Always, with the exit code.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in words
+    debug, stderr = "--debug" in words, sys.stderr
+    sys.stderr = cast(TextIO, _Messages(stderr))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", RobotFileWarning)
@@ -103,6 +106,40 @@ def run(arguments: Sequence[str] | None = None) -> None:
             raise
         typer.echo(f"patagium: {_sentence(error)}", err=True)
         raise SystemExit(2) from None
+    finally:
+        sys.stderr = stderr
+        _drop_unwritable()
+
+
+class _Messages:
+    """Standard error that loses what its terminal or disk does not take, and nothing else."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _drop_unwritable() -> None:
+    """Give up what a standard stream does not take, which Python would try and report at exit."""
+    for standard in (sys.stdout, sys.stderr):
+        try:
+            standard.flush()
+        except (OSError, ValueError):
+            with suppress(OSError, ValueError):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, standard.fileno())
+                os.close(nowhere)
 
 
 def _say_warning(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from patagium.cli.outputs import Outputs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,16 +63,18 @@ def motion(
     shifts, note = _shifts(measured)
     found, forces = motion_and_force(measured, shifts=shifts)
     target = out if out is not None else Path(f"{log.name.partition('.')[0]}-motion.nc")
-    write_motion(found, forces, target)
+    outputs = Outputs()
+    kept = outputs.attempt("motion", lambda: write_motion(found, forces, target))
     if plot is not None:
-        save_figure(motion_figure(found, forces), plot)
-    facts = json.loads(found.attrs["findings"])
-    summary = _summary(found, forces) | {"clock_shifts": shifts, **facts, "file": str(target)}
-    if as_json:
-        say_json(summary)
-        return
-    _say(measured, found, forces, summary, note)
-    typer.echo(f"Motion and forces are in {target}" + (f", the figure in {plot}" if plot else ""))
+        outputs.attempt("figure", lambda: save_figure(motion_figure(found, forces), plot))
+    facts = json.loads(found.attrs["findings"]) | ({"file": str(target)} if kept else {})
+    summary = _summary(found, forces) | {"clock_shifts": shifts, **facts}
+    told = partial(_say, measured, found, forces, summary, note)
+    outputs.attempt("summary on stdout", partial(say_json, summary) if as_json else told)
+    outputs.check()
+    if not as_json:
+        where = f", the figure in {plot}" if plot else ""
+        typer.echo(f"Motion and forces are in {target}{where}")
 
 
 def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:

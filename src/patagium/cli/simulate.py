@@ -12,6 +12,7 @@ from patagium.cli import live as live_options
 from patagium.cli.estimates import air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
+from patagium.cli.outputs import Outputs
 from patagium.cli.words import Vector, quantity, vector
 
 if TYPE_CHECKING:
@@ -402,13 +403,15 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
     from patagium.cli.words import answer
     from patagium.simulation import save_flight
 
-    save_flight(flight, output)
+    outputs = Outputs()
+    kept = outputs.attempt("flight", lambda: save_flight(flight, output))
     if figure is not None:
         from patagium.report.figures import flight_overview, save_figure
 
-        save_figure(flight_overview(flight), figure)
-    facts = flight_facts(flight)
-    answer({**facts, "file": str(output)}, as_json=as_json, title="Flight")
+        outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
+    facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
+    outputs.attempt("facts on stdout", lambda: answer(facts, as_json=as_json, title="Flight"))
+    outputs.check()
     if str(flight.attrs["outcome"]) != "COMPLETED":
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
         raise typer.Exit(2)

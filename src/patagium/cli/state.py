@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import typer
+
+
+def sole_user(state: Path | None) -> AbstractContextManager[None]:
+    """Block in which no other process learns from and into a state file, if there is one.
+
+    Args:
+        state: File, or None.
+
+    Raises:
+        OutputError: If another process does; which one is told.
+    """
+    from patagium.whole_file import locked
+
+    return nullcontext() if state is None else locked(state)
 
 
 def resumed(learner: Any, state: Path | None) -> Any:

@@ -6,8 +6,9 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,11 +23,13 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
+from patagium.cli.outputs import Outputs
 
 if TYPE_CHECKING:
-    from patagium.live.loop import Rhythm, Status
+    from patagium.live.loop import Sink, Status
     from patagium.live.packets import Intake
-    from patagium.live.pipeline import Pipeline
+    from patagium.live.pipeline import Array, Pipeline, Records
+    from patagium.live.record import StreamFile
     from patagium.live.sources import PacketQueue, Source
     from patagium.robot import Robot
 
@@ -94,47 +97,94 @@ def stream(
     A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
     time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
-    is counted and shown. Ctrl-C ends the stream, and its files are written. With --state
+    is counted and shown. Ctrl-C ends the stream, and its files are written; so do SIGTERM and
+    SIGHUP. An output that fails is told and costs no other; the exit code is then 2. With --state
     the learner goes on where it stopped, with the centers and scales it began with.
     """
-    from patagium.cli.state import keep_model, keep_state, resumed
+    from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.cli.words import answer
     from patagium.learning.default_learner import learner_choices
-    from patagium.live.loop import Counters, Status
+    from patagium.live.loop import Counters, Status, summary
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
-    from patagium.live.sources import DatagramSource, PacketQueue, source_of
+    from patagium.live.sources import PacketQueue
     from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
     machine = load_robot(robot)
     kind, layers = choice.shape()
     net = _network(machine, kind, layers, choice.activation, scale_by)
-    student = resumed(choice.learner(net), state)
-    pipeline = Pipeline(student, machine)
-    status, intake = Status(Counters(net.outputs, memory)), Intake()
-    columns = [column.name for column in packet_columns(machine)]
-    queue = PacketQueue(room, len(columns), intake)
-    rhythms = _saving(student, state, autosave)
+    outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
+    with sole_user(state):
+        student = resumed(choice.learner(net), state)
+        pipeline = Pipeline(student, machine)
+        status, intake = Status(Counters(net.outputs, memory)), Intake()
+        columns = [column.name for column in packet_columns(machine)]
+        queue = PacketQueue(room, len(columns), intake)
+        packets = _opened(source, columns, idle, key_file)
+        with (
+            interrupted(_answers(stop, queue, ending)),
+            _recording(record, pipeline, outputs) as recording,
+        ):
+            problem: Exception | None = None
+            try:
+                with live_stream(live, live_address, pipeline, status, intake) as view:
+                    shown = _watched(view, student, state, autosave, recording)
+                    _learn(packets, queue, pipeline, status, stop, shown, samples)
+            except Exception as error:
+                problem = error
+            finally:  # whatever ended it, what was learned is saved first
+                if _is_worth_keeping(problem, status):
+                    outputs.attempt("state", lambda: keep_state(student, state))
+                ending.set()
+            if problem is not None and not status.counters.samples:
+                raise problem
+            facts = summary(status, queue, pipeline)
+            if recording is not None:
+                recording.close(facts)
+            facts["chosen"] = learner_choices(student, given=not choice.default)
+            outputs.attempt("model", lambda: keep_model(model, student, pipeline.inputs, source))
+            _tell(facts["chosen"], intake)
+            summed = facts if as_json else _flat(facts)
+            outputs.attempt("summary on stdout", lambda: answer(summed, as_json=as_json))
+    if problem is not None:
+        raise problem
+    outputs.check()
+
+
+def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
+    """Source of the packets; what is unsafe about it is told."""
+    from patagium.live.sources import DatagramSource, source_of
+
     packets = source_of(source, columns, idle=idle, key_file=key_file)
     if isinstance(packets, DatagramSource) and packets.warning:
         typer.echo(f"patagium: {packets.warning}", err=True)
-    with live_stream(live, live_address, pipeline, status, intake) as shown:
-        live_view = Shown(shown.sinks, (*shown.rhythms, *rhythms))
-        facts, problem = _learn(packets, queue, pipeline, status, record, live_view, samples)
-    if problem is not None and not facts["samples"]:
-        raise problem
-    keep_state(student, state)
-    keep_model(model, pipeline.learner, pipeline.inputs, source)
-    chosen = learner_choices(pipeline.learner, given=not choice.default)
+    return packets
+
+
+def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:
+    """Whether a state is to be kept: no learner that diverged, none that learned nothing."""
+    from patagium.errors import FilterDiverged
+
+    learned = status.counters.samples > 0 and not isinstance(problem, FilterDiverged)
+    return problem is None or learned
+
+
+def _tell(chosen: Mapping[str, str], intake: Intake) -> None:
+    """Print what was chosen for the learner, and examples of what was not used."""
     for name, text in chosen.items():
         typer.echo(f"{name}: {text}", err=True)
     for reason in intake.examples:
         typer.echo(f"patagium: not used: {reason}", err=True)
-    facts["chosen"] = chosen
-    answer(facts if as_json else _flat(facts), as_json=as_json)
-    if problem is not None:
-        raise problem
+
+
+def _answers(
+    stop: threading.Event, queue: PacketQueue, ending: threading.Event
+) -> Iterator[Callable[[], None]]:
+    """Answers to signals: what waits is learned; asked again, dropped, and the state is saved."""
+    yield stop.set
+    while not ending.is_set():
+        yield queue.abandon
 
 
 def _learn(
@@ -142,54 +192,82 @@ def _learn(
     queue: PacketQueue,
     pipeline: Pipeline,
     status: Status,
-    record: Path | None,
-    live_view: Shown,
+    stop: threading.Event,
+    shown: Shown,
     samples: int | None,
-) -> tuple[dict[str, Any], Exception | None]:
-    """Summary of a stream, and the error that ended it early."""
-    from patagium.errors import PatagiumError
-    from patagium.live.loop import Rhythm, follow, summary
+) -> None:
+    """Learn the packets of a source until it ends or somebody stops it."""
+    from patagium.live.loop import Rhythm, follow
     from patagium.live.sources import start_reading
 
-    stop, problem = threading.Event(), None
-    with (
-        interrupted(stop.set, queue.abandon),  # what waits is learned; asked again, dropped
-        _recording(record, pipeline) as sink,
-        _line(status, pipeline, queue.intake) as show,
-    ):
-        reader = start_reading(source, queue, stop)
-        often = (Rhythm(_LINE_PERIOD, show), *live_view.rhythms)
-        sinks = [*live_view.sinks, *([] if sink is None else [sink])]
+    reader = start_reading(source, queue, stop)
+    with _line(status, pipeline, queue.intake) as show:
+        rhythms = (Rhythm(_LINE_PERIOD, show), *shown.rhythms)
         try:
-            follow(queue, pipeline, status, stop, sinks=sinks, rhythms=often, most=samples)
-        except (PatagiumError, OSError) as error:
-            problem = error
-        stop.set()
-        queue.close()
-        reader.join(1.0)
-        facts = summary(status, queue, pipeline)
-        if sink is not None and (facts["samples"] or problem is None):
-            typer.echo(f"The record is in {sink.close(facts)}", err=True)
-    return facts, problem
+            follow(queue, pipeline, status, stop, sinks=shown.sinks, rhythms=rhythms, most=samples)
+        finally:
+            stop.set()
+            queue.close()
+            reader.join(1.0)
 
 
-def _saving(learner: Any, state: Path | None, period: float) -> tuple[Rhythm, ...]:
-    """Rhythm that keeps the state; a full disk does not stop the stream."""
+def _watched(
+    shown: Shown, learner: Any, state: Path | None, period: float, recording: _Recording | None
+) -> Shown:
+    """Recording, live view and saver of the state, whose failures are told and end nothing."""
+    from patagium.errors import PatagiumError
     from patagium.live.autosave import AutoSave
     from patagium.live.loop import Rhythm
 
-    if state is None:
-        return ()
-    keeper, reported = AutoSave(learner, state, period), 0
+    meanwhile = Outputs()
+    sinks: list[Sink] = [_WatchedSink(sink, meanwhile) for sink in shown.sinks]
+    sinks += [] if recording is None else [recording]
+    rhythms = [
+        Rhythm(one.period, partial(meanwhile.attempt, "live view", one.action))
+        for one in shown.rhythms
+    ]
+    if state is not None:
+        keeper = AutoSave(learner, state, period)
 
-    def tick() -> None:
-        nonlocal reported
-        keeper.tick()
-        if keeper.failures > reported:
-            typer.echo(f"patagium: {keeper.problem}", err=True)
-        reported = keeper.failures
+        def tick() -> None:
+            before = keeper.failures
+            keeper.tick()
+            if keeper.failures > before:
+                raise PatagiumError(keeper.problem)
 
-    return (Rhythm(period / 4, tick),)
+        rhythms.append(Rhythm(period / 4, partial(meanwhile.attempt, "state", tick)))
+    return Shown(tuple(sinks), tuple(rhythms))
+
+
+class _WatchedSink:
+    """Sink of the live view, whose failures end nothing."""
+
+    def __init__(self, sink: Sink, outputs: Outputs) -> None:
+        self._sink, self._outputs = sink, outputs
+
+    def append(self, packets: Array, records: Records) -> None:
+        self._outputs.attempt("live view", lambda: self._sink.append(packets, records))
+
+
+class _Recording:
+    """Recording of a stream, which ends alone where the disk does not take it."""
+
+    def __init__(self, file: StreamFile, outputs: Outputs) -> None:
+        self._file, self._outputs, self._ended = file, outputs, False
+
+    def append(self, packets: Array, records: Records) -> None:
+        if self._ended:
+            return
+        add = partial(self._file.append, packets, records)
+        self._ended = not self._outputs.attempt("recording", add)
+        if not self._file.sound:
+            self._file.discard()  # its room is for the state
+
+    def close(self, facts: dict[str, Any]) -> None:
+        """Put what was recorded in its place, if it is whole."""
+        file = self._file
+        if file.sound and self._outputs.attempt("recording", lambda: file.close(facts)):
+            typer.echo(f"The record of {file.written} samples is in {file.path}", err=True)
 
 
 def _network(
@@ -215,8 +293,10 @@ def _network(
 
 
 @contextmanager
-def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
-    """File of the stream, whole or not at all; None without a path."""
+def _recording(
+    path: Path | None, pipeline: Pipeline, outputs: Outputs
+) -> Iterator[_Recording | None]:
+    """Recording of the stream, whole or not at all; None without a path."""
     from patagium.live.record import StreamFile
 
     if path is None:
@@ -224,7 +304,7 @@ def _recording(path: Path | None, pipeline: Pipeline) -> Iterator[Any]:
         return
     file = StreamFile(path, pipeline)
     try:
-        yield file
+        yield _Recording(file, outputs)
     finally:
         file.discard()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import exp, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
+from patagium.cli.outputs import Outputs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,12 +114,13 @@ def tune(
             horizon=horizon,
             progress=progress,
         )
-    found.save(out)
-    typer.echo(f"The settings are in {out}", err=True)
-    if as_json:
-        say_json(found.best.model_dump(mode="json"))
-    else:
-        _show(found)
+    outputs = Outputs()
+    if outputs.attempt("settings", lambda: found.save(out)):
+        typer.echo(f"The settings are in {out}", err=True)
+    best = found.best.model_dump(mode="json")
+    told = partial(say_json, best) if as_json else partial(_show, found)
+    outputs.attempt("trials on stdout", told)
+    outputs.check()
 
 
 def _tried(

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from patagium.errors import LogError, Outcome
+from patagium.errors import LogError, Outcome, OutputError
 from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
 from patagium.learning.learners.learner import OnlineLearner
@@ -114,7 +114,7 @@ class _LongRun:
         self.forecasts = [ForecastSums(label, one, names) for label, one in horizons.items()]
         self.begin, self.last, self.gaps, self.updates = 0, float("nan"), 0, 0
         self.final: tuple[BlockRun, xr.Dataset] | None = None
-        self.memory = ModelMemory(learner.network)
+        self.memory, self.unkept = ModelMemory(learner.network), ""
         self._resume()
 
     def go(self, progress: Progress | None) -> None:
@@ -126,7 +126,10 @@ class _LongRun:
             if self._learn_block(progress).outcome is not Outcome.COMPLETED:
                 break
             if self.begin < total:
-                self._keep(begin)
+                try:
+                    self._keep(begin)
+                except OutputError as problem:  # the run goes on; an older course stays
+                    self.unkept = str(problem)
         self._remove()
 
     def result(self) -> Identification:
@@ -151,6 +154,7 @@ class _LongRun:
             **forecast_scores(self.forecasts),
             **run.facts(),
             "recorded": f"the last {len(record.time)} samples",
+            **({"course_not_kept": self.unkept} if self.unkept else {}),
         }
         return Identification(with_verdict(scores), record, self.learner, run.outcome, run.message)
 

@@ -20,7 +20,7 @@ from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
-from patagium.whole_file import whole_file
+from patagium.netcdf_file import write_netcdf
 
 Array = NDArray[np.float64]
 
@@ -53,12 +53,14 @@ class Identification:
 
         Args:
             path: The file.
+
+        Raises:
+            OutputError: If it cannot be written.
         """
         record = self.prediction.copy()
         record.attrs = {**record.attrs, "scores": json.dumps(json_ready(self.scores))}
         record.attrs["format"] = "patagium identification 1"
-        with whole_file(path) as draft:
-            record.to_netcdf(draft, engine="netcdf4")
+        write_netcdf(path, record)
 
     def report(
         self, path: str | Path, title: str = "Identification", replay: str | None = None

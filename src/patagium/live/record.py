@@ -7,27 +7,28 @@ channels at 10 kHz take about 8 MB/s.
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import FlightError
 from patagium.learning.scores import json_ready
 from patagium.live.pipeline import Pipeline, Records
+from patagium.netcdf_file import NetcdfDraft
 from patagium.sensing.force.air_force import PARTS, packet_parts
 from patagium.simulation import quantities
 from patagium.version import __version__
-from patagium.whole_file import Draft
 
 Array = NDArray[np.float64]
 
 FORMAT = "patagium stream 1"
 _AT_ONCE = 4096
+_RESERVE = 64 << 20  # B, or a twentieth of the disk: left free for the state and the model
 _FORCE = "N or N m"
 _MEANING = {
     "measurement": ("f8", _FORCE, "force of the air by inverse dynamics"),
@@ -45,50 +46,67 @@ class StreamFile:
     measurement, prediction, std, left_out; over time outcome and duration.
 
     Args:
-        path: The file, replaced if it exists; folders are made.
+        path: The file, replaced if it exists, in a folder that is there.
         pipeline: What is recorded.
 
+    Attributes:
+        path: The file.
+        written: Number of packets in the file.
+        sound: Whether all writes were done; only then can the file be closed.
+
     Raises:
-        FlightError: If it cannot be written.
+        OutputError: If it cannot be written.
     """
 
     def __init__(self, path: str | Path, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
         self._parts = (*PARTS, *pipeline.form.carried)
         self._waiting: list[tuple[Array, Records]] = []
-        self._held, self._written = 0, 0
+        self._held, self.written, self.sound = 0, 0, True
+        self.path = Path(path)
+        self._draft = NetcdfDraft(path)
+        self._file = self._draft.file
         try:
-            self._draft = Draft(path)
-        except OSError as error:
-            raise FlightError(f"{path}: cannot be written: {error.strerror}") from None
-        self._file = netCDF4.Dataset(self._draft.path, "w", format="NETCDF4")
-        self._lay_out()
+            with self._draft.writing():
+                self._lay_out()
+        except BaseException:
+            self.discard()
+            raise
 
     def append(self, packets: Array, records: Records) -> None:
-        """Keep packets, (k, columns), and their records."""
+        """Keep packets, (k, columns), and their records.
+
+        Raises:
+            OutputError: If the disk does not take them.
+        """
         self._waiting.append((packets, records))
         self._held += len(packets)
         if self._held >= _AT_ONCE:
-            self._write()
+            with self._draft.writing():
+                if not self._has_room():
+                    raise OSError(errno.ENOSPC, "the disk is nearly full")
+                self._write()
 
     def close(self, facts: Mapping[str, Any]) -> Path:
-        """Write the remaining packets and put the file in its place.
+        """Write the remaining packets, if the disk has room, and put the file in its place.
 
         Args:
             facts: Summary of the stream, kept as its attribute `summary`.
 
         Returns:
             The file.
+
+        Raises:
+            OutputError: If the disk does not take it; what was there is then as it was.
         """
-        self._write()
-        self._file.summary = json.dumps(json_ready(facts))
-        self._file.close()
+        with self._draft.writing():
+            if self._has_room():
+                self._write()
+            self._file.summary = json.dumps(json_ready({**facts, "recorded": self.written}))
         return self._draft.publish()
 
     def discard(self) -> None:
         """Give the file up, unless it is closed already."""
-        if self._file.isopen():
-            self._file.close()
         self._draft.discard()
 
     def _lay_out(self) -> None:
@@ -118,15 +136,21 @@ class StreamFile:
         made = self._file.createVariable(name, kind, ("time", *dims), chunksizes=shape)
         made.units, made.long_name = units, meaning
 
+    def _has_room(self) -> bool:
+        """Whether the disk takes more and has room left for the learner."""
+        disk = shutil.disk_usage(self._draft.path.parent)
+        return disk.free > min(_RESERVE, disk.total // 20)
+
     def _write(self) -> None:
         if not self._waiting:
             return
+        self.sound = False
         packets = np.concatenate([packets for packets, _ in self._waiting])
         records = Records(np.concatenate([records.rows for _, records in self._waiting]))
-        place = slice(self._written, self._written + len(packets))
+        place = slice(self.written, self.written + len(packets))
         parts = dict(zip(self._parts, packet_parts(packets, self._pipeline.robot), strict=True))
         parts |= {name: getattr(records, name) for name in (*_MEANING, "outcome", "duration")}
         for name, values in (("time", packets[:, 0]), *parts.items()):
             self._file.variables[name][place] = values
-        self._written += len(packets)
-        self._waiting, self._held = [], 0
+        self.written += len(packets)
+        self._waiting, self._held, self.sound = [], 0, True

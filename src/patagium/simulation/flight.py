@@ -28,13 +28,13 @@ from patagium.aerodynamics import (
 )
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome, PatagiumError, PathError
+from patagium.netcdf_file import write_netcdf
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
 from patagium.simulation.mounts import InternalLoadCell
 from patagium.simulation.state_layout import ADDED_WORK, WORKS
 from patagium.version import __version__
-from patagium.whole_file import whole_file
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -444,9 +444,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     check_flight(flight, "flight")
-    with whole_file(path) as draft:
-        flight.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
-    return Path(path)
+    return write_netcdf(path, flight)
 
 
 def load_flight(path: str | Path) -> xr.Dataset:

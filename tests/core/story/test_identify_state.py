@@ -88,6 +88,17 @@ def test_a_learner_that_diverged_is_not_kept(
     assert not state.exists()
 
 
+def test_an_output_that_fails_costs_no_other(
+    identify: Callable[..., Answer], tmp_path: Path
+) -> None:
+    kept = ("--state", tmp_path / "state", "--predictions", tmp_path / "p.nc")
+    answer = identify(*LEARN, *kept, "--model", tmp_path / "none" / "m.json", "--json")
+    assert answer.code == 2 and '"nmse_mean"' in answer.out
+    assert "m.json: cannot be written: No such file" in answer.err and "mkdir -p" in answer.err
+    assert answer.err.endswith("patagium: not saved: model; all else was\n")
+    assert pt.load_learner(tmp_path / "state").count == 400 and (tmp_path / "p.nc").exists()
+
+
 def test_ctrl_c_keeps_what_was_learned(
     identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

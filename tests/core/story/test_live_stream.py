@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +19,11 @@ import pytest
 import xarray as xr
 
 import patagium as pt
+from patagium.cli import stream as cli_stream
+from patagium.cli.live import Shown
 from patagium.cli.main import run
 from patagium.learning import load_learner
-from patagium.live import sources
+from patagium.live import loop, record, sources
 from patagium.live.loop import Counters, Rhythm, Status, follow, summary
 from patagium.live.packets import Intake, datagrams, flight_packets, send_packets
 from patagium.live.pipeline import Pipeline
@@ -31,6 +35,7 @@ from patagium.live.sources import (
     start_reading,
 )
 from patagium.sensing.force.air_force import packet_columns
+from patagium.whole_file import locked
 
 COUNT = 2000
 LEARN = ("--prior-std", "0.3", "--measurement-std", "3e-4", "--spread", "1.7")
@@ -196,7 +201,8 @@ def test_a_file_that_grows_is_followed(packets, pipeline, tmp_path):
     np.testing.assert_array_equal(pipeline.learner.weights, weights_after(packets))
 
 
-def test_interrupted_it_writes_what_it_has(packets, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_interrupted_it_writes_what_it_has(packets, tmp_path, number):
     log, record, model = (tmp_path / name for name in ("log.csv", "stream.nc", "model.json"))
     log.write_bytes(text_of(packets))
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN]
@@ -209,7 +215,9 @@ def test_interrupted_it_writes_what_it_has(packets, tmp_path):
     )  # fmt: skip
     assert process.stderr is not None
     assert any(" samples, " in line for line in process.stderr)  # it has begun
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
+    if number == signal.SIGHUP:
+        process.send_signal(number)  # a terminal that is closed may send more than one
     out, _ = process.communicate(timeout=300)
     assert process.returncode == 0
     samples = json.loads(out)["samples"]
@@ -291,6 +299,91 @@ def test_what_was_learned_before_reading_failed_is_kept(packets, tmp_path, capsy
     assert left.value.code == 2 and said.err.endswith("log.csv: Input/output error\n")
     with xr.open_dataset(record) as kept:
         assert kept.sizes["time"] == 100
+
+
+@pytest.fixture
+def told(packets, tmp_path):
+    """Words of a stream with a state and a model, and what it wrote to stderr and left with."""
+    (tmp_path / "log.csv").write_bytes(text_of(packets[:600]))
+    words = ["stream", str(tmp_path / "log.csv"), "--robot", "aerobat", "--hidden", "4", *LEARN]
+    words += ["--idle", "0.1", "--state", str(tmp_path / "state")]
+    return [*words, "--model", str(tmp_path / "model.json")]
+
+
+def test_a_recording_that_fails_costs_neither_learner_nor_model(
+    packets, told, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(record, "_AT_ONCE", 100)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, hard))  # B: no room for the record
+    try:
+        with pytest.raises(SystemExit) as left:
+            run([*told, "--record", str(tmp_path / "stream.nc"), "--json"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    said = capsys.readouterr()
+    assert left.value.code == 2
+    assert said.err.count("stream.nc: cannot be written: File too large; free space") == 1
+    assert said.err.endswith("patagium: not saved: recording; all else was\n")
+    assert json.loads(said.out)["samples"] == 600
+    assert {p.name for p in tmp_path.iterdir()} == {"log.csv", "state", "model.json"}
+    kept = load_learner(tmp_path / "state")
+    np.testing.assert_array_equal(kept.weights, weights_after(packets[:600]))
+
+
+def test_a_record_ends_whole_before_the_disk_is_full(told, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(record, "_AT_ONCE", 100)
+    room = iter([True, True, True])
+    monkeypatch.setattr(StreamFile, "_has_room", lambda self: next(room, False))
+    monkeypatch.setattr(loop, "BLOCK", 100)
+    with pytest.raises(SystemExit) as left:
+        run([*told, "--record", str(tmp_path / "stream.nc"), "--json"])
+    assert left.value.code == 2
+    assert "recording: " in (said := capsys.readouterr().err) and "nearly full" in said
+    with xr.open_dataset(tmp_path / "stream.nc") as kept:
+        assert kept.sizes["time"] == json.loads(kept.attrs["summary"])["recorded"] == 300
+    assert (tmp_path / "state").exists()
+
+
+def test_outputs_that_cannot_be_printed_or_saved_cost_no_other(told, packets, tmp_path):
+    told[-1] = str(tmp_path / "none" / "model.json")
+    program = "import sys; from patagium.cli.main import run; run(sys.argv[1:])"
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-c", program, *told]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+        silent = subprocess.run(command, stdout=full, stderr=full)
+    assert done.returncode == silent.returncode == 2
+    assert done.stderr.endswith("patagium: not saved: model, summary on stdout; all else was\n")
+    assert "mkdir -p" in done.stderr and "Traceback" not in done.stderr
+    assert load_learner(tmp_path / "state").count == 1200
+
+
+def test_a_sink_that_raises_is_told_once_and_ends_nothing(told, tmp_path, capsys, monkeypatch):
+    class Broken:
+        def append(self, packets, records):
+            raise ZeroDivisionError("nothing to draw")
+
+    shown = contextmanager(lambda *_: iter([Shown((Broken(),), ())]))
+    monkeypatch.setattr(cli_stream, "live_stream", shown)
+    monkeypatch.setattr(loop, "BLOCK", 100)
+    run_to_its_end(told)
+    assert capsys.readouterr().err.count("live view: ZeroDivisionError: nothing to draw") == 1
+    assert load_learner(tmp_path / "state").count == 600
+
+
+def run_to_its_end(words):
+    with pytest.raises(SystemExit) as left:
+        run(words)
+    assert left.value.code in (0, None)
+
+
+def test_one_state_has_one_learner_at_a_time(told, tmp_path, capsys):
+    with locked(tmp_path / "state"), pytest.raises(SystemExit) as left:
+        run(told)
+    assert left.value.code == 2
+    assert f"state: cannot be written: process {os.getpid()} " in (said := capsys.readouterr().err)
+    assert "end that process, or name another file" in said
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
 
 
 def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, capsys, monkeypatch):

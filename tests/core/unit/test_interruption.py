@@ -10,13 +10,12 @@ import pytest
 from patagium.cli.interruption import interrupted
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_are_answered_in_turn_and_one_more_ends_it(number: signal.Signals) -> None:
-    heard: list[str] = []
+def test_ctrl_c_is_answered_in_turn_and_one_more_ends_it() -> None:
+    number, heard = signal.SIGINT, list[str]()
     before = signal.getsignal(number)
     with (
         pytest.raises(KeyboardInterrupt),
-        interrupted(lambda: heard.append("first"), lambda: heard.append("second")),
+        interrupted([lambda: heard.append("first"), lambda: heard.append("second")]),
     ):
         for count in range(3):
             assert len(heard) == count
@@ -25,12 +24,32 @@ def test_signals_are_answered_in_turn_and_one_more_ends_it(number: signal.Signal
     assert signal.getsignal(number) is before
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_request_to_end_counts_once(number: signal.Signals) -> None:
+    heard: list[str] = []
+    before = signal.getsignal(number)
+    with interrupted([lambda: heard.append("first")]):
+        for _ in range(3):
+            signal.raise_signal(number)
+    assert heard == ["first"]
+    assert signal.getsignal(number) is before
+
+
+def test_a_hang_up_that_is_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interrupted([]):
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_beside_the_main_thread_nothing_is_caught() -> None:
     found: list[object] = []
     before = signal.getsignal(signal.SIGINT)
 
     def look() -> None:
-        with interrupted(lambda: None):
+        with interrupted([lambda: None]):
             found.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=look)

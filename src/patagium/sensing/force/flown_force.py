@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from patagium.netcdf_file import write_netcdf
 from patagium.sensing.force.measured_force import (
     ForceSamples,
     cell_wrench,
@@ -16,7 +17,6 @@ from patagium.sensing.force.measured_force import (
 )
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
-from patagium.whole_file import whole_file
 
 
 def motion_and_force(
@@ -67,7 +67,4 @@ def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> 
         force=(("time", "dof"), forces.force, units),
         force_std=(("time", "dof"), forces.std, units),
     )
-    whole = whole.assign(known=whole["known"].astype("i1"))
-    with whole_file(path) as draft:
-        whole.to_netcdf(draft, format="NETCDF4", engine="netcdf4")
-    return Path(path)
+    return write_netcdf(path, whole.assign(known=whole["known"].astype("i1")))

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import FlightError, LogError, ParameterError, PatagiumError
+from patagium.netcdf_file import write_netcdf
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
@@ -22,7 +23,6 @@ from patagium.sensing.sensors.motion_capture import MotionCapture
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import HIDDEN, Array, Reading, Sensor, Signal
 from patagium.simulation.flight import robot_of
-from patagium.whole_file import whole_file
 
 
 @dataclass(frozen=True)
@@ -139,13 +139,11 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
-    with whole_file(path) as draft:
-        xr.Dataset(attrs=origin).to_netcdf(draft, mode="w", engine="netcdf4")
-        for label, reading in log.readings.items():
-            known = json.dumps(log.sensors[label].describe())
-            described = reading.assign_attrs(sensor=known)
-            described.to_netcdf(draft, mode="a", group=label, engine="netcdf4")
-    return Path(path)
+    described = {
+        label: reading.assign_attrs(sensor=json.dumps(log.sensors[label].describe()))
+        for label, reading in log.readings.items()
+    }
+    return write_netcdf(path, xr.Dataset(attrs=origin), described)
 
 
 def load_sensor_log(path: str | Path) -> SensorLog:

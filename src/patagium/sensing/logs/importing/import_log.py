@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from patagium.errors import LogError
+from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
@@ -55,20 +56,15 @@ class NetcdfWriter:
     """Writer of a netCDF4 log.
 
     Args:
-        path: The file.
+        file: The open file.
         plan: Quantities of the log.
         rows: Largest number of samples to come.
         attributes: Attributes of the file.
-
-    Raises:
-        OSError: If the file cannot be written.
     """
 
-    def __init__(self, path: Path, plan: Plan, rows: int, attributes: dict[str, Any]) -> None:
-        from netCDF4 import Dataset
-
+    def __init__(self, file: Any, plan: Plan, rows: int, attributes: dict[str, Any]) -> None:
         self._chunk = min(_CHUNK, max(1, rows))
-        self._file = Dataset(path, "w", format="NETCDF4")
+        self._file = file
         self._file.setncatts({**attributes, "format": FORMAT})
         self._file.createDimension("time", None)
         self._time = self._variable("time", "s", {})
@@ -95,8 +91,7 @@ class NetcdfWriter:
         self._rows = rows.stop
 
     def close(self) -> None:
-        """Complete the file."""
-        self._file.close()
+        """End of the samples; the file is closed as it is published."""
 
     def _variable(self, name: str, unit: str, facts: dict[str, Any]) -> Any:
         variable = self._file.createVariable(
@@ -201,7 +196,7 @@ def import_log(
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
         robot = _robot(words, source)
-        draft = Draft(target)
+        draft = (NetcdfDraft if target.suffix.lower() == ".nc" else Draft)(target)
         try:
             with (
                 draft.writing(),
@@ -247,8 +242,8 @@ def _written(
         **_robot_attributes(robot, mapping),
     }
     writer: Writer = (
-        NetcdfWriter(draft.path, plan, base.count, attributes)
-        if draft.target.suffix.lower() == ".nc"
+        NetcdfWriter(draft.file, plan, base.count, attributes)
+        if isinstance(draft, NetcdfDraft)
         else CsvWriter(draft.path, plan)
     )
     with closing(writer):

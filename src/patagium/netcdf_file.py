@@ -1,0 +1,126 @@
+"""NetCDF files written whole or not at all, on a disk that may fail at any write.
+
+HDF5, below netCDF, ends the whole program where a write fails as it closes a file. So all is
+forced to the disk first, where a failure is an exception. What closing still writes goes to memory:
+of it only the head of the file is new, that it was closed, and is written from there; the rest
+repeats what is on the disk. Without memory files (not Linux) closing writes itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import netCDF4
+
+from patagium.whole_file import Draft
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_HEAD = 4096  # B, of which HDF5's superblock takes 48 or 96
+
+
+class NetcdfDraft(Draft):
+    """A netCDF4 file beside its place, until it is whole.
+
+    Args:
+        path: The place, in a folder that is there.
+
+    Attributes:
+        file: The open file.
+
+    Raises:
+        OutputError: If it cannot be made.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(path)
+        try:
+            with self.writing():
+                self.file = netCDF4.Dataset(self.path, "w", format="NETCDF4")
+        except BaseException:
+            super().discard()
+            raise
+
+    def publish(self) -> Path:
+        """Close the file and put it in its place.
+
+        Returns:
+            The place.
+
+        Raises:
+            OutputError: If the disk does not take it; what was there is then as it was.
+        """
+        with self.writing():
+            self.file.sync()
+            with self.path.open("rb") as stream:
+                head = stream.read(_HEAD)
+            with _diverted(self.path) as memory:
+                if memory is not None:
+                    os.pwrite(memory, head, 0)
+                self.file.close()
+                last = b"" if memory is None else os.pread(memory, len(head), 0)
+            with self.path.open("rb+") as stream:
+                stream.write(last)
+        return super().publish()
+
+    def discard(self) -> None:
+        """Give it up; nothing once it is published."""
+        if self.file.isopen():
+            with _diverted(self.path), suppress(RuntimeError):
+                self.file.close()
+        super().discard()
+
+
+def write_netcdf(
+    path: str | Path,
+    dataset: xr.Dataset,
+    groups: Mapping[str, xr.Dataset] = MappingProxyType({}),
+) -> Path:
+    """Replace a netCDF4 file; at any moment it holds its old content or the new one.
+
+    Args:
+        path: The file, in a folder that is there.
+        dataset: Content of the root.
+        groups: Content of groups by name.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputError: If it cannot be written; the file is then as it was.
+    """
+    from xarray.backends import NetCDF4DataStore
+
+    store: Any = NetCDF4DataStore
+    draft = NetcdfDraft(path)
+    try:
+        with draft.writing():
+            dataset.dump_to_store(store(draft.file))
+            for name, content in groups.items():
+                content.dump_to_store(store(draft.file.createGroup(name)))
+        return draft.publish()
+    finally:
+        draft.discard()
+
+
+@contextmanager
+def _diverted(path: Path) -> Iterator[int | None]:
+    """Memory that takes what is written to an open file from now on; None where there is none."""
+    if not hasattr(os, "memfd_create"):
+        yield None
+        return
+    memory = os.memfd_create(path.name[:200])
+    try:
+        for handle in os.listdir("/proc/self/fd"):
+            with suppress(OSError):
+                if os.readlink(f"/proc/self/fd/{handle}").removesuffix(" (deleted)") == str(path):
+                    os.dup2(memory, int(handle))
+        yield memory
+    finally:
+        os.close(memory)
