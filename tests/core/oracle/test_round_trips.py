@@ -1,0 +1,116 @@
+"""A learner that was saved, pickled or copied goes on bit for bit; threads, fork and asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+import copy
+import os
+import pickle
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.learning import ChangeDetection, LowRank, Misfit, NoiseEstimation, Screening
+
+ROBOT = pt.load_robot("aerobat")
+NETWORKS: dict[str, Callable[[], Any]] = {
+    "dense": lambda: pt.DenseNetwork(3, (4,), 2),
+    "linear": lambda: pt.DenseNetwork(3, (), 2),
+    "strips": lambda: pt.StripNetwork(ROBOT, (3,), measured=["x", "z"]),
+}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "plain": {"measurement_std": 0.1},
+    "noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation(30)},
+    "misfit": {"misfit": Misfit(), "screening": Screening(3.0, 4)},
+    "changes": {"change_detection": ChangeDetection(1e-2, 5, 12), "prior_share": 1e-3},
+    "layer": {"covariance": "layer"},
+    "node": {"covariance": "node"},
+    "low rank": {"covariance": LowRank(3)},
+}
+CASES = [
+    *((kind, net, option) for kind in ("cubature", "extended") for net in NETWORKS
+      for option in OPTIONS),
+    *(("single", net, option) for net in NETWORKS for option in ("plain", "node", "low rank")),
+    ("gradient", "dense", ""), ("rls", "linear", ""),
+]  # fmt: skip
+
+
+def learner_of(kind: str, network: str, option: str) -> Any:
+    net = NETWORKS[network]()
+    if kind == "gradient":
+        return pt.GradientLearner(net, replay=2)
+    if kind == "rls":
+        return pt.LinearLearner(net)
+    made = pt.ExtendedLearner if kind == "extended" else pt.CubatureLearner
+    single = {"dtype": "float32"} if kind == "single" else {}
+    return made(net, **OPTIONS[option], **single)
+
+
+def run(learner: Any, begin: int, end: int) -> list[Any]:
+    """All that a learner says of samples, faults among them."""
+    draw, told = np.random.default_rng(begin), []
+    for k in range(begin, end):
+        x, y = np.sin(0.3 * k + np.arange(learner.network.inputs)), draw.normal(size=2)
+        y[k % 2] = np.nan if k % 11 == 5 else 1e200 if k % 11 == 7 else y[k % 2]
+        x[0] = 1e50 if k % 13 == 6 else x[0]
+        innovation = learner.update(x, y, 1e-3 * k)
+        mean, covariance = learner.predict(np.ones(len(x)))
+        told += [innovation, mean, covariance, getattr(learner, "nis", 0.0)]
+    told += [learner.weights, np.array(list(learner.events.values()))]
+    return told if learner.variances is None else [*told, learner.variances]
+
+
+@pytest.mark.parametrize(("kind", "network", "option"), CASES)
+def test_copies_go_on_bit_for_bit(kind: str, network: str, option: str, tmp_path: Path) -> None:
+    learner = learner_of(kind, network, option)
+    run(learner, 0, 40)
+    path = learner.save(tmp_path / "learner")
+    ways = [pt.load_learner(path, learner), pickle.loads(pickle.dumps(learner))]
+    ways.append(copy.deepcopy(learner))
+    expected = run(learner, 40, 60)
+    for other in ways:
+        for one, two in zip(expected, run(other, 40, 60), strict=True):
+            np.testing.assert_array_equal(two, one)
+
+
+def test_eight_threads_with_a_learner_each_are_as_one() -> None:
+    expected = run(learner_of("cubature", "dense", "noise found"), 0, 60)
+    with ThreadPoolExecutor(8) as pool:
+        learners = [learner_of("cubature", "dense", "noise found") for _ in range(8)]
+        for found in pool.map(lambda learner: run(learner, 0, 60), learners, timeout=60):
+            for one, two in zip(expected, found, strict=True):
+                np.testing.assert_array_equal(two, one)
+
+
+def test_tasks_of_one_loop_share_a_network() -> None:
+    async def learned(learner: Any) -> list[Any]:
+        await asyncio.sleep(0)
+        return run(learner, 0, 40)
+
+    async def both() -> Any:
+        learners = [learner_of("extended", "dense", "misfit") for _ in range(2)]
+        return await asyncio.gather(*map(learned, learners))
+
+    for one, two in zip(*asyncio.run(both()), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")  # other tests' threads
+def test_a_forked_learner_goes_on_apart(tmp_path: Path) -> None:
+    learner = learner_of("cubature", "dense", "misfit")
+    run(learner, 0, 20)
+    child = os.fork()
+    if child == 0:
+        try:
+            np.save(tmp_path / "child.npy", run(learner, 20, 40)[-2])
+        finally:
+            os._exit(0)
+    expected = run(learner, 20, 40)[-2]
+    assert os.waitpid(child, 0)[1] == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "child.npy"), expected)

@@ -1,0 +1,25 @@
+"""Poison in bursts through learners, beside twins that were spared."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import patagium as pt
+from patagium_lab.stress.poison import network, poisoned
+
+
+@pytest.mark.parametrize("options", [{}, {"covariance": "node", "dtype": "float32"}])
+def test_a_learner_is_soon_as_good_as_its_twin(options: dict[str, Any]) -> None:
+    """Within 100 clean samples, within 1.5 times of the error of the twin."""
+    learner = pt.CubatureLearner(
+        network(),
+        prior_share=1e-4,
+        screening=pt.learning.Screening(stuck_samples=10),
+        noise_estimation=pt.learning.NoiseEstimation(300),
+        **options,
+    )
+    found = poisoned(learner, seed=2, count=8000)
+    assert not found.crash and found.uncounted == 0
+    assert sum(found.bursts.values()) > 15 and not any(found.beyond.values())
