@@ -121,6 +121,25 @@ def test_drag_of_a_body_is_that_of_a_box_of_its_inertia(network: LinearStripNetw
     assert abs(found[1:3]).max() < 1e-12 * abs(drag)
 
 
+@pytest.mark.parametrize("incidence", [0.0, 0.02, 0.3])
+def test_drag_beyond_a_small_incidence_takes_power_there_alone(
+    network: LinearStripNetwork, incidence: float
+) -> None:
+    robot = network.robot
+    values = [float(term.name == "drag beyond a small incidence") for term in network.terms]
+    assert sum(values) == 1
+    weights = network._placed(np.zeros(17), values, 0.0)
+    q, v = np.array(robot.coordinates()), np.zeros(robot.dof)
+    v[:3] = 4.0 * np.cos(incidence), 0.0, -4.0 * np.sin(incidence)
+    power = v @ network(np.concatenate([q, v, np.zeros(robot.dof)]), weights)
+    normal = [np.array(strip.normal, float)[2] for strip in robot.strips]
+    assert np.allclose(normal, 1.0, rtol=1e-12)
+    area = sum(float(strip.chord) * float(strip.width) for strip in robot.strips)
+    share = np.sin(incidence) ** 2 / (np.sin(incidence) ** 2 + 0.02**2)
+    expected = -1.225 / 2 * area * 4.0**3 * share
+    assert power == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
 def test_terms_of_own_air_are_found_from_a_flight(network: LinearStripNetwork) -> None:
     """A flight in blade elements without added mass: the weight of added mass goes to zero."""
     robot = network.robot

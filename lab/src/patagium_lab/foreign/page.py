@@ -203,7 +203,7 @@ def _targets(rows: Sequence[Row]) -> Table:
 
 def _glance(rows: Sequence[Row], airs: Sequence[str]) -> Picture:
     """Figure of the median error of every contestant on unseen wingbeats, by air."""
-    names = _names(rows)
+    names = [name for name in _names(rows) if name not in (SEARCH, BEST)]
     scores = {}
     for air in airs:
         own = [[row for row in rows if row["air"] == air and _is(row, name)] for name in names]
@@ -227,13 +227,13 @@ def _air(air: str, rows: Sequence[Row]) -> PageSection:
     for apart, where in ((False, "for choosing"), (True, "kept apart")):
         side = [row for row in rows if row["apart"] is apart]
         if side:
-            blocks.append(_summary_table(air, side, names, where))
+            blocks.append(_summary_table(air, side, where))
     for half in HALVES:
         blocks.append(_flight_table(air, rows, names, half))
     return PageSection(TITLES[air], blocks)
 
 
-def _summary_table(air: str, rows: Sequence[Row], names: Sequence[str], where: str) -> Table:
+def _summary_table(air: str, rows: Sequence[Row], where: str) -> Table:
     def figure(half: str, key: str, pick: Callable[[Any], Any]) -> Callable[[Row], str]:
         def cell(row: Row) -> str:
             own = figures([one for one in rows if _is(one, row["name"])], half, key)
@@ -252,7 +252,7 @@ def _summary_table(air: str, rows: Sequence[Row], names: Sequence[str], where: s
         f"Flights {where}: errors over variances [1], share in the 95 % interval [1]; a star marks "
         "a miss."
     )
-    return table_of(columns, [{"name": name} for name in names], caption)
+    return table_of(columns, [{"name": name} for name in _names(rows)], caption)
 
 
 def _flight_table(air: str, rows: Sequence[Row], names: Sequence[str], half: str) -> Table:
@@ -328,22 +328,23 @@ def _notes(metrics: Metrics, rows: Sequence[Row]) -> list[str]:
         "No contestant is given a setting: noise, prior and scales are what a learner finds "
         "itself (docs/settings.md). Networks learn by the extended filter. The first wingbeat "
         "scales inputs and outputs of the dense network and of least squares.",
-        *_search_notes(metrics),
+        *_search_notes(metrics, rows),
         "Physics alone: blade elements and added mass by theory, nothing learned.",
         "The force is what inverse dynamics gives, without noise of sensors: added mass and "
         "everything else that the other program lets the air do.",
     ]
 
 
-def _search_notes(metrics: Metrics) -> list[str]:
+def _search_notes(metrics: Metrics, rows: Sequence[Row]) -> list[str]:
     trials = metrics["plan"]["search"]
-    if not trials:
+    searched, learned = (sum(_is(row, name) for row in rows) for name in (SEARCH, PHYSICS))
+    if not searched:
         return []
     return [
         "Pick of a search: `patagium tune` of the default network by the extended filter, "
-        f"{trials} trials on each learned flight over the ranges of docs/settings.md (prior, "
-        "memory, structure of the covariance). It picks by what it leaves out of the flight, "
-        "without a second flight.",
+        f"{trials} trials on each of {searched} of the {learned} learned flights, over the ranges "
+        "of docs/settings.md (prior, memory, structure of the covariance). It picks by what it "
+        "leaves out of the flight, without a second flight.",
         f"Best trial of the search on the scored half: of the {REFITTED} trials with the least "
         "mean error on the second half itself, the one with the least error of the worst output "
         "there. Nobody can know it beforehand.",

@@ -75,6 +75,7 @@ STRIP_TERMS = (
     Term("moment of incidence", 0.0, 2.0),
     Term("moment by pitching", 0.0, 2.0),
     Term("drag along the span", 0.0, 0.2),
+    Term("drag beyond a small incidence", 0.0, 1.0),
 )
 """Terms of every strip, the same weight for all strips."""
 BODY_TERMS = (
@@ -84,6 +85,7 @@ BODY_TERMS = (
     Term("drag of rotation", 0.0, 2.0),
 )
 """Terms of every body without strips."""
+_SMALL = 0.02  # incidence beyond which a thin wing's flow leaves its leading edge [rad]
 _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
@@ -327,6 +329,7 @@ def _strip_terms(flow: _Flow) -> ca.SX:
     wash = -(n - quarter * p)  # normalwash at three quarters of the chord
     rising = normal_rate - p * u - r * s  # rate of n, the axes turning along
     across = 2 * _size(n)
+    beyond = n**2 / (n**2 + (_SMALL * speed) ** 2)
     columns = [
         (0, -pi / 2 * rising, 0, -pi / 64 * pitch_rate),
         (-2 * pi * wash * n, 2 * pi * wash * u, 0, 2 * pi * wash * u * quarter),
@@ -341,6 +344,7 @@ def _strip_terms(flow: _Flow) -> ca.SX:
         (0, 0, 0, u * n),
         (0, 0, 0, -speed * p),
         (0, 0, -speed * s, 0),
+        (-beyond * speed * u, -beyond * speed * n, 0, 0),
     ]
     return ca.horzcat(*[ca.vertcat(*column) for column in columns])
 
