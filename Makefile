@@ -7,6 +7,7 @@
 #   make check    format, lint, types, layers, spelling, and the tests
 #   make docs     the documentation as pages: out/docs/index.html
 #   make bench    times of the compiled functions, against their rivals
+#   make attack   hostile cases and faults, about an hour: docs/robustness.md
 #   make pages    the documentation's pages that the program writes, made anew; with LOG=log16.csv.gz
 #                 also that of the learners, for which dynamax and rebayes-mini should be there
 #
@@ -21,7 +22,7 @@ UV ?= uv
 BIN := .venv/bin
 STAMP := .venv/installed
 
-.PHONY: install demo test test-core golden lint check docs bench pages lock
+.PHONY: install demo test test-core golden lint check docs bench attack pages lock
 
 install: $(STAMP)
 
@@ -68,6 +69,9 @@ bench: $(STAMP)
 	@mkdir -p $(OUT)
 	@$(BIN)/patagium bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
 
+attack: $(STAMP)
+	@$(BIN)/patagium attack --results $(OUT)/attack.json -o docs/robustness.md $(if $(LOG),--log $(LOG))
+
 pages: $(STAMP)
 	@mkdir -p $(OUT)
 	@$(BIN)/python docs/draw_architecture.py
@@ -78,6 +82,7 @@ pages: $(STAMP)
 	@$(BIN)/patagium foreign --out $(OUT)/foreign --page docs/foreign.md $(if $(LOG),--log $(LOG))
 	@$(if $(LOG),$(BIN)/patagium bench learners -o docs/learners.md --log $(LOG), \
 	  echo "docs/learners.md is left as it is: LOG=log16.csv.gz makes it anew")
+	@echo "docs/robustness.md is left as it is: make attack makes it anew"
 
 # Needs uv. The lock names no index: the one pip is configured with serves it.
 lock:

@@ -1,9 +1,12 @@
-"""NetCDF files written whole or not at all, on a disk that may fail at any write.
+"""NetCDF files written whole or not at all, on a disk that may fail at any write; and read.
 
 HDF5, below netCDF, ends the whole program where a write fails as it closes a file. So all is
 forced to the disk first, where a failure is an exception. What closing still writes goes to memory:
 of it only the head of the file is new, that it was closed, and is written from there; the rest
 repeats what is on the disk. Without memory files (not Linux) closing writes itself.
+
+Whatever the libraries raise of a damaged file is one error, and its size is bounded. Neglected:
+damage that leaves a readable file, such as a flipped bit of a number.
 """
 
 from __future__ import annotations
@@ -17,11 +20,14 @@ from typing import TYPE_CHECKING, Any
 
 import netCDF4
 
+from patagium.errors import PatagiumError
 from patagium.whole_file import Draft
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_GROWTH, _SPARE = 1000, 100_000_000
+"""Bytes of memory for a byte of a file (compression), and besides that [B]."""
 _HEAD = 4096  # B, of which HDF5's superblock takes 48 or 96
 
 
@@ -107,6 +113,66 @@ def write_netcdf(
         return draft.publish()
     finally:
         draft.discard()
+
+
+@contextmanager
+def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) -> Iterator[None]:
+    """Block that reads a netCDF file, its failures told as one error.
+
+    Args:
+        path: The file.
+        error: Kind of the error.
+        expected: Noun of what the file should hold, with its article.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        PatagiumError: Of the kind `error`, if the file cannot be read or holds something else.
+    """
+    try:
+        yield
+    except PatagiumError:
+        raise
+    except (
+        ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
+        ValueError,
+    ) as problem:  # fmt: skip
+        reason = "no such file"
+        if Path(path).exists():
+            said = str(problem) or type(problem).__name__
+            reason = f"expected {expected}, found: {said[:200]}"
+        raise error(f"{path}: {reason}") from problem
+
+
+def loaded_dataset(
+    path: str | Path, error: type[PatagiumError], expected: str, group: str | None = None
+) -> xr.Dataset:
+    """Whole netCDF file or group in memory, the file closed, nothing kept of how it was stored.
+
+    Args:
+        path: The file.
+        error: Kind of the error.
+        expected: Noun of what the file should hold, with its article.
+        group: Group in the file; None: all outside of groups.
+
+    Raises:
+        PatagiumError: Of the kind `error`, if the file cannot be read, or would take far more
+            memory than its bytes hold.
+    """
+    import xarray as xr
+
+    with netcdf_content(path, error, expected):
+        options = {"group": group, "engine": "netcdf4", "decode_times": False}
+        with xr.open_dataset(path, **options) as opened:  # type: ignore[arg-type]
+            most = _GROWTH * Path(path).stat().st_size + _SPARE
+            if opened.nbytes > most:
+                raise error(f"{path}: expected at most {most} bytes, found {opened.nbytes}")
+            dataset = opened.load()
+    for variable in dataset.variables.values():
+        variable.encoding.clear()
+    dataset.encoding.clear()
+    return dataset
 
 
 @contextmanager

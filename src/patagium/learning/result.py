@@ -20,7 +20,7 @@ from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
-from patagium.netcdf_file import write_netcdf
+from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 
 Array = NDArray[np.float64]
 
@@ -84,16 +84,13 @@ def load_identification(path: str | Path) -> Identification:
         LogError: If the file is not one.
     """
     file = Path(path)
-    try:
-        with xr.open_dataset(file, engine="netcdf4", decode_times=False) as opened:
-            record = opened.load()
-    except (OSError, ValueError) as problem:
-        raise LogError(f"{file}: expected an identification, found: {problem}") from problem
+    record = loaded_dataset(file, LogError, "an identification")
     if "scores" not in record.attrs:
         raise LogError(f"{file}: expected an identification, found a file without scores")
-    scores = json.loads(record.attrs.pop("scores"))
-    outcome = Outcome[scores.get("outcome", "COMPLETED")]
-    return Identification(scores, record, None, outcome, scores.get("message", ""))
+    with netcdf_content(file, LogError, "an identification with its scores"):
+        scores = json.loads(record.attrs.pop("scores"))
+        outcome = Outcome[scores.get("outcome", "COMPLETED")]
+        return Identification(scores, record, None, outcome, scores.get("message", ""))
 
 
 class Check(NamedTuple):

@@ -28,7 +28,7 @@ from patagium.aerodynamics import (
 )
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome, PatagiumError, PathError
-from patagium.netcdf_file import write_netcdf
+from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
@@ -461,19 +461,12 @@ def load_flight(path: str | Path) -> xr.Dataset:
             read by `load_log`.
     """
     path = Path(path)
-    try:
-        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as opened:
-            flight = opened.load()
-    except (OSError, ValueError) as error:
-        reason = "no such file" if not path.exists() else f"no netCDF4 file: {error}"
-        raise FlightError(f"{path}: {reason}") from None
+    flight = loaded_dataset(path, FlightError, "a netCDF4 file")
     if str(flight.attrs.get("format", "")).startswith("patagium log"):
         raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
                           "`pt.load_log` reads")  # fmt: skip
-    for variable in flight.variables.values():
-        variable.encoding.clear()
-    flight.encoding.clear()
-    check_flight(flight, str(path))
+    with netcdf_content(path, FlightError, "a whole flight"):
+        check_flight(flight, str(path))
     return flight
 
 

@@ -253,7 +253,7 @@ FEWEST_ROWS = 4
 CLOSURE = 1e-9
 """How far the last row may be from the first and still repeat it [rad, m]."""
 
-_HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
+_HEADER = re.compile(r"(?P<name>[^\[\]]*)(?:\[(?P<unit>[^\[\]]*)\])?")
 
 
 def read_gait_table(
@@ -317,10 +317,10 @@ def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
         raise LogError(f"{path.name}: empty")
     header = []
     for cell in lines[0]:
-        match = _HEADER.fullmatch(cell)
-        if match is None or not match["name"]:
-            raise LogError(f"{path.name}: header {cell!r}, expected such as 'plunge [rad]'")
-        header.append((match["name"], match["unit"] or ""))
+        match = _HEADER.fullmatch(cell.strip())
+        if match is None or not match["name"].strip():
+            raise LogError(f"{path.name}: header {cell[:60]!r}, expected such as 'plunge [rad]'")
+        header.append((match["name"].strip(), match["unit"] or ""))
     rows = []
     for number, line in enumerate(lines[1:], start=2):
         if len(line) != len(header):

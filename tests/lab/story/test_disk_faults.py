@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from patagium_lab.stress.disk_faults import KINDS, injector
+from patagium_lab.attack.disk_faults import KINDS, injector
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs LD_PRELOAD")
 
@@ -29,7 +29,7 @@ from patagium.report import PageSection, Note, write_page
 from patagium.report.figures import save_figure
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.mapping import parse_mapping
-from patagium_lab.stress.disk_faults import KINDS, forked_with_fault
+from patagium_lab.attack.disk_faults import KINDS, forked_with_fault
 
 folder, source = Path(sys.argv[1]), Path(sys.argv[2])
 record = xr.Dataset({"x": ("time", np.arange(1e4))}, attrs={"words": "x" * 1000})

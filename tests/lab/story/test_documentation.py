@@ -58,7 +58,7 @@ def _write_capture(path: Path) -> None:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
-    from patagium_lab.stress.motion_capture import captured
+    from patagium_lab.attack.motion_capture import captured
 
     kind = "geometry_msgs/msg/PoseStamped"
     types = get_typestore(Stores.ROS1_NOETIC)

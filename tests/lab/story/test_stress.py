@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,9 @@ from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.filters.screening import ChangeMonitor
 from patagium.learning.settings import ChangeDetection
-from patagium_lab.stress import run as study
-from patagium_lab.stress.calibration import flight_calibration
-from patagium_lab.stress.campaign import (
+from patagium_lab.attack import run as study
+from patagium_lab.attack.calibration import flight_calibration
+from patagium_lab.attack.campaign import (
     FIRST,
     WORST_RATIO,
     LearnerKind,
@@ -27,7 +28,7 @@ from patagium_lab.stress.campaign import (
     run_fault,
     run_kill,
 )
-from patagium_lab.stress.damage import (
+from patagium_lab.attack.damage import (
     BEAT,
     LONG,
     damaged,
@@ -35,10 +36,10 @@ from patagium_lab.stress.damage import (
     filter_learner,
     recovery,
 )
-from patagium_lab.stress.endurance import single_precision, steady_glide
-from patagium_lab.stress.faults import FAULTS
-from patagium_lab.stress.motion_capture import capture_rows
-from patagium_lab.stress.plan import StressPlan
+from patagium_lab.attack.endurance import single_precision, steady_glide
+from patagium_lab.attack.faults import FAULTS
+from patagium_lab.attack.motion_capture import capture_rows
+from patagium_lab.attack.plan import AttackPlan
 
 KINDS = (
     LearnerKind("strip", "full", "float32", detects=True, seed=0),
@@ -158,28 +159,28 @@ def small(rows_of_damage, precision):
     draw = np.random.default_rng(1)
     faulted = {"run": 1, "fault": "no input"} | run_fault(KINDS[1], FAULTS["no input"], draw)
     killed = {"run": 10, "fault": "kill -9 while saving"} | run_kill(KINDS[1], draw)
-    return study.StressResults(
-        seed=2,
-        runs=[faulted, killed],
-        damage=rows_of_damage,
-        calibration=[flight_calibration(0.1, 0.05)],
-        glide=steady_glide(400, share=1e-2),
-        precision=precision,
-        captures=capture_rows(0, 12),
-    )
+    areas = {
+        "faults": [faulted, killed],
+        "damage": rows_of_damage,
+        "calibration": [flight_calibration(0.1, 0.05)],
+        "endurance": {"glide": steady_glide(400, share=1e-2), "precision": precision},
+        "captures": capture_rows(0, 12),
+    }
+    return study.AttackResults(2, areas)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_the_command_writes_page_and_figures(small, monkeypatch, tmp_path, capsys) -> None:
     asked = []
 
-    def found(plan, stages):
+    def found(plan, former, stages):
         asked.append(plan)
         return small
 
     monkeypatch.setattr(study, "run", found)
     page = tmp_path / "page.html"
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as left, warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
         run(["stress", "--runs", "3", "--seed", "2", "--jobs", "1", "-o", str(page), "--json"])
     assert not left.value.code
     assert (asked[0].runs, asked[0].seed, asked[0].workers) == (3, 2, 1)
@@ -197,9 +198,9 @@ def test_the_command_writes_page_and_figures(small, monkeypatch, tmp_path, capsy
 
 def test_no_runs_and_no_workers_are_refused() -> None:
     with pytest.raises(ParameterError, match="runs"):
-        StressPlan(runs=0)
+        AttackPlan(runs=0)
     with pytest.raises(ParameterError, match="jobs"):
-        StressPlan(workers=0)
+        AttackPlan(workers=0)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

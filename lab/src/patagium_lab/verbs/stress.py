@@ -1,16 +1,14 @@
-"""`patagium stress`: learners through faults, damage and long runs."""
+"""`patagium stress`: former name of the areas of learners of `patagium attack`."""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-EXAMPLES = (
-    "patagium stress",
-    "patagium stress --runs 100 --seed 3 --jobs 1 -o page.html --json",
-)
+EXAMPLES = ("patagium attack --only faults --only damage",)
 
 
 def stress(
@@ -29,23 +27,28 @@ def stress(
     ] = Path("stress.html"),
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
-    """Fly learners through faults, damage and long runs, estimate motion from bad logs; one page.
-
-    Each run of the campaign is drawn from the seed and its number, so that it can be flown again.
-    """
+    """Former name of `patagium attack` without its hostile cases."""
     from patagium.cli.words import existing, say_json, show_table, stage_bar
-    from patagium_lab.stress import run as study
-    from patagium_lab.stress.page import fault_table, page
-    from patagium_lab.stress.plan import StressPlan
+    from patagium_lab.attack import run as study
+    from patagium_lab.attack.page import fault_table, page
+    from patagium_lab.attack.plan import LEARNERS, AttackPlan
     from patagium_lab.study import Stages
 
+    warnings.warn(
+        "patagium stress is now patagium attack; its areas are named by --only",
+        DeprecationWarning,
+        stacklevel=2,
+    )
     found = None if log is None else existing(log)
-    plan = StressPlan(runs, seed, found, max(1, updates // 10), updates, jobs, captures)
+    plan = AttackPlan(
+        1, runs, seed, LEARNERS, found, max(1, updates // 10), updates, jobs, captures
+    )
     with stage_bar("Stressing") as progress:
-        results = study.run(plan, Stages(progress))
+        results = study.run(plan, {}, Stages(progress))
     page(results).write(output)
     if as_json:
-        say_json(results.metrics())
+        figures = results.metrics()
+        say_json({**figures.pop("areas"), **figures})
     else:
         show_table(fault_table(results))
     typer.echo(f"Written to {output}", err=True)

@@ -6,6 +6,7 @@ Logs are not compressed: 10^7 samples of ten numbers take 0.9 GB on the disk.
 from __future__ import annotations
 
 import json
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import FlightError, LogError
+from patagium.netcdf_file import netcdf_content
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
@@ -40,7 +42,7 @@ def is_log(path: str | Path) -> bool:
     try:
         with Dataset(file) as opened:
             return bool(getattr(opened, "format", "") == FORMAT)
-    except OSError:
+    except (OSError, RuntimeError, ValueError):
         return False
 
 
@@ -66,30 +68,42 @@ class LogRecord:
         from netCDF4 import Dataset
 
         self.path = Path(path)
-        try:
+        with self._content():
             self._file = Dataset(self.path)
-        except OSError as problem:
-            reason = "no such file" if not self.path.exists() else f"no netCDF4 file: {problem}"
-            raise LogError(f"{self.path}: {reason}") from None
         try:
-            found = self._file.__dict__
-            if found.get("format") != FORMAT:
-                other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""
-                raise LogError(f"{self.path}: expected a log that `patagium import` wrote{other}")
-            self._file.set_auto_mask(False)
-            self._columns = {
-                str(variable.long_name): variable
-                for name, variable in self._file.variables.items()
-                if name != "time"
-            }
-            self.count = len(self._file.dimensions["time"])
-            self.gap = float(self._file.gap)
-            self.findings: list[dict[str, Any]] = json.loads(self._file.findings)
-        except (AttributeError, KeyError, ValueError) as problem:
+            with self._content():
+                self._read_header()
+        except LogError:
             self._file.close()
-            raise LogError(f"{self.path}: no whole log: {problem}") from None
+            raise
+
+    def _content(self) -> AbstractContextManager[None]:
+        return netcdf_content(self.path, LogError, "a whole log that `patagium import` wrote")
+
+    def _read_header(self) -> None:
+        """Read all but the numbers.
+
+        Raises:
+            LogError: If the file is no imported log.
+        """
+        found = self._file.__dict__
+        if found.get("format") != FORMAT:
+            other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""
+            raise LogError(f"{self.path}: expected a log that `patagium import` wrote{other}")
+        self._file.set_auto_mask(False)
+        self._columns = {
+            str(variable.long_name): variable
+            for name, variable in self._file.variables.items()
+            if name != "time"
+        }
+        self.count = len(self._file.dimensions["time"])
+        self.gap = float(self._file.gap)
+        self.findings: list[dict[str, Any]] = json.loads(self._file.findings)
         for variable in self._file.variables.values():
+            if variable.dtype != np.float64 or variable.dimensions != ("time",):
+                raise LogError(f"{self.path}: {variable.name}: expected float64 over time")
             variable.set_var_chunk_cache(_CACHE, 3, 0.75)
+        self._time = self._file["time"]
         self.labels = tuple(self._columns)
         self.units = {name: str(column.units) for name, column in self._columns.items()}
 
@@ -115,7 +129,8 @@ class LogRecord:
 
     def time(self, begin: int = 0, end: int | None = None) -> Array:
         """Times of the samples from `begin` to `end`, (k,) [s]."""
-        return np.asarray(self._file["time"][begin:end], float)
+        with self._content():
+            return np.asarray(self._time[begin:end], float)
 
     def values(self, names: tuple[str, ...], begin: int = 0, end: int | None = None) -> Array:
         """Numbers of the samples from `begin` to `end`, (k, n), in the units of the log.
@@ -129,8 +144,9 @@ class LogRecord:
                 f"{self.path}: expected {', '.join(missing[:6])}, but it holds "
                 f"{', '.join(self.labels[:12])}"
             )
-        rows = len(self._file["time"][begin:end])
-        columns = [np.asarray(self._columns[name][begin:end], float) for name in names]
+        rows = len(range(self.count)[begin:end])
+        with self._content():
+            columns = [np.asarray(self._columns[name][begin:end], float) for name in names]
         return np.column_stack(columns) if columns else np.empty((rows, 0))
 
     def table(self, begin: int = 0, end: int | None = None) -> LogTable:
@@ -259,5 +275,5 @@ def load_log(path: str | Path) -> xr.Dataset:
     Raises:
         LogError: If the file is no imported log. A simulated flight is read by `load_flight`.
     """
-    with LogRecord(path) as record:
+    with LogRecord(path) as record, netcdf_content(path, LogError, "a whole log"):
         return record.dataset()

@@ -13,8 +13,8 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from patagium.errors import FlightError, LogError, ParameterError, PatagiumError
-from patagium.netcdf_file import write_netcdf
+from patagium.errors import FlightError, LogError, ParameterError
+from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
@@ -161,24 +161,16 @@ def load_sensor_log(path: str | Path) -> SensorLog:
     path = Path(path)
     if not path.exists():
         raise LogError(f"{path}: no such file")
-    try:
+    with netcdf_content(path, LogError, "a sensor log"):
         with netCDF4.Dataset(str(path)) as whole:
             labels = list(whole.groups)
             origin = {name: str(whole.getncattr(name)) for name in whole.ncattrs()}
-        readings = {label: _group(path, label) for label in labels}
+        readings = {
+            label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
+        }
         robot = load_robot_text(origin["robot"], origin["robot_name"])
         sensors = {label: _sensor(readings[label].attrs.pop("sensor")) for label in labels}
-    except (OSError, KeyError, ValueError, TypeError, PatagiumError) as error:
-        raise LogError(f"{path}: expected a sensor log, found: {error}") from None
     return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
-
-
-def _group(path: Path, label: str) -> xr.Dataset:
-    with xr.open_dataset(path, group=label, engine="netcdf4", decode_times=False) as opened:
-        reading = opened.load()
-    for variable in reading.variables.values():
-        variable.encoding.clear()
-    return reading
 
 
 def _sensor(text: str) -> Sensor:

@@ -32,10 +32,10 @@ from patagium.learning.settings import (
 )
 from patagium.robot import load_robot
 from patagium.sensing.force.air_force import training_data
+from patagium_lab.attack.faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Feed
+from patagium_lab.attack.network import dense_network, is_definite
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import corrected_flight
-from patagium_lab.stress.faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Feed
-from patagium_lab.stress.network import dense_network, is_definite
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ Each seed draws a body, its motion (smooth, flapping, or a rest before a flight)
 what cameras make of it: colored noise, jitter of the stamps or of the samples, lost frames, swapped
 markers, a tail of nonsense. Neglected: markers one by one; rooms in which cameras err by place.
 
-    python -m patagium_lab.stress.motion_capture 200
+    python -m patagium_lab.attack.motion_capture 200
 """
 
 from __future__ import annotations

@@ -25,9 +25,9 @@ from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screeni
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import training_data
 from patagium.simulation import mounts, simulate
+from patagium_lab.attack.network import dense_network
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import LEARNED
-from patagium_lab.stress.network import dense_network
 
 Array = NDArray[np.float64]
 

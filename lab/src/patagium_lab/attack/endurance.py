@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.native import load_kernel
+from patagium_lab.attack.network import is_definite
 from patagium_lab.kernels import KERNELS
 from patagium_lab.reproduction.cases import SPREAD
-from patagium_lab.stress.network import is_definite
 
 Array = NDArray[np.float64]
 

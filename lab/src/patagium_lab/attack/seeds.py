@@ -1,0 +1,146 @@
+"""Small valid files that the program writes itself: robot, flight, settings, what was learned."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import patagium as pt
+from patagium.learning import save_model
+from patagium.robot import Robot
+from patagium.robot.files import load_robot_text
+from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.sensors.sense import save_sensor_log
+
+ROBOT = """\
+name: flapper
+gravity: 9.81 m/s^2
+bodies:
+  body:
+    floating: true
+    mass: 30 g
+    shape: {type: box, size: [12 cm, 2 cm, 2 cm]}
+  left_wing:
+    parent: body
+    at: [0, 1 cm, 1 cm]
+    joints:
+      - {name: left_plunge, axis: x, limits: [-45 deg, 60 deg]}
+    mass: 2 g
+    center_of_mass: [-1 cm, 8 cm, 0]
+    shape: {type: plate, chord: 6 cm, span: 16 cm, thickness: 1 mm}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_wing
+        strips: 2
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -5 cm, incidence: 6 deg}
+          - {span: 16 cm, leading: 1 cm, trailing: -3 cm, incidence: 5 deg}
+mirror:
+  - {from: left, to: right}
+"""
+"""Robot of two wings, one joint each."""
+URDF = """\
+<?xml version="1.0"?>
+<robot name="pair">
+  <link name="base"><inertial><origin xyz="0 0 0.1"/><mass value="1.5"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="0.1 0 0" rpy="0 0 0.2"/><mass value="0.5"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
+  <joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/>
+    <origin xyz="0 0 0.2" rpy="0 0.1 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="5" velocity="3"/></joint>
+</robot>
+"""
+"""Robot of two links."""
+SETTINGS = """\
+format: patagium settings 1
+every: 10
+network: {kind: dense, hidden: [8], activation: tanh}
+learner: {kind: cubature, seed: 0, prior_std: 0.5, measurement_std: [0.1, 0.2], spread: 1.7}
+"""
+"""Settings of a learner."""
+GAIT = "time [s],left_plunge [rad],right_plunge [rad]\n0.0,0.0,0.0\n0.05,0.5,0.5\n0.1,0.0,0.0\n"
+"""Table of a gait."""
+
+
+@cache
+def robot() -> Robot:
+    """The robot of `ROBOT`."""
+    return load_robot_text(ROBOT, "flapper")
+
+
+@cache
+def flight() -> xr.Dataset:
+    """Flight of the robot of 40 samples."""
+    machine = robot()
+    gait = pt.gaits.sinusoidal(machine, frequency=5.0, plunge=0.6)
+    air, start = pt.QuasiSteady(machine, pt.Air()), machine.coordinates(x=3.0)
+    return pt.simulate(machine, air, gait, duration=0.04, time_step=1e-3, v=start)
+
+
+def column_names() -> list[str]:
+    """Names of the numbers of a packet of the robot."""
+    return [column.name for column in packet_columns(robot())]
+
+
+def learner(samples: int = 20) -> pt.CubatureLearner:
+    """Dense learner of three inputs and two outputs after some samples.
+
+    Args:
+        samples: Number of samples that it has learned.
+    """
+    made = pt.CubatureLearner(
+        pt.DenseNetwork(3, (4,), 2), prior_std=0.5, measurement_std=0.1, covariance="node"
+    )
+    draw = np.random.default_rng(1)
+    for _ in range(samples):
+        made.update(draw.normal(size=3), draw.normal(size=2))
+    return made
+
+
+def written(folder: Path) -> dict[str, Path]:
+    """Valid file of each format that the program itself writes or is given, by name.
+
+    Args:
+        folder: Folder to write to.
+    """
+    for name, content in contents().items():
+        (folder / name).write_bytes(content)
+    return {name: folder / name for name in contents()}
+
+
+@cache
+def contents() -> dict[str, bytes]:
+    """Content of the valid files by name."""
+    with tempfile.TemporaryDirectory(prefix="patagium-") as folder:
+        return {name: path.read_bytes() for name, path in _made(Path(folder)).items()}
+
+
+def _made(folder: Path) -> dict[str, Path]:
+    texts = {"robot.yaml": ROBOT, "robot.urdf": URDF, "settings.yaml": SETTINGS, "gait.csv": GAIT}
+    files = {name: folder / name for name in texts}
+    for name, text in texts.items():
+        files[name].write_text(text)
+    files["flight.nc"] = pt.save_flight(flight(), folder / "flight.nc")
+    kinds = (pt.sensors.Imu, pt.sensors.MotionCapture)
+    sensors: list[Any] = [kind(body="body", rate=500.0) for kind in kinds]
+    sensors.append(pt.sensors.Encoder(rate=500.0))
+    files["sensors.nc"] = save_sensor_log(pt.sense(flight(), sensors), folder / "sensors.nc")
+    files["model.json"] = save_model(folder / "model.json", learner())
+    files["learner.state"] = learner().save(folder / "learner.state")
+    found = pt.identify(flight(), flight_learner(), every=5)
+    files["identification.nc"] = folder / "identification.nc"
+    found.save(files["identification.nc"])
+    return files
+
+
+def flight_learner() -> pt.CubatureLearner:
+    """Learner of the flight's air, before any sample."""
+    network = pt.StripNetwork(robot(), (3,))
+    return pt.CubatureLearner(network, prior_std=0.3, measurement_std=1e-2, spread=1.7)

@@ -1,0 +1,120 @@
+"""Small valid calls of every verb, with the files that they read and write.
+
+Left out: `view` and `stream` with a live page, which serve until somebody stops them, and
+searches on a cluster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+import patagium as pt
+from patagium.learning import load_identification, load_model, load_settings
+from patagium_lab.attack import seeds
+from patagium_lab.attack.packets import packet_text
+from patagium_lab.attack.recordings import recordings
+
+Read = Callable[[Path], object]
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """Call of a verb in a folder of valid files.
+
+    Attributes:
+        words: Verb and its arguments.
+        outputs: Files that it writes, and how each is read.
+    """
+
+    words: tuple[str, ...]
+    outputs: dict[str, Read]
+
+    @property
+    def verb(self) -> str:
+        """Name of the verb."""
+        return self.words[0]
+
+
+def page(path: Path) -> None:
+    """Read a page: it is whole.
+
+    Args:
+        path: HTML.
+
+    Raises:
+        ValueError: If it has no end.
+    """
+    if "</html>" not in path.read_text("utf-8")[-200:]:
+        raise ValueError("a page without an end")
+
+
+def _picture(path: Path) -> None:
+    if not path.read_bytes().startswith(b"\x89PNG") or b"IEND" not in path.read_bytes()[-20:]:
+        raise ValueError("no whole picture")
+
+
+def _anything(path: Path) -> None:
+    if not path.read_bytes():
+        raise ValueError("an empty file")
+
+
+LEARNER = ("--network", "strip", "--hidden", "3", "--every", "5")
+CALLS = (
+    Call(
+        ("simulate", "robot.yaml", "--frequency", "5 Hz", "--plunge", "35 deg", "--speed", "3 m/s",
+         "--duration", "0.02", "--time-step", "1e-3", "-o", "out.nc"),
+        {"out.nc": pt.load_flight},
+    ),
+    Call(("cycles", "flight.nc", "--period", "0.02 s", "--skip", "0", "--figure", "cycles.png"),
+         {"cycles.png": _picture}),
+    Call(("view", "flight.nc", "-o", "view.html"), {"view.html": page}),
+    Call(("inspect", "log.csv", "--json"), {}),
+    Call(("import", "log.csv", "--map", "map.yaml", "-o", "log.nc"), {"log.nc": pt.load_log}),
+    Call(("motion", "sensors.nc", "--robot", "robot.yaml", "-o", "motion.nc"),
+         {"motion.nc": _anything}),
+    Call(
+        ("identify", "flight.nc", *LEARNER, "--prior-std", "0.3", "--measurement-std", "1e-2",
+         "--spread", "1.7", "--model", "new.json", "--state", "new.state",
+         "--report", "report.html"),
+        {"new.json": load_model, "new.state": pt.load_learner, "report.html": page},
+    ),
+    Call(("tune", "flight.nc", *LEARNER, "--trials", "8", "--jobs", "1", "--out", "new.yaml"),
+         {"new.yaml": load_settings}),
+    Call(("evaluate", "strip.json", "flight.nc", "--report", "score.html"), {"score.html": page}),
+    Call(
+        ("stream", "packets.csv", "--robot", "robot.yaml", "--network", "strip", "--hidden", "3",
+         "--prior-std", "0.3", "--measurement-std", "1e-2", "--spread", "1.7", "--idle", "0.2",
+         "--state", "own.state", "--record", "record.nc", "--model", "own.json"),
+        {"own.state": pt.load_learner, "own.json": load_model, "record.nc": _anything},
+    ),
+    Call(("send", "flight.nc", "udp://127.0.0.1:9", "--rate", "4000"), {}),
+    Call(("robots", "robot.yaml", "--draw", "robot.png"), {"robot.png": _picture}),
+    Call(("check", "robot.yaml"), {}),
+    Call(("figures", "flight.nc", "-o", "figures"), {}),
+)  # fmt: skip
+"""A call of each verb, short."""
+
+
+def prepared(folder: Path) -> None:
+    """Write the files that the calls read.
+
+    Args:
+        folder: Empty folder.
+    """
+    found = seeds.written(folder)
+    logs = folder / "logs"
+    logs.mkdir()
+    log, words = recordings(logs)["CSV"]
+    (folder / "log.csv").write_bytes(log.read_bytes())
+    (folder / "map.yaml").write_text(yaml.safe_dump(words))
+    (folder / "packets.csv").write_bytes(packet_text())
+    load_identification(found["identification.nc"])
+    learned = seeds.flight_learner()
+    pt.identify(seeds.flight(), learned, every=5)
+    from patagium.learning import save_model
+
+    save_model(folder / "strip.json", learned)

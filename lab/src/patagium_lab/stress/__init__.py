@@ -1,1 +1,0 @@
-"""Learners under stress: faults, damage, long runs."""
