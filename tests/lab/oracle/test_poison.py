@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import patagium as pt
-from patagium_lab.stress.poison import network, poisoned
+from patagium_lab.attack.poison import network, poisoned
 
 
 @pytest.mark.parametrize("options", [{}, {"covariance": "node", "dtype": "float32"}])
