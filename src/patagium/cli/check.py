@@ -39,7 +39,7 @@ def check(
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
-        facts = _log_facts(file) if is_log(file) else _flight_facts(file)
+        facts = _log_facts(file) if is_log(file) else _flight_facts(file, as_json)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = _robot_facts(file)
     else:
@@ -56,12 +56,13 @@ def _robot_facts(file: Path) -> dict[str, Any]:
     return {"kind": "robot", **describe_robot(load_robot(str(file)))}
 
 
-def _flight_facts(file: Path) -> dict[str, Any]:
-    from patagium.cli.simulate import flight_facts
+def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:
+    from patagium.cli.simulate import flight_facts, flight_table
     from patagium.cli.words import existing
     from patagium.simulation import load_flight
 
-    return {"kind": "flight", **flight_facts(load_flight(existing(file)))}
+    facts = {"kind": "flight", **flight_facts(load_flight(existing(file)))}
+    return facts if as_json else flight_table(facts)
 
 
 def _log_facts(file: Path) -> dict[str, Any]:

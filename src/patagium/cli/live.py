@@ -143,7 +143,6 @@ def fly_live(
     start: Callable[[Gait], Simulator],
     robot: Robot,
     gait: Gait,
-    time_step: float,
     air: Air,
 ) -> Any:
     """Flight in real time, shown and steered, until it is over or Ctrl-C.
@@ -153,7 +152,6 @@ def fly_live(
         start: Function that begins a flight with a gait.
         robot: Robot.
         gait: Gait until somebody steers.
-        time_step: Of the integrator [s].
         air: Air that it flies in.
 
     Returns:
@@ -166,10 +164,10 @@ def fly_live(
 
     pipeline, every = _learning_along(chosen.choice, robot, air)
     subject = flight_subject(robot, gait, pipeline)
-    start(gait)  # compiled before there is a page, and refused before
+    step = start(gait).time_step  # compiled before there is a page, and refused before
     stop = threading.Event()
     with opened(subject, chosen.address) as view, interrupted([stop.set]):
-        flying = LiveFlight(start, robot, gait, time_step, view, subject, pipeline, every)
+        flying = LiveFlight(start, robot, gait, step, view, subject, pipeline, every)
         return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 
 

@@ -52,6 +52,7 @@ _TURN = {"parser": vector("rad", "an angle")}
 _WAY = {"parser": vector("", "a pure number")}
 
 EXAMPLES = (
+    "patagium simulate aerobat",
     'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
     '--duration "2 s" --time-step 1e-4 -o flight.nc',
     "patagium simulate aerobat --gait linkage --frequency 5 --mount fixed "
@@ -68,14 +69,23 @@ EXAMPLES = (
 def simulate(
     robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
     duration: Annotated[
-        float, typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s.")
-    ],
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
+    ] = None,
     time_step: Annotated[
-        float, typer.Option(parser=quantity("s", "a time"), help="Fixed step of the RK4, in s.")
-    ],
+        float | None,
+        typer.Option(
+            parser=quantity("s", "a time"),
+            help="Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter.",
+        ),
+    ] = None,
     gait: Annotated[
-        str, typer.Option(help="Gait: sinusoidal, linkage, still, or a CSV table of one period.")
-    ] = "sinusoidal",
+        str | None,
+        typer.Option(
+            help="Gait: sinusoidal, linkage, still, or a CSV table of one period; by default the "
+            "robot's own, its numbers replaced by those given."
+        ),
+    ] = None,
     frequency: Annotated[
         float | None,
         typer.Option(parser=quantity("Hz", "a frequency"), help="Wing beats a second, in Hz."),
@@ -115,12 +125,12 @@ def simulate(
         ),
     ] = None,
     speed: Annotated[
-        float,
+        float | None,
         typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
-    ] = 0.0,
+    ] = None,
     pitch: Annotated[
-        float, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
-    ] = 0.0,
+        float | None, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
+    ] = None,
     attitude: Annotated[
         AttitudeKind | None,
         typer.Option(help="Coordinates of the attitude: quaternion for loops and vertical climbs."),
@@ -197,33 +207,43 @@ def simulate(
 ) -> None:
     """Fly a robot and keep the flight.
 
-    Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s".
-    A flight that breaks down is kept up to there; the exit code is then 2.
+    Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s". What is not given
+    comes from the section `cruise` of the robot's file, and is said.
+    A flight that breaks down is kept up to there, in FILE.partial.nc; the exit code is then 2.
     With --live it flies as the clock goes, shown in a browser where its gait can be steered, to
     the end of its duration or Ctrl-C; `docs/live.md` tells more.
     """
     from patagium.aerodynamics import AddedMass, Air
     from patagium.errors import ParameterError
     from patagium.robot import load_robot
-    from patagium.simulation import mounts
+    from patagium.simulation import gaits, mounts
 
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude.value)
-    air = Air(density=density, wind=wind or (0.0, 0.0, 0.0))
+    asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
+    own = None if any(one is not None for one in asked) else machine.cruise
+    standing = not machine.floating or mount is MountKind.FIXED
+    air = Air(density=density, wind=wind or (-own.speed if own and standing else 0.0, 0.0, 0.0))
     model = _air_model(aero, machine, air)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping is Stepping.PUBLISHED:
+        if time_step is None or duration is None:
+            raise ParameterError("--time-step, --duration", "both with --stepping published", None)
         if carried is not None:
             raise ParameterError("--added-mass", "nothing with --stepping published", added_mass)
         if shown is not None:
             raise ParameterError("--live", "nothing with --stepping published", live)
-        flight = _published(machine, model, frequency, plunge, speed, duration, time_step)
+        flight = _published(machine, model, frequency, plunge, speed or 0.0, duration, time_step)
         _keep(flight, output, figure, as_json)
         return
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
-    moves = _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
+    moves = (
+        gaits.cruise(machine, frequency)
+        if own
+        else _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
+    )
     words = PathWords(
         path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
         path_attitude, path_amplitude or (),
@@ -231,38 +251,87 @@ def simulate(
     held = mount_from(mount, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
     if held is not None and held.path is not None and (speed or pitch):
         raise ParameterError("--speed, --pitch", "a path that says them", mount)
-    q, v = _start(machine, speed, pitch)
+    if own is not None and not standing and (held is None or held.kind == "free"):
+        speed = own.speed if speed is None else speed
+        pitch = own.pitch if pitch is None else pitch
+    q, v = _start(machine, speed or 0.0, pitch or 0.0)
     conditions = {
-        "duration": duration, "time_step": time_step, "added_mass": carried, "mount": held,
+        "duration": duration or (machine.cruise.duration if machine.cruise else _DURATION),
+        "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip
     flight = _fly(machine, model, moves, conditions, shown)
+    if not as_json:
+        _tell_choice(machine, flight, own is not None, duration, time_step)
     _keep(flight, output, figure, as_json)
 
 
+_DURATION = 1.0
+"""Duration of a flight for which neither the robot's file nor an option says any [s]."""
+
+
+def _tell_choice(
+    machine: Robot, flight: Any, cruise: bool, duration: float | None, time_step: float | None
+) -> None:
+    """Say what was chosen for a flight because nobody gave it."""
+    parts = ["gait and speed of its cruise where none is given"] if cruise else []
+    if duration is None:
+        parts.append(f"duration {float(flight['time'][-1]):g} s")
+    if time_step is None:
+        parts.append(f"time step {flight.attrs['time_step']:g} s")
+    if parts:
+        typer.echo(f"Chosen for {machine.name}: {'; '.join(parts)}")
+
+
 def flight_facts(flight: Any) -> dict[str, Any]:
-    """Facts of a flight for a table or JSON: robot, duration, audits of energy and momentum.
+    """Facts of a flight for JSON, SI: how it flew, and audits of energy and momentum.
 
     Args:
         flight: A flight Dataset.
     """
+    from patagium.simulation.flight_summary import flight_summary
+
     time = flight["time"].values
-    facts = {"duration [s]": float(time[-1] - time[0]), "samples": int(time.size)}
-    return {name: flight.attrs[name] for name in _TOLD if name in flight.attrs} | facts
+    told = {name: flight.attrs[name] for name in _TOLD if name in flight.attrs}
+    told |= {"duration [s]": float(time[-1] - time[0]), "samples": int(time.size)}
+    audits = {name: flight.attrs[name] for name in _AUDITS if name in flight.attrs}
+    return told | flight_summary(flight) | audits
 
 
-_TOLD = (
-    "robot_name",
-    "mount",
-    "stepping",
-    "time_step",
-    "outcome",
-    "message",
-    "energy_audit",
-    "fluid_energy_audit",
-    "momentum_audit",
-    "aero_power_largest",
-)
+def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
+    """The facts of a flight as rows of a table, each with its unit.
+
+    Args:
+        facts: Those of `flight_facts`, and others.
+    """
+    from math import degrees
+
+    rows = {}
+    for name, value in facts.items():
+        if name in ("roll", "pitch", "yaw"):
+            value = " to ".join(f"{round(degrees(one), 1) + 0.0:.1f}" for one in value)  # noqa: PLW2901
+        if name != "warnings":
+            rows[_LABELS.get(name, name)] = value
+    return rows
+
+
+_TOLD = ("robot_name", "mount", "stepping", "time_step", "outcome", "message")
+_AUDITS = ("energy_audit", "fluid_energy_audit", "momentum_audit", "aero_power_largest")
+_LABELS = {
+    "time_step": "time step [s]",
+    "speed": "speed along the nose [m/s]",
+    "climb_rate": "climb rate [m/s]",
+    "height_change": "height change [m]",
+    "roll": "roll [deg]",
+    "pitch": "pitch, positive nose down [deg]",
+    "yaw": "yaw [deg]",
+    "force_over_weight": "mean vertical force of the air over weight [1]",
+    "joint_power": "mean power of the joints [W]",
+    "energy_audit": "energy audit [1]",
+    "fluid_energy_audit": "fluid energy audit [1]",
+    "momentum_audit": "momentum audit [1]",
+    "aero_power_largest": "aero power, largest [W]",
+}
 
 
 def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
@@ -284,7 +353,7 @@ def _of_laboratory(found: Any, option: str) -> Any:
 
 def _gait(
     machine: Robot,
-    kind: str,
+    kind: str | None,
     frequency: float | None,
     amplitudes: Mapping[str, float | None],
     more: list[str] | None,
@@ -299,13 +368,21 @@ def _gait(
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
     leads = named_quantities("--phase", phase or (), "rad", "an angle")
     means = named_quantities("--offset", offset or (), "rad", "an angle")
+    kind = kind or "sinusoidal"
+    if frequency is None and machine.cruise is not None and kind in ("sinusoidal", "linkage"):
+        frequency = machine.cruise.frequency
     _refuse_what_is_unused(kind, frequency, sizes, leads, means)
     if kind == "still":
         return gaits.still(machine, **means)
     if kind not in ("sinusoidal", "linkage"):
         return gaits.from_csv(machine, existing(Path(kind)))
     if frequency is None:
-        raise ParameterError("--frequency", f"the beats a second of a {kind} gait, in Hz", None)
+        raise ParameterError(
+            "--frequency",
+            f"the beats a second of a {kind} gait, such as '5 Hz', with --plunge '30 deg'; or in "
+            "the robot's file `cruise: {frequency: 5 Hz, amplitude: {plunge: 30 deg}}`",
+            None,
+        )
     if kind == "linkage":
         return gaits.linkage(
             machine,
@@ -370,9 +447,7 @@ def _fly(
         def start(moves: Gait) -> Simulator:
             return Simulator(machine, model, moves, **conditions)
 
-        return live_options.fly_live(
-            shown, start, machine, gait, conditions["time_step"], model.air
-        )
+        return live_options.fly_live(shown, start, machine, gait, model.air)
     with progress_bar(f"Flying {machine.name}") as progress:
         return simulation.simulate(
             machine, model, gait, throw=False, progress=progress, **conditions
@@ -403,6 +478,9 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
     from patagium.cli.words import answer
     from patagium.simulation import save_flight
 
+    broken = str(flight.attrs["outcome"]) != "COMPLETED"
+    if broken:  # what is there already may be whole
+        output = output.with_name(f"{output.stem}.partial{output.suffix}")
     outputs = Outputs()
     kept = outputs.attempt("flight", lambda: save_flight(flight, output))
     if figure is not None:
@@ -410,8 +488,13 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
 
         outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
-    outputs.attempt("facts on stdout", lambda: answer(facts, as_json=as_json, title="Flight"))
+    shown = facts if as_json else flight_table(facts)
+    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
+    for warning in facts["warnings"]:
+        typer.echo(f"patagium: {warning}", err=True)
     outputs.check()
-    if str(flight.attrs["outcome"]) != "COMPLETED":
+    if broken:
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
         raise typer.Exit(2)
+    if not as_json:
+        typer.echo(f"Next: patagium view {output}, or patagium identify {output}")

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import FLOATING_COORDINATES, Body, Joint, Robot, Strip, repeated
-from patagium.robot.schema import BodyPart, JointPart, RobotFile, Segment, WingPart
+from patagium.robot.model import FLOATING_COORDINATES, Body, Cruise, Joint, Robot, Strip, repeated
+from patagium.robot.schema import BodyPart, CruisePart, JointPart, RobotFile, Segment, WingPart
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -83,7 +83,21 @@ def assemble(file: RobotFile, source: str) -> Robot:
         floating = next(draft for draft in drafts if draft.part.floating)
         path = f"{floating.path}.attitude"
         raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
-    return replace(with_file_parameters(robot, file.parameters), source=source)
+    cruise = _cruise(robot, file.cruise)
+    return replace(with_file_parameters(robot, file.parameters), source=source, cruise=cruise)
+
+
+def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
+    """The flight where nothing else is asked for, its names checked."""
+    if part is None:
+        return None
+    for key in ("amplitude", "phase", "offset"):
+        for name in getattr(part, key):
+            if not robot.joints_named(name):
+                known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+                path = f"cruise.{key}.{name}"
+                raise AssemblyError((path, f"an actuated joint ({known}) or a pair", name))
+    return Cruise(**dict(part))
 
 
 def _draft(name: str, part: BodyPart) -> _Draft:

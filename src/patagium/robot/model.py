@@ -163,6 +163,29 @@ class Strip:
 
 
 @dataclass(frozen=True)
+class Cruise:
+    """Flight of a robot where nothing else is asked for.
+
+    Attributes:
+        frequency: Wingbeats a second [Hz]; None where the joints are held.
+        amplitude: Amplitude of joints by name [rad, m].
+        phase: Lead of joints by name [rad].
+        offset: Mean of joints by name [rad, m].
+        speed: Speed forward at the start, or of the wind ahead of a robot that is held [m/s].
+        pitch: Pitch at the start, positive nose down [rad].
+        duration: Duration of the flight [s].
+    """
+
+    frequency: float | None
+    amplitude: Mapping[str, float]
+    phase: Mapping[str, float]
+    offset: Mapping[str, float]
+    speed: float
+    pitch: float
+    duration: float
+
+
+@dataclass(frozen=True)
 class Robot:
     """A morphing-wing robot: a tree of bodies, their wings, damping and limits.
 
@@ -182,6 +205,7 @@ class Robot:
         speed_limit: Largest speed of each coordinate [m/s, rad/s]; empty: none has any.
         acceleration_limit: Largest acceleration of each [m/s^2, rad/s^2]; likewise.
         effort_limit: Largest force or torque of its actuator [N, N m]; likewise.
+        cruise: How it flies where nothing else is asked for, or None.
     """
 
     name: str
@@ -199,6 +223,7 @@ class Robot:
     speed_limit: tuple[float, ...] = field(default=(), repr=False)
     acceleration_limit: tuple[float, ...] = field(default=(), repr=False)
     effort_limit: tuple[float, ...] = field(default=(), repr=False)
+    cruise: Cruise | None = field(default=None, repr=False, compare=False)
 
     @property
     def dof(self) -> int:
@@ -360,6 +385,11 @@ class Robot:
             vector[self.index(name)] = value
         return vector
 
+    def joints_named(self, name: str) -> tuple[str, ...]:
+        """Actuated joints that a name addresses: itself, or those of both sides."""
+        pair = (name, f"left_{name}", f"right_{name}")
+        return tuple(self.dof_names[i] for i in self.actuated if self.dof_names[i] in pair)
+
     def index(self, dof_name: str) -> int:
         """Index of a degree of freedom by name.
 
@@ -481,6 +511,7 @@ def _mounted(
         own = getattr(robot, name)
         return (*getattr(arm, name), *(own[i] for i in kept))
 
+    capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in _CAPACITIES}
     composed = Robot(
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
@@ -493,7 +524,7 @@ def _mounted(
         upper=joined("upper"),
         gravity=robot.gravity,
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
-        **{name: _capacity(name, robot, arm, kept) for name in _CAPACITIES},
+        **capacities,
     )
     _check_names(composed, strips)
     return composed

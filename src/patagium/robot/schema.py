@@ -25,10 +25,13 @@ from pydantic import (
 from patagium.robot.units import (
     Acceleration,
     Angle,
+    Duration,
+    Frequency,
     Inertia,
     Length,
     Mass,
     PureNumber,
+    Speed,
     UnitMismatch,
     in_si,
     mismatch,
@@ -405,6 +408,24 @@ class Mirror(_Part):
         return self
 
 
+class CruisePart(_Part):
+    """Flight where nothing else is asked for: one sine a joint, or joints held."""
+
+    frequency: Annotated[Frequency, AfterValidator(_positive)] | None = None
+    amplitude: dict[Name, Angle] = {}
+    phase: dict[Name, Angle] = {}
+    offset: dict[Name, Angle] = {}
+    speed: Annotated[Speed, AfterValidator(_not_negative)] = 0.0
+    pitch: Angle = 0.0
+    duration: Annotated[Duration, AfterValidator(_positive)] = 1.0
+
+    @model_validator(mode="after")
+    def _beats(self) -> CruisePart:
+        if self.amplitude and self.frequency is None:
+            raise mismatch("a frequency such as '5 Hz' with an amplitude", "none", "frequency")
+        return self
+
+
 class RobotFile(_Part):
     """All of a robot file."""
 
@@ -414,6 +435,7 @@ class RobotFile(_Part):
     bodies: Annotated[dict[Name, BodyPart], Field(min_length=1)]
     wings: tuple[WingPart, ...] = ()
     mirror: tuple[Mirror, ...] = ()
+    cruise: CruisePart | None = None
     parameters: dict[str, PureNumber] = {}
 
 

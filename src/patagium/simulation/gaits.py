@@ -36,6 +36,7 @@ __all__ = [
     "PrescribedMotion",
     "carried_gait",
     "check_gait",
+    "cruise",
     "fourier",
     "from_csv",
     "linkage",
@@ -218,6 +219,27 @@ def still(robot: Robot, **position: float) -> FourierGait:
     )
 
 
+def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
+    """Gait of the section `cruise` in the robot's file: one sine a joint, or joints held.
+
+    Args:
+        robot: The machine.
+        frequency: Beats a second [Hz]; the file's by default.
+
+    Raises:
+        ParameterError: If the robot's file has no such section, or a joint's limit is exceeded.
+    """
+    own = robot.cruise
+    if own is None:
+        raise ParameterError("robot", "a file with a section cruise", robot.name)
+    frequency = frequency or own.frequency
+    if frequency is None:
+        return still(robot, **own.offset)
+    return sinusoidal(
+        robot, frequency=frequency, phase=own.phase, offset=own.offset, **own.amplitude
+    )
+
+
 def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
     """Gait whose joint positions are the sum of its parts, such as linkage and feathering.
 
@@ -261,7 +283,7 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
     out: Array = np.zeros(len(joints))
     named: dict[str, str] = {}
     for name, value in values.items():
-        targets = [j for j in joints if j in (name, f"left_{name}", f"right_{name}")]
+        targets = robot.joints_named(name)
         if not targets:
             raise ParameterError(name, f"an actuated joint of {robot.name!r}: {joints}", name)
         for joint in targets:

@@ -41,10 +41,12 @@ from patagium.simulation.state_limits import (
     SPEED_LIMIT,
     StepTooLong,
     check_start,
+    chosen_step,
     diagnose_step,
     limits,
     outcome_message,
     singular_places,
+    tidy_step,
 )
 from patagium.simulation.steered_gait import SteeredGait
 
@@ -226,7 +228,8 @@ class Simulator:
         aero: Model of the air around it.
         gait: Motion of the actuated joints.
         duration: Longest time it can fly, a whole number of time steps [s].
-        time_step: Step [s].
+        time_step: Step [s]; None for a 400th of a wingbeat, 1 ms at most, or half the longest
+            stable one at the start where that is shorter.
         mount: Mount that holds the robot; free by default if it floats, else fixed.
         control_period: Time that `step` takes, a whole number of time steps [s]; by default a
             twentieth of a wingbeat, or 10 ms where the gait stands still.
@@ -244,14 +247,13 @@ class Simulator:
         gait: Gait,
         *,
         duration: float,
-        time_step: float,
+        time_step: float | None = None,
         mount: Mount | None = None,
         control_period: float | None = None,
         **options: Unpack[FlightOptions],
     ) -> None:
         check_keywords(options, FlightOptions)
-        self.steps, self._time_step = whole_steps(duration, time_step), time_step
-        self._control_steps = _control_steps(gait, control_period, time_step)
+        whole_steps(duration, duration if time_step is None else time_step)
         self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
         self._commands: list[tuple[int, dict[str, float]]] = []
         added_mass, cells = options.get("added_mass"), tuple(options.get("load_cells", ()))
@@ -280,6 +282,10 @@ class Simulator:
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
         self._rows = rows
+        if time_step is None:
+            time_step = chosen_step(self._equations, state, rows, gait.period, duration)
+        self.steps, self._time_step = whole_steps(duration, time_step), time_step
+        self._control_steps = _control_steps(gait, control_period, time_step)
         self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
         self._own_commands: dict[str, float] = {}
@@ -299,6 +305,11 @@ class Simulator:
     def time(self) -> float:
         """Flown so far [s]."""
         return self._integration.done * self._time_step
+
+    @property
+    def time_step(self) -> float:
+        """Time step [s]."""
+        return self._time_step
 
     @property
     def run(self) -> IntegrationResult:
@@ -324,6 +335,11 @@ class Simulator:
     def outcome(self) -> Outcome:
         """Outcome of the flight so far: COMPLETED while all is well."""
         return self._integration.outcome if self._cause is None else Outcome.STEP_TOO_LONG
+
+    @property
+    def longest_step(self) -> float | None:
+        """Longest stable step where the run broke because its step was longer; else None [s]."""
+        return None if self._cause is None else self._cause.longest
 
     @property
     def state(self) -> FlightState:
@@ -570,40 +586,57 @@ class SimulationOptions(FlightOptions, total=False):
     control_period: float | None
 
 
+_TRIALS = 3
+"""Flights with a chosen step, where the first ones break because it was too long."""
+
+
+def _flown(
+    start: Callable[[float | None], Simulator],
+    duration: float,
+    time_step: float | None,
+    fly: Callable[[Simulator], Outcome],
+) -> xr.Dataset:
+    """The flight; begun anew with a shorter step where a chosen one was too long."""
+    step = time_step
+    for _ in range(_TRIALS):
+        simulator = start(step)
+        fly(simulator)
+        if simulator.longest_step is None or time_step is not None:
+            break
+        step = tidy_step(duration, 0.5 * simulator.longest_step)
+    return simulator.flight()
+
+
 def simulate(
     robot: Robot,
     aero: Aerodynamics,
     gait: Gait,
     *,
     duration: float,
-    time_step: float,
+    time_step: float | None = None,
     mount: Mount | None = None,
     **options: Unpack[SimulationOptions],
 ) -> xr.Dataset:
     """Flight of a robot whose actuated joints follow a gait.
 
-    Classic Runge-Kutta at a fixed step, compiled. A run stops where a quantity is not
-    finite, an Euler angle of pitch nears 90 degrees (where roll and yaw are one; a quaternion
-    goes through), a coordinate leaves the robot's limits, or the speed is absurd; what was
-    flown is kept.
+    Classic Runge-Kutta at a fixed step, compiled. A run stops, and what was flown is kept, where
+    a quantity is not finite, an Euler angle of pitch nears 90 degrees (a quaternion goes
+    through), a coordinate leaves the robot's limits, or the speed is absurd.
 
     Args:
         robot: The machine.
         aero: Model of the air around it.
         gait: Motion of the actuated joints.
         duration: A whole number of time steps [s].
-        time_step: Step [s].
+        time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
         **options: Further keywords, all optional:
-            q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes
-            them; the gait's and the path's are overwritten. Those of zero angles by default.
-            v: Initial velocities, (n,) [m/s, rad/s]; likewise. What a fixed mount holds
-            must not move: let the air move instead.
+            q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes.
+            v: Initial velocities, (n,) [m/s, rad/s]; likewise. A fixed mount allows none.
             added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
-            load_cells: Six-axis cells (`patagium.mounts.load_cell`) whose wrenches to record.
-            throw: Whether a run that stops early raises (default); else the flight up to there
-            is returned, `outcome` and `message` among its attributes.
+            load_cells: Cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+            throw: Whether a run that stops early raises (default) or is returned as it is.
             progress: Function that takes the steps done and to do, called from time to time.
             controller, control_period: Function from time [s] and `FlightState` to commands of
                 the gait (names of `SteeredGait`), or None; time between two calls of it [s].
@@ -619,13 +652,17 @@ def simulate(
     check_keywords(options, SimulationOptions)
     throw, progress = options.pop("throw", True), options.pop("progress", None)
     controller, period = options.pop("controller", None), options.pop("control_period", None)
+    started: FlightOptions = options
     if period is not None and controller is None:
         raise ParameterError("control_period", "a controller with it", None)
-    started: FlightOptions = options
-    times = {"duration": duration, "time_step": time_step}
-    simulator = Simulator(robot, aero, gait, mount=mount, control_period=period, **times, **started)
-    simulator.fly(controller, progress)
-    flight = simulator.flight()
+
+    def start(step: float | None) -> Simulator:
+        return Simulator(
+            robot, aero, gait, duration=duration, time_step=step, mount=mount,
+            control_period=period, **started,
+        )  # fmt: skip
+
+    flight = _flown(start, duration, time_step, lambda flying: flying.fly(controller, progress))
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:
         raise SimulationFailed(flight.attrs["message"], flight, outcome)

@@ -1,0 +1,105 @@
+"""Summary of a flight: how fast it flew, how high, how it turned, what it cost.
+
+Means are over the second half, in whole wingbeats where the gait has a period. Neglected: what
+happened in between; a mean hides a loop.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.dynamics.dynamics import poses_at
+from patagium.robot import Robot
+from patagium.simulation.flight import gait_period, robot_of
+
+Array = NDArray[np.float64]
+
+TUMBLE = np.radians(80.0)
+"""Roll or pitch from which on a robot tumbles [rad]."""
+STEEPEST = np.radians(15.0)
+"""Steepest glide that is no fall [rad]."""
+SLOWEST_FALL = 0.3
+"""Sink rate below which nothing is said of it [m/s]."""
+
+
+def flight_summary(flight: xr.Dataset) -> dict[str, Any]:
+    """Summary of a flight, and what is wrong with it in sentences.
+
+    Args:
+        flight: The flight.
+
+    Returns:
+        `force_over_weight`: mean vertical force of the air on the strips over the weight [1];
+        `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean
+        speed along the nose [m/s], `climb_rate` [m/s], `height_change` [m], and `roll`, `pitch`,
+        `yaw`: least and greatest angle [rad]; `warnings`: sentences.
+
+    Raises:
+        FlightError: If the flight does not carry its robot.
+    """
+    robot, time = robot_of(flight), flight["time"].to_numpy()
+    chosen = _second_half(time, gait_period(flight))
+    weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+    lift = flight["strip_force"].to_numpy()[chosen, :, 2].sum(axis=1).mean()
+    span = time[chosen][-1] - time[chosen][0]
+    work = flight["joint_work"].to_numpy()[chosen]
+    facts: dict[str, Any] = {
+        "force_over_weight": float(lift / weight) if weight else float("nan"),
+        "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
+    }
+    facts |= _of_body(robot, flight, chosen)
+    return facts | {"warnings": _warnings(facts) if "speed" in facts else []}
+
+
+def _second_half(time: Array, beat: float | None) -> slice:
+    """Samples of the second half, whole wingbeats where there is one."""
+    half = 0.5 * (time[-1] - time[0])
+    if beat and beat <= half:
+        half = np.floor(half / beat + 1e-9) * beat
+    first = int(np.searchsorted(time, time[-1] - half * (1 + 1e-9)))
+    return slice(min(first, max(len(time) - 2, 0)), None)
+
+
+def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
+    """Speed, height and attitude of the floating body; empty where none floats."""
+    body = next((k for k, b in enumerate(robot.bodies) if b.floating_dofs is not None), None)
+    if body is None:
+        return {}
+    dofs = list(robot.bodies[body].floating_dofs or ())
+    position, rotation = poses_at(robot, flight["q"].to_numpy())
+    height, turned = position[:, body, 2], rotation[:, body]
+    velocity = flight["v"].to_numpy()[:, dofs[:3]]
+    ahead = np.einsum("ni,ni->n", turned[:, :, 0], velocity)
+    angles = {
+        "roll": np.arctan2(turned[:, 2, 1], turned[:, 2, 2]),
+        "pitch": np.arcsin(np.clip(-turned[:, 2, 0], -1.0, 1.0)),
+        "yaw": np.unwrap(np.arctan2(turned[:, 1, 0], turned[:, 0, 0])),
+    }
+    return {
+        "speed": float(ahead[chosen].mean()),
+        "climb_rate": float(velocity[chosen, 2].mean()),
+        "height_change": float(height[-1] - height[0]),
+        **{name: (float(a.min()), float(a.max())) for name, a in angles.items()},
+    }
+
+
+def _warnings(facts: dict[str, Any]) -> list[str]:
+    """Sentences about what is wrong."""
+    warnings = []
+    for name in ("roll", "pitch"):
+        most = max(abs(one) for one in facts[name])
+        if most > TUMBLE:
+            warnings.append(f"It tumbles: {name} reaches {np.degrees(most):.0f} degrees.")
+    speed, sinking = facts["speed"], -facts["climb_rate"]
+    if speed < 0:
+        warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
+    if sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
+        share = facts["force_over_weight"]
+        warnings.append(
+            f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
+        )
+    return warnings

@@ -1,0 +1,116 @@
+"""The shortest commands: presets fly by themselves, and say what they chose and how they flew."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import ParameterError, RobotFileError
+from patagium.simulation.flight_summary import flight_summary
+from patagium.simulation.state_limits import tidy_step
+
+FLYERS = ("aerobat", "aerobat-beta", "dragonfly", "hawk", "ornithopter", "yeo-wing")
+
+
+def say(capsys, *words):
+    with pytest.raises(SystemExit) as left:
+        run([str(word) for word in words])
+    said = capsys.readouterr()
+    return left.value.code or 0, said.out, said.err
+
+
+@pytest.mark.parametrize("name", FLYERS)
+def test_a_preset_flies_by_itself(name, tmp_path, capsys):
+    path = tmp_path / "flight.nc"
+    code, out, err = say(capsys, "simulate", name, "-o", path)
+    assert code == 0, err
+    assert f"Chosen for {name}" in out and "time step" in out and f"view {path}" in out
+    flight, robot = pt.load_flight(path), pt.load_robot(name)
+    assert flight.time[-1] == pytest.approx(robot.cruise.duration)
+    assert flight.attrs["energy_audit"] < 1e-7  # fourth order at 400 steps a beat: below 1e-8
+    moved = np.ptp(flight.q.sel(dof=[robot.dof_names[i] for i in robot.actuated]).values, axis=0)
+    assert (moved.max() > 0.2) == (robot.cruise.frequency is not None)  # rad: it flaps
+    sinking = ["It sinks"] if name == "aerobat-beta" else []  # and tumbles later
+    assert [w[:8] for w in flight_summary(flight)["warnings"]] == sinking
+    assert ("It sinks" in err) == bool(sinking)
+
+
+def test_the_summary_sees_what_is_wrong():
+    """A glider on its side, and one that is thrown backwards."""
+    robot = pt.load_robot("hawk").with_attitude("quaternion")
+    aero, gait = pt.QuasiSteady(robot), pt.gaits.still(robot)
+    start = dict(q=robot.coordinates(roll=2.0), v=robot.velocities(x=2.0))
+    flight = pt.simulate(robot, aero, gait, duration=0.5, time_step=1e-3, **start)
+    found = flight_summary(flight)
+    words = " ".join(found["warnings"])
+    assert "tumbles: roll reaches" in words and "sinks" in words
+    thrown = robot.velocities(x=-9.0)
+    back = pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, v=thrown)
+    assert "backwards" in flight_summary(back)["warnings"][0]
+    assert found["height_change"] == flight.q.values[-1, 2]
+    np.testing.assert_allclose(found["roll"][1], 2.0, atol=0.5)
+    half = flight.strip_force.sel(axis="z").sum("strip").values[250:].mean()
+    assert found["force_over_weight"] == pytest.approx(half / (0.28 * 9.81), rel=1e-12)
+
+
+def test_units_stand_in_every_row(tmp_path, capsys):
+    words = ("simulate", "hawk", "--duration", "0.2", "-o", tmp_path / "flight.nc")
+    code, out, _ = say(capsys, *words)
+    assert code == 0
+    rows = [
+        line for line in out.splitlines() if any(k in line for k in ("audit", "speed", "climb"))
+    ]
+    assert len(rows) >= 5 and all("[" in row for row in rows if not row.startswith("Chosen"))
+    facts = json.loads(say(capsys, *words, "--json")[1])
+    assert facts["speed"] > 1 and facts["pitch"][0] < facts["pitch"][1]
+
+
+def test_a_broken_run_leaves_the_good_file(tmp_path, capsys):
+    path = tmp_path / "flight.nc"
+    assert say(capsys, "simulate", "hawk", "--duration", "0.1", "-o", path)[0] == 0
+    before = path.read_bytes()
+    code, _, err = say(capsys, "simulate", "aerobat", "--time-step", "1e-2", "-o", path)
+    assert code == 2 and "flight.partial.nc" in err
+    assert path.read_bytes() == before
+    assert pt.load_flight(tmp_path / "flight.partial.nc").attrs["outcome"] != "COMPLETED"
+
+
+def test_the_chosen_step_is_tidy_and_divides_the_duration():
+    for duration, most, expected in (
+        (2.0, 2e-4, 2e-4), (2.0, 3.7e-4, 2e-4), (1.0, 9.99e-4, 5e-4), (0.333, 1e-3, 1e-3),
+        (0.3331, 1e-3, 0.3331 / 334),
+    ):  # fmt: skip
+        assert tidy_step(duration, most) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_stiff_robot_gets_a_step_that_holds():
+    """A damper that answers fifty times as fast takes a shorter step, and it is chosen."""
+    robot = pt.load_robot("aerobat")
+    damper = {"pitch.damping": 50 * 0.05}
+    stiff = robot.with_parameters(damper)
+    gait = pt.gaits.sinusoidal(stiff, frequency=1.0, plunge=0.3)
+    flight = pt.simulate(stiff, pt.QuasiSteady(stiff), gait, duration=0.02)
+    soft = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=0.02)
+    assert flight.attrs["outcome"] == "COMPLETED"
+    assert flight.attrs["time_step"] < 0.1 * soft.attrs["time_step"]
+
+
+def test_a_cruise_that_cannot_be_is_refused():
+    text = pt.load_robot("hawk").source
+    cut = text.index("cruise:")
+    for cruise, place in (
+        ("{amplitude: {sweep: 0.1}}", "cruise"),
+        ("{frequency: 0, amplitude: {sweep: 0.1}}", "cruise.frequency"),
+        ("{frequency: 5, amplitude: {flap: 0.1}}", "cruise.amplitude.flap"),
+        ("{speed: 3 kg}", "cruise.speed"),
+        ("{height: 3}", "cruise.height"),
+    ):
+        with pytest.raises(RobotFileError, match=place):
+            pt.robot.files.load_robot_text(f"{text[:cut]}cruise: {cruise}\n", "own")
+    bare = pt.robot.files.load_robot_text(text[:cut], "own")
+    with pytest.raises(ParameterError, match="a section cruise"):
+        pt.gaits.cruise(bare)
