@@ -15,6 +15,7 @@ from patagium_lab.attack.campaign import SETTLING, WINDOW, WORST_RATIO
 from patagium_lab.attack.motion_capture import summary
 from patagium_lab.attack.oracle import KINDS, LIMIT
 from patagium_lab.attack.plan import HOSTILE
+from patagium_lab.attack.poison import LONGEST, RECOVERY
 from patagium_lab.attack.run import AttackResults
 from patagium_lab.conditions import conditions
 from patagium_lab.study import Page, table_of
@@ -71,6 +72,8 @@ def page(results: AttackResults) -> Page:
     facts = {"made by": "`patagium attack`", "seed": str(results.seed), **conditions()}
     areas = results.areas
     sections = [PageSection("Hostile cases", _hostile(results))] if results.tallies() else []
+    if "poison" in areas:
+        sections.append(PageSection("Poison", _poison(areas["poison"])))
     if "faults" in areas:
         blocks: list[Block] = [_campaign(results), _fault_kinds(), fault_table(results)]
         sections.append(PageSection("Faults", [*blocks, _ratio_picture(areas["faults"])]))
@@ -148,6 +151,41 @@ def _hostile(results: AttackResults) -> list[Block]:
         ]
         blocks.append(Table(["target", "case", "kind", "words"], cells, "Findings that are left."))
     return blocks
+
+
+def _poison(rows: list[dict[str, Any]]) -> list[Block]:
+    cells: list[list[Cell]] = [
+        [
+            row["learner"],
+            row["samples"],
+            sum(row["bursts"].values()),
+            row["crash"] or "none",
+            row["uncounted"],
+            sum(row["beyond"].values()),
+            max(row["ratio"].values()),
+        ]
+        for row in rows
+    ]
+    kinds: list[list[Cell]] = [
+        [
+            kind,
+            sum(row["bursts"][kind] for row in rows),
+            sum(row["beyond"][kind] for row in rows),
+            max(row["ratio"][kind] for row in rows),
+        ]
+        for kind in rows[0]["bursts"]
+    ]
+    tail = ["bursts with a ratio above 1.5", "largest ratio [1]"]
+    heads = ["learner", "samples", "bursts", "crash", "samples that were not counted", *tail]
+    return [
+        f"Bursts of up to {LONGEST} samples that no sensor should give, to 1e300, in a flight of a "
+        "robot of three joints; an untouched twin learns the same samples without them. The ratio "
+        f"is that of the root mean square error to the twin's, over {RECOVERY} samples that begin "
+        f"{RECOVERY} clean samples after a burst. A sample that is not learned must be counted as "
+        "an event.",
+        Table(heads, cells, "Learners, screened, with noise estimation, beside their twins."),
+        Table(["kind", "bursts", *tail], kinds, "The same by kind of poison."),
+    ]
 
 
 def fault_table(results: AttackResults) -> Table:

@@ -11,7 +11,7 @@ from patagium_lab.jobs import WORKERS
 
 HOSTILE = ("files", "packets", "options", "signals", "writes", "cache")
 """Areas of hostile cases, which are tallied."""
-LEARNERS = ("faults", "damage", "calibration", "endurance", "captures")
+LEARNERS = ("poison", "faults", "damage", "calibration", "endurance", "captures")
 """Areas of learners and estimates under faults, which are scored."""
 AREAS = HOSTILE + LEARNERS
 
@@ -30,6 +30,7 @@ class AttackPlan:
         updates: Updates in each precision.
         workers: Number of processes.
         captures: Number of made-up logs of motion capture.
+        poisoned: Samples with bursts of poison, through all learners together.
 
     Raises:
         ParameterError: If there are no cases, runs or workers, or an area is unknown.
@@ -44,6 +45,7 @@ class AttackPlan:
     updates: int = UPDATES
     workers: int = WORKERS
     captures: int = 200
+    poisoned: int = 1_000_000
 
     def __post_init__(self) -> None:
         for name, value in (

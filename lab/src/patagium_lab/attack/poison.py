@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import PatagiumError
+from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.settings import NoiseEstimation, Screening, Structure
 
 Array = NDArray[np.float64]
 
@@ -172,6 +174,27 @@ def poisoned(learner: FilterLearner, seed: int, count: int) -> Poisoned:
         {kind: sum(not ratio <= 1.5 for ratio in each) for kind, each in found.items()},
         learner.events,
     )
+
+
+def poison_row(structure: Structure, dtype: str, seed: int, count: int) -> dict[str, Any]:
+    """JSON-able result of a screened learner that is poisoned.
+
+    Args:
+        structure: Structure of its covariance.
+        dtype: Its precision.
+        seed: Seed of the flight and of the poison.
+        count: Number of samples.
+    """
+    learner = CubatureLearner(
+        network(),
+        prior_share=1e-4,
+        covariance=structure,
+        dtype=dtype,
+        screening=Screening(stuck_samples=10),
+        noise_estimation=NoiseEstimation(300),
+    )
+    found = poisoned(learner, seed, count)
+    return {"learner": f"{structure}, {dtype}", **found._asdict()}
 
 
 def _error(innovation: Array) -> float:

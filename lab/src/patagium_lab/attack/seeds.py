@@ -65,7 +65,10 @@ network: {kind: dense, hidden: [8], activation: tanh}
 learner: {kind: cubature, seed: 0, prior_std: 0.5, measurement_std: [0.1, 0.2], spread: 1.7}
 """
 """Settings of a learner."""
-GAIT = "time [s],left_plunge [rad],right_plunge [rad]\n0.0,0.0,0.0\n0.05,0.5,0.5\n0.1,0.0,0.0\n"
+GAIT = (
+    "time [s],left_plunge [rad],right_plunge [rad]\n0.0,0.0,0.0\n0.03,0.5,0.5\n0.05,0.2,0.2\n"
+    "0.08,-0.3,-0.3\n0.1,0.0,0.0\n"
+)
 """Table of a gait."""
 
 

@@ -23,7 +23,7 @@ def attack(
     only: Annotated[
         list[str] | None,
         typer.Option(
-            help="Area: files, packets, options, signals, writes, cache, faults, damage, "
+            help="Area: files, packets, options, signals, writes, cache, poison, faults, damage, "
             "calibration, endurance or captures; the option may be repeated."
         ),
     ] = None,

@@ -40,9 +40,8 @@ def stress(
         stacklevel=2,
     )
     found = None if log is None else existing(log)
-    plan = AttackPlan(
-        1, runs, seed, LEARNERS, found, max(1, updates // 10), updates, jobs, captures
-    )
+    areas = tuple(area for area in LEARNERS if area != "poison")
+    plan = AttackPlan(1, runs, seed, areas, found, max(1, updates // 10), updates, jobs, captures)
     with stage_bar("Stressing") as progress:
         results = study.run(plan, {}, Stages(progress))
     page(results).write(output)
