@@ -56,26 +56,26 @@ _X = np.array([0.3, -0.2, 0.5])  # input of the predictions that are compared
 def file_targets() -> Iterator[Target]:
     """Targets of the area, with their shares of the cases."""
     for name, mutate, read, cases in (
-        ("robot.yaml", mutated_yaml, robot, 8.0),
-        ("robot.urdf", mutated_text, robot, 4.0),
-        ("settings.yaml", mutated_yaml, load_settings, 6.0),
+        ("robot.yaml", mutated_yaml, robot, 2.0),
+        ("robot.urdf", mutated_text, robot, 3.0),
+        ("settings.yaml", mutated_yaml, load_settings, 5.0),
         ("gait.csv", mutated_table, gait, 6.0),
         ("model.json", mutated_json, model, 8.0),
         ("learner.state", mutated_bytes, state, 6.0),
-        ("flight.nc", mutated_bytes, pt.load_flight, 3.0),
-        ("sensors.nc", mutated_bytes, load_sensor_log, 2.0),
-        ("identification.nc", mutated_bytes, load_identification, 2.0),
+        ("flight.nc", mutated_bytes, pt.load_flight, 0.3),
+        ("sensors.nc", mutated_bytes, load_sensor_log, 0.3),
+        ("identification.nc", mutated_bytes, load_identification, 0.3),
     ):
         yield Target(AREA, name, cases, _reading(name, mutate, read))
-    yield Target(AREA, "learner.state, signed", 5.0, _signed_states)
-    yield Target(AREA, "model.json, bytes", 3.0, _reading("model.json", mutated_bytes, model))
-    yield Target(AREA, "mapping.yaml", 6.0, _mappings)
-    yield Target(AREA, "imported log", 2.0, _imported)
+    yield Target(AREA, "learner.state, signed", 6.0, _signed_states)
+    yield Target(AREA, "model.json, bytes", 4.0, _reading("model.json", mutated_bytes, model))
+    yield Target(AREA, "mapping.yaml", 2.0, _mappings)
+    yield Target(AREA, "imported log", 0.3, _imported)
     for name in ("flight.nc", "identification.nc", "imported log"):
-        yield Target(AREA, f"{name}, content", 2.0, _contents(name))
+        yield Target(AREA, f"{name}, content", 0.3, _contents(name))
     for kind, cases in (
-        ("CSV", 4.0), ("gzipped CSV", 1.0), ("Parquet", 1.0), ("MAT", 2.0), ("ROS 1 bag", 1.5),
-        ("ROS 2 bag", 1.5), ("MCAP", 2.0), ("ULog", 3.0), ("DataFlash", 3.0),
+        ("CSV", 0.7), ("gzipped CSV", 0.25), ("Parquet", 0.25), ("MAT", 0.4), ("ROS 1 bag", 0.25),
+        ("ROS 2 bag", 0.25), ("MCAP", 0.4), ("ULog", 0.4), ("DataFlash", 0.3),
     ):  # fmt: skip
         yield Target(AREA, kind, cases, _logs(kind))
 

@@ -27,9 +27,9 @@ AREA = "packets"
 
 def packet_targets() -> Iterator[Target]:
     """Targets of the area, with their shares of the cases."""
-    yield Target(AREA, "datagrams", 12.0, _datagrams)
-    yield Target(AREA, "lines", 8.0, _lines)
-    yield Target(AREA, "lines in pieces", 4.0, _pieces)
+    yield Target(AREA, "datagrams", 30.0, _datagrams)
+    yield Target(AREA, "lines", 14.0, _lines)
+    yield Target(AREA, "lines in pieces", 8.0, _pieces)
 
 
 def _clean() -> Array:

@@ -47,10 +47,10 @@ class CrashedProgram(Exception):
 
 def program_targets() -> Iterator[Target]:
     """Targets of the areas, with their shares of the cases."""
-    yield Target(AREA_OPTIONS, "options of every verb", 3.0, _options, _LIMIT)
-    yield Target(AREA_SIGNALS, "signals at random times", 1.5, _signals, _LIMIT)
-    yield Target(AREA_WRITES, "disks that fail", 1.5, _writes, _LIMIT)
-    yield Target(AREA_CACHE, "damaged libraries", 0.3, _damaged_cache, _LIMIT)
+    yield Target(AREA_OPTIONS, "options of every verb", 0.25, _options, _LIMIT)
+    yield Target(AREA_SIGNALS, "signals at random times", 0.12, _signals, _LIMIT)
+    yield Target(AREA_WRITES, "disks that fail", 0.12, _writes, _LIMIT)
+    yield Target(AREA_CACHE, "damaged libraries", 0.03, _damaged_cache, _LIMIT)
 
 
 class Server:
@@ -172,7 +172,7 @@ def _damaged_cache(folder: Path) -> Callable[[Draw], None]:
         files = sorted(path for path in damaged.rglob("*") if path.is_file())
         file = files[int(draw.integers(len(files)))]
         if draw.random() < 0.2:
-            shutil.copy(files[int(draw.integers(len(files)))], file)
+            file.write_bytes(files[int(draw.integers(len(files)))].read_bytes())
         else:
             file.write_bytes(mutated_bytes(file.read_bytes(), draw))
         found = server.run(

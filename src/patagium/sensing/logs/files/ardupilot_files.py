@@ -34,6 +34,7 @@ _DEFINITIONS = ("FMT", "FMTU", "UNIT", "MULT")
 _TEXT = "nNZ"
 _ARRAY = "a"
 _ARRAY_SIZE = 32
+_HEADER = 3  # B before the content of a message
 _PADDING = 528
 """Most bytes that fill the last page of a whole log."""
 
@@ -166,6 +167,7 @@ def _opened(path: Path) -> Any:
 
         def init_arrays_fast(self, progress_callback: Any = None) -> None:
             """Index by Python, whose complaints about damage can be caught; C's go to stderr."""
+            self.formats = _Formats(self.formats)  # type: ignore[has-type]
             self.init_arrays(progress_callback)
 
         def init_clock(self) -> None:
@@ -178,6 +180,15 @@ def _opened(path: Path) -> Any:
             self.filehandle.close()
 
     return Indexed()
+
+
+class _Formats(dict[int, Any]):
+    """Formats of messages by type; one without a length would be read for ever."""
+
+    def __setitem__(self, kind: int, found: Any) -> None:
+        if found.len < _HEADER:
+            raise ValueError(f"expected messages of {_HEADER} bytes at least, found {found.len}")
+        super().__setitem__(kind, found)
 
 
 def _layout(found: Any) -> np.dtype[Any]:

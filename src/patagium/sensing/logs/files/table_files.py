@@ -39,6 +39,7 @@ from patagium.sensing.logs.files.channels import (
     nanoseconds,
     reading,
 )
+from patagium.sensing.logs.files.mat_elements import check_elements
 from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
@@ -762,6 +763,7 @@ class MatFile:
                     )
             from scipy.io import loadmat
 
+            check_elements(path)
             held = loadmat(path, squeeze_me=True, struct_as_record=False)
             self._columns: dict[str, Any] = {}
             unplaced: dict[str, str] = {}
@@ -855,7 +857,10 @@ class UlogFile:
             self._parts: dict[str, Any] = {}
             for part in sorted(log.data_list, key=lambda p: (p.name, p.multi_id)):
                 name = f"{part.name}/{part.multi_id}" if part.multi_id else part.name
-                self._parts[name] = part.data
+                if "timestamp" in part.data:
+                    self._parts[name] = part.data
+                else:
+                    self.notes.append(f"{name}: without a field `timestamp`; it is not read")
             self._note_damage(log)
         self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._parts.items()}
 
