@@ -170,9 +170,9 @@ def test_a_browser_sees_a_flight_and_steers_it(
     inner = ("data:", "blob:", program.address, program.address.replace("http", "ws"))
     assert [u for u in browser.requests if not u.startswith(inner)] == []
     flown = pt.load_flight(program.flight)
-    frequency = flown["command"].sel(command_name="frequency").values
+    frequency = flown["command"].sel(command_name="frequency").values[-1]
     amplitude = flown["command"].sel(command_name="amplitude").values[-1]
-    assert frequency[0] == 5.0 and frequency[-1] == 7.0
+    assert frequency == 7.0
     assert 0.45 < amplitude < 0.6
     assert flown.attrs["outcome"] == "COMPLETED"
     assert flown.attrs["energy_audit"] < 1e-2  # fourth order, in steps of 1 ms
