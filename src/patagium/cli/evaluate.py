@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.outputs import Outputs
+
 EXAMPLES = (
     "patagium evaluate model.json another-flight.nc --report report.html",
     "patagium evaluate model.json log.csv --mapping columns.yaml --json",
@@ -40,7 +42,8 @@ def evaluate(
         result = evaluate_flight(flight, learned, every=every)
     else:
         result = evaluate_table(table, learned, every=every)
-    if report is not None:
-        result.report(report, f"{model.name} against {file.name}")
+    outputs, title = Outputs(), f"{model.name} against {file.name}"
+    if report is not None and outputs.attempt("report", lambda: result.report(report, title)):
         typer.echo(f"The report is in {report}", err=True)
-    show_scores(result.scores, as_json=as_json)
+    outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
+    outputs.check()

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from patagium.cli.outputs import Outputs
 
 EXAMPLES = (
     "patagium figures flight.nc --for paper",
@@ -62,8 +65,11 @@ def figures(
     learned = None if model is None else load_model(existing(model))
     drawn = flight_figures(load_flight(existing(flight)), look.value, learned)
     folder = make_folder(flight.with_suffix("") if output is None else output)
-    files = {
-        name: str(save_figure(figure, folder / f"{name}.{form.value}"))
-        for name, figure in drawn.items()
-    }
-    answer(files, as_json=as_json, title=f"Figures for {look.value}")
+    outputs, files = Outputs(), {}
+    for name, figure in drawn.items():
+        file = folder / f"{name}.{form.value}"
+        if outputs.attempt(file.name, partial(save_figure, figure, file)):
+            files[name] = str(file)
+    title = f"Figures for {look.value}"
+    outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
+    outputs.check()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -145,7 +146,7 @@ def identify(
         typer.echo(f"The predictions are in {predictions}", err=True)
     if report is not None:
         flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
-        outputs.attempt("report", lambda: _report(result, file, flown, report))
+        _report(result, file, flown, report, outputs)
     outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     if result.outcome is not Outcome.COMPLETED:
         typer.echo(f"patagium: {result.message}", err=True)
@@ -289,8 +290,10 @@ def forgetting(
     return replace(choice, settings={"prior_share": table_share(table, network, every), **given})
 
 
-def _report(result: Identification, file: Path, flight: Any, report: Path) -> None:
-    """Page of the result and, if there is a flight, a page of it in three dimensions."""
+def _report(
+    result: Identification, file: Path, flight: Any, report: Path, outputs: Outputs
+) -> None:
+    """Write a page of the result and, if there is a flight, a page of it in three dimensions."""
     from patagium.errors import Outcome
 
     moving = None
@@ -298,9 +301,10 @@ def _report(result: Identification, file: Path, flight: Any, report: Path) -> No
         from patagium.viewer import replay
 
         title = f"Flight {file.stem}, as it was learned"
-        moving = replay(
-            flight, report.with_name(f"{report.stem}-replay.html"), predicted=result, title=title
-        ).name
-    result.report(report, f"Identification of {file.name}", moving)
-    where = "" if moving is None else f"; the flight in three dimensions is in {moving}"
-    typer.echo(f"The report is in {report}{where}", err=True)
+        page = report.with_name(f"{report.stem}-replay.html")
+        show = partial(replay, flight, page, predicted=result, title=title)
+        moving = page.name if outputs.attempt(page.name, show) else None
+    title = f"Identification of {file.name}"
+    if outputs.attempt("report", lambda: result.report(report, title, moving)):
+        where = "" if moving is None else f"; the flight in three dimensions is in {moving}"
+        typer.echo(f"The report is in {report}{where}", err=True)

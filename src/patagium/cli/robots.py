@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.outputs import Outputs
+
 EXAMPLES = (
     "patagium robots",
     "patagium robots aerobat --draw aerobat.png",
@@ -44,15 +46,16 @@ def robots(
             typer.echo(f"Drawn in {picture}", err=True)
         return
     if robot is not None:
-        machine = load_robot(robot)
+        machine, outputs = load_robot(robot), Outputs()
         if draw is not None:
             from patagium.report.figures import save_figure
 
-            save_figure(draw_robot(machine), draw)
-            typer.echo(f"Drawn in {draw}", err=True)
+            if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):
+                typer.echo(f"Drawn in {draw}", err=True)
         moving = [machine.dof_names[i] for i in machine.actuated]
         facts = describe_robot(machine) | {"actuated": ", ".join(moving)}
-        answer(facts, as_json=as_json)
+        outputs.attempt("facts on stdout", lambda: answer(facts, as_json=as_json))
+        outputs.check()
         return
     if draw is not None:
         raise ParameterError("--draw", "the name of one robot before it", str(draw))

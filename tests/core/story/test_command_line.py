@@ -101,6 +101,9 @@ def test_robots_lists_the_presets(speak: Speak) -> None:
 def test_robots_draws(ending: str, tmp_path: Path, speak: Speak) -> None:
     picture = tmp_path / f"robot.{ending}"
     assert speak("robots", "aerobat-beta", "--draw", picture).code == 0
+    lost = speak("robots", "aerobat-beta", "--draw", picture / "x.png", "--json")
+    assert lost.code == 2 and "not saved: drawing; all else was" in lost.err
+    assert "aerobat-beta" in json.loads(lost.out).values()
     assert picture.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
 
 
@@ -209,7 +212,9 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
     after = json.loads(frozen.out)
     assert after["updates"] == 0
     assert after["nmse"]["z"] < scores["nmse"]["z"]  # it has now seen this flight
-    assert "NMSE" in speak("evaluate", model, flight).out
+    lost = speak("evaluate", model, flight, "--report", tmp_path / "none" / "r.html")
+    assert lost.code == 2 and "not saved: report; all else was" in lost.err
+    assert "NMSE" in lost.out
 
 
 @pytest.mark.parametrize(

@@ -65,3 +65,17 @@ def test_the_verb_writes_them_with_the_learned_forces(
     for file in files.values():
         assert Path(file).parent == tmp_path / "flight"
         assert Path(file).read_bytes().startswith(b"%PDF")
+
+
+def test_a_figure_that_fails_costs_no_other(
+    flight: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = tmp_path / "flight.nc", tmp_path / "flight"
+    pt.save_flight(flight.isel(time=slice(0, 50)), path)
+    (folder / "robot.png").mkdir(parents=True)
+    with pytest.raises(SystemExit) as left:
+        run(["figures", str(path), "--format", "png", "--json"])
+    said = capsys.readouterr()
+    assert left.value.code == 2 and "not saved: robot.png; all else was" in said.err
+    assert set(json.loads(said.out)) == {"flight", "strips"}
+    assert (folder / "strips.png").is_file()

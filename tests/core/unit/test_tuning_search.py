@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Sequence
 from math import inf, isnan
 from pathlib import Path
@@ -14,7 +16,7 @@ import pytest
 from optuna.distributions import FloatDistribution
 from scipy.stats import norm
 
-from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError
+from patagium.errors import FilterDiverged, LogError, Outcome, OutputError, ParameterError
 from patagium.learning import CubatureLearner, DenseNetwork, load_settings
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
@@ -208,6 +210,26 @@ def test_a_journal_goes_on_after_a_line_cut_short(tmp_path: Path) -> None:
     last = TrialJournal({"every": 10}, path).scores[1]
     assert last.score == -inf and isnan(last.nmse_second_half)
     assert (last.reason, last.outcome) == (LOST.reason, LOST.outcome)
+
+
+def test_a_journal_that_cannot_be_written_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "t.jsonl"
+    book = TrialJournal({"every": 10}, path)
+    book.keep(trial(0), LINE, GOOD)
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match="t.jsonl: cannot be written: No space.*; free space"):
+        book.keep(trial(1), LINE, LOST)
+    with pytest.raises(OutputError, match="u.jsonl: cannot be written"):
+        TrialJournal({"every": 10}, tmp_path / "u.jsonl")
+    monkeypatch.undo()
+    assert 0 in TrialJournal({"every": 10}, path).scores
+    assert sorted(os.listdir(tmp_path)) == ["t.jsonl", "u.jsonl"]
 
 
 def test_a_journal_of_another_question_is_refused(tmp_path: Path) -> None:

@@ -55,6 +55,8 @@ actions = {
     "log.csv": lambda: import_log(source / "log.csv", mapping, folder / "log.csv"),
 }
 rows = []
+gc.collect()
+gc.freeze()  # what the forks inherit is not looked through again
 for name, action in actions.items():
     def whole(action=action):
         action()

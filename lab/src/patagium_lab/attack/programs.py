@@ -249,7 +249,8 @@ def _writes(folder: Path) -> Callable[[Draw], None]:
         nth, fault = int(draw.integers(usual[call].operations + 1)), str(draw.choice(KINDS))
         answer = server.run(list(call.words), nth=nth, fault=fault, delay=60.0)
         _judge(answer, call.words, {0, 2})
-        _check_outputs(server.folder, call, former, clean=fault == FULL)
+        _check_outputs(server.folder, call, former, clean=True)
+        _check_words(server.folder, call, former, answer)
         if answer["code"] == 2:
             raise Refusal(answer["errors"])
 
@@ -275,9 +276,27 @@ def _check_outputs(folder: Path, call: Call, former: dict[str, bytes], *, clean:
             read(path)
         except Exception as problem:
             raise LostState(f"{name}: neither the former nor a whole file: {problem}") from None
-    left = [path.name for path in folder.iterdir() if path.name.endswith(".part")]
+    endings = (".part", ".lock", ".rename")
+    left = [path.name for path in folder.iterdir() if path.name.endswith(endings)]
     if clean and left:
-        raise LostState(f"drafts were left: {left}")
+        raise LostState(f"drafts or locks were left: {left}")
+
+
+def _check_words(
+    folder: Path, call: Call, former: dict[str, bytes], answer: dict[str, Any]
+) -> None:
+    """Refuse an end that does not name what was not saved.
+
+    Raises:
+        WrongNumber: If an output was not written, and no word says so.
+    """
+    for name in call.outputs.keys() - former.keys():
+        missing = not (folder / name).exists()
+        if missing and answer["code"] == 0:
+            raise WrongNumber(f"{name}: it was not written, and the exit code is 0")
+        told = {name, Path(name).with_suffix(".trials.jsonl").name}  # no trials, no settings
+        if missing and not any(one in answer["errors"] for one in told):
+            raise WrongNumber(f"{name}: it was not written, and no word says so")
 
 
 def _judge(answer: dict[str, Any], words: Any, codes: set[int]) -> None:

@@ -63,38 +63,45 @@ def _anything(path: Path) -> None:
 
 
 LEARNER = ("--network", "strip", "--hidden", "3", "--every", "5")
+_FILTER = ("--prior-std", "0.3", "--measurement-std", "1e-2", "--spread", "1.7")
 CALLS = (
     Call(
         ("simulate", "robot.yaml", "--frequency", "5 Hz", "--plunge", "35 deg", "--speed", "3 m/s",
-         "--duration", "0.02", "--time-step", "1e-3", "-o", "out.nc"),
-        {"out.nc": pt.load_flight},
+         "--duration", "0.02", "--time-step", "1e-3", "-o", "out.nc", "--figure", "out.png"),
+        {"out.nc": pt.load_flight, "out.png": _picture},
     ),
-    Call(("cycles", "flight.nc", "--period", "0.02 s", "--skip", "0", "--figure", "cycles.png"),
-         {"cycles.png": _picture}),
+    Call(("cycles", "flight.nc", "--period", "0.02 s", "--skip", "0", "--figure", "cycles.png",
+          "--table", "cycles.csv"),
+         {"cycles.png": _picture, "cycles.csv": _anything}),
     Call(("view", "flight.nc", "-o", "view.html"), {"view.html": page}),
+    Call(("view", "flight.nc", "--still", "view.png"), {"view.png": _picture}),
     Call(("inspect", "log.csv", "--json"), {}),
     Call(("import", "log.csv", "--map", "map.yaml", "-o", "log.nc"), {"log.nc": pt.load_log}),
-    Call(("motion", "sensors.nc", "--robot", "robot.yaml", "-o", "motion.nc"),
-         {"motion.nc": _anything}),
+    Call(("import", "log.csv", "--map", "map.yaml", "-o", "rows.csv"), {"rows.csv": _anything}),
+    Call(("motion", "sensors.nc", "--robot", "robot.yaml", "-o", "motion.nc",
+          "--plot", "motion.png"),
+         {"motion.nc": _anything, "motion.png": _picture}),
     Call(
-        ("identify", "flight.nc", *LEARNER, "--prior-std", "0.3", "--measurement-std", "1e-2",
-         "--spread", "1.7", "--model", "new.json", "--state", "new.state",
-         "--report", "report.html"),
-        {"new.json": load_model, "new.state": pt.load_learner, "report.html": page},
+        ("identify", "flight.nc", *LEARNER, *_FILTER, "--model", "new.json",
+         "--state", "new.state", "--predictions", "new.nc"),
+        {"new.json": load_model, "new.state": pt.load_learner, "new.nc": load_identification},
     ),
+    Call(("identify", "flight.nc", *LEARNER, *_FILTER, "--report", "report.html"),
+         {"report.html": page, "report-replay.html": page}),
     Call(("tune", "flight.nc", *LEARNER, "--trials", "8", "--jobs", "1", "--out", "new.yaml"),
          {"new.yaml": load_settings}),
     Call(("evaluate", "strip.json", "flight.nc", "--report", "score.html"), {"score.html": page}),
     Call(
         ("stream", "packets.csv", "--robot", "robot.yaml", "--network", "strip", "--hidden", "3",
-         "--prior-std", "0.3", "--measurement-std", "1e-2", "--spread", "1.7", "--idle", "0.2",
+         *_FILTER, "--idle", "0.2",
          "--state", "own.state", "--record", "record.nc", "--model", "own.json"),
         {"own.state": pt.load_learner, "own.json": load_model, "record.nc": _anything},
     ),
     Call(("send", "flight.nc", "udp://127.0.0.1:9", "--rate", "4000"), {}),
     Call(("robots", "robot.yaml", "--draw", "robot.png"), {"robot.png": _picture}),
     Call(("check", "robot.yaml"), {}),
-    Call(("figures", "flight.nc", "-o", "figures"), {}),
+    Call(("figures", "flight.nc", "--format", "png", "-o", "."),
+         {"flight.png": _picture, "strips.png": _picture}),
 )  # fmt: skip
 """A call of each verb, short."""
 

@@ -3,8 +3,7 @@
 The space is taken from the settings' record, as Optuna's distributions; numbers have three digits:
 more would be noise. A trial depends on the seed, its number and the batches before its own: not on
 the processes that share the work, nor on where an earlier search was stopped. The workers of a
-cluster must have patagium installed. Neglected: ranges that depend on each other; two searches
-that write to one journal at the same time.
+cluster must have patagium installed. Neglected: ranges that depend on each other.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, OutputError, ParameterError
 from patagium.learning.settings import Alternatives, LogRange, settings_from, settings_of
 from patagium.learning.tuning.likelihood import PredictionScore
 from patagium.whole_file import write_whole
@@ -165,7 +164,8 @@ class DrawnTrial(NamedTuple):
 class TrialJournal:
     """Scores of the trials of one question, in memory or in a file.
 
-    The file is a journal of Optuna, which its tools can read.
+    The file is a journal of Optuna, which its tools can read; one process at a time writes to it,
+    see `whole_file.locked`.
 
     Args:
         question: What all trials have in common, JSON-able.
@@ -176,9 +176,15 @@ class TrialJournal:
 
     Raises:
         LogError: If the file is no journal, or of another question.
+        OutputError: If it cannot be written.
     """
 
     def __init__(self, question: Mapping[str, Any], path: str | Path | None = None) -> None:
+        self._path = path
+        with self._writing():
+            self._open(question, path)
+
+    def _open(self, question: Mapping[str, Any], path: str | Path | None) -> None:
         optuna = _optuna()
         try:
             storage = None if path is None else _storage(Path(path))
@@ -211,16 +217,28 @@ class TrialJournal:
             trial: The trial.
             distributions: Distributions of its parameters, by name.
             score: Its score.
+
+        Raises:
+            OutputError: If the disk does not take it; the trials before are kept.
         """
         self.scores[trial.number] = score
-        self._study.add_trial(
-            _optuna().create_trial(
-                params=trial.parameters,
-                distributions=dict(distributions),
-                user_attrs={_NUMBER: trial.number, _SCORE: score.describe()},
-                value=score.score,
-            )
+        made = _optuna().create_trial(
+            params=trial.parameters,
+            distributions=dict(distributions),
+            user_attrs={_NUMBER: trial.number, _SCORE: score.describe()},
+            value=score.score,
         )
+        with self._writing():
+            self._study.add_trial(made)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as problem:
+            if self._path is None or isinstance(problem, OutputError):
+                raise
+            raise OutputError(self._path, problem) from problem
 
 
 def search(
@@ -289,13 +307,19 @@ def _storage(path: Path) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
+    class Alone(JournalFileOpenLock):  # Optuna's lock stays behind on a disk that fails
+        def acquire(self) -> bool:
+            return True
+
+        def release(self) -> None:
+            pass
+
     if path.exists():
         whole = path.read_bytes()
         end = whole.rfind(b"\n") + 1
         if end < len(whole):
             write_whole(path, whole[:end])
-    lock = JournalFileOpenLock(str(path), grace_period=3)  # s, after a crash
-    return JournalStorage(JournalFileBackend(str(path), lock_obj=lock))
+    return JournalStorage(JournalFileBackend(str(path), lock_obj=Alone(str(path))))
 
 
 def _check_question(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -48,6 +48,7 @@ from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSetti
 from patagium.learning.wingbeats import duration
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
+from patagium.whole_file import locked
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -182,6 +183,7 @@ def tune(
             is not installed and a cluster is given.
         ShapeError: If the network does not fit the flight.
         LogError: If the journal is of another question, or every trial was refused.
+        OutputError: If the journal cannot be written, or another process writes it.
         TypeError: If there is no such option.
     """
     unknown = sorted(set(options) - set(SearchOptions.__annotations__))
@@ -193,14 +195,16 @@ def tune(
         chosen["covariance"] = Alternatives(tuple(covariance))
     exams = tuple(_exam(flights, one, every, options) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed)
-    book = TrialJournal(problem.question(), options.get("journal"))
-    drawn = _scored_trials(
-        problem,
-        book,
-        trials,
-        options.get("progress"),
-        lambda: pool(options.get("jobs"), options.get("cluster")),
-    )
+    journal = options.get("journal")
+    with nullcontext() if journal is None else locked(journal):
+        book = TrialJournal(problem.question(), journal)
+        drawn = _scored_trials(
+            problem,
+            book,
+            trials,
+            options.get("progress"),
+            lambda: pool(options.get("jobs"), options.get("cluster")),
+        )
     return problem.tuned([(trial, book.scores[trial.number]) for trial in drawn])
 
 
