@@ -39,8 +39,9 @@ def test_what_was_a_finding_once_is_none(path: Path, tmp_path: Path) -> None:
 
 
 @forks
-def test_signals_end_programs_and_lose_nothing() -> None:
-    target = next(one for one in program_targets() if one.area == "signals")
+@pytest.mark.parametrize("area", ["signals", "writes"])
+def test_signals_and_failing_disks_lose_nothing(area: str) -> None:
+    target = next(one for one in program_targets() if one.area == area)
     tally = attacked(target, 1, 2)
     assert tally.cases == 2 and not tally.findings
 

@@ -285,18 +285,18 @@ def _check_outputs(folder: Path, call: Call, former: dict[str, bytes], *, clean:
 def _check_words(
     folder: Path, call: Call, former: dict[str, bytes], answer: dict[str, Any]
 ) -> None:
-    """Refuse an end that does not name what was not saved.
+    """Refuse an end that does not name what was not saved; before any work one name is enough.
 
     Raises:
         WrongNumber: If an output was not written, and no word says so.
     """
-    for name in call.outputs.keys() - former.keys():
-        missing = not (folder / name).exists()
-        if missing and answer["code"] == 0:
-            raise WrongNumber(f"{name}: it was not written, and the exit code is 0")
-        told = {name, Path(name).with_suffix(".trials.jsonl").name}  # no trials, no settings
-        if missing and not any(one in answer["errors"] for one in told):
-            raise WrongNumber(f"{name}: it was not written, and no word says so")
+    missing = {name for name in call.outputs.keys() - former.keys() if not (folder / name).exists()}
+    named = {name for name in missing if name in answer["errors"]}
+    if missing and answer["code"] == 0:
+        raise WrongNumber(f"{missing}: not written, and the exit code is 0")
+    one_is_enough = named or "trials.jsonl: cannot be written" in answer["errors"]
+    if missing != named and ("not saved: " in answer["errors"] or not one_is_enough):
+        raise WrongNumber(f"{missing - named}: not written, and no word says so")
 
 
 def _judge(answer: dict[str, Any], words: Any, codes: set[int]) -> None:

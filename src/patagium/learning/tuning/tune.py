@@ -197,15 +197,7 @@ def tune(
     problem = _problem(exams, networks, learner, chosen, seed)
     journal = options.get("journal")
     with nullcontext() if journal is None else locked(journal):
-        book = TrialJournal(problem.question(), journal)
-        drawn = _scored_trials(
-            problem,
-            book,
-            trials,
-            options.get("progress"),
-            lambda: pool(options.get("jobs"), options.get("cluster")),
-        )
-    return problem.tuned([(trial, book.scores[trial.number]) for trial in drawn])
+        return problem.tuned(_scored_trials(problem, trials, options))
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
@@ -221,15 +213,13 @@ def _several(name: str, given: Any) -> tuple[Any, ...]:
 
 
 def _scored_trials(
-    problem: _Problem,
-    book: TrialJournal,
-    trials: int,
-    progress: Progress | None,
-    workers: Callable[[], Any],
-) -> list[DrawnTrial]:
-    """Trials of a search, all scored; those that the journal has are not scored again."""
+    problem: _Problem, trials: int, options: SearchOptions
+) -> list[tuple[DrawnTrial, PredictionScore]]:
+    """Trials of a search and their scores; those that the journal has are not scored again."""
     from joblib import delayed
 
+    book = TrialJournal(problem.question(), options.get("journal"))
+    progress = options.get("progress")
     distributions = problem.space.distributions()
     with ExitStack() as stack:
         opened: list[Any] = []
@@ -237,7 +227,8 @@ def _scored_trials(
         def judge(batch: Sequence[DrawnTrial]) -> list[float]:
             left = [trial for trial in batch if trial.number not in book.scores]
             if left and not opened:
-                opened.append(stack.enter_context(workers()))
+                workers = pool(options.get("jobs"), options.get("cluster"))
+                opened.append(stack.enter_context(workers))
             calls = (delayed(_try)(*problem.call(trial)) for trial in left)
             for trial, score in zip(left, opened[0](calls) if left else (), strict=True):
                 book.keep(trial, distributions, score)
@@ -248,7 +239,7 @@ def _scored_trials(
         found = search(distributions, trials, problem.seed, judge)
     if progress is not None:
         progress(trials, trials)
-    return found
+    return [(trial, book.scores[trial.number]) for trial in found]
 
 
 @dataclass(frozen=True)
