@@ -250,6 +250,8 @@ def check_period(whole: Gait, part: Gait) -> None:
 FEWEST_ROWS = 4
 """Rows a periodic cubic needs, the repeated first one included."""
 
+EXTREME = 1e30
+"""Largest acceleration, as position over step squared, [rad/s^2, m/s^2] and period [s]."""
 CLOSURE = 1e-9
 """How far the last row may be from the first and still repeat it [rad, m]."""
 
@@ -390,4 +392,9 @@ def _closed(
             )
     if len(time) < FEWEST_ROWS:
         raise LogError(f"{path.name}: {len(time)} rows, expected at least {FEWEST_ROWS}")
+    with np.errstate(all="ignore"):
+        fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
+        extreme = max(fastest, time[-1] - time[0])
+    if not extreme < EXTREME:
+        raise LogError(f"{path.name}: expected numbers below {EXTREME:g}, found {extreme:g}")
     return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
-from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
+from patagium.learning.models.perceptron import WIDEST, Perceptron, PerceptronNetwork, softplus
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]
@@ -215,7 +215,9 @@ def named_outputs(outputs: int | Sequence[str]) -> tuple[str, ...]:
     Raises:
         ParameterError: If there are none, or two of one name.
     """
-    names = tuple(f"y{k}" for k in range(outputs)) if isinstance(outputs, int) else tuple(outputs)
+    if isinstance(outputs, int):
+        outputs = [f"y{k}" for k in range(min(outputs, WIDEST + 1))]  # one more is refused below
+    names = tuple(outputs)
     if not names or len(set(names)) != len(names):
         raise ParameterError("outputs", "one or more different names, or how many", outputs)
     return names

@@ -42,6 +42,8 @@ def tanh_slope(z: Array) -> Array:
     return np.asarray(1.0 - np.tanh(z) ** 2)
 
 
+WIDEST = 1_000_000
+"""Most neurons of a layer: one more layer of the same size would have 8 TB of weights."""
 ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "softplus": (softplus, softplus_slope),
     "tanh": (np.tanh, tanh_slope),
@@ -66,8 +68,9 @@ class Perceptron:
 
     def __post_init__(self) -> None:
         widths = tuple(self.widths)
-        if len(widths) < 2 or any(not isinstance(w, int) or w < 1 for w in widths):
-            raise ParameterError("widths", "two or more positive integers", self.widths)
+        if len(widths) < 2 or any(not isinstance(w, int) or not 0 < w <= WIDEST for w in widths):
+            expected = f"two or more positive integers of at most {WIDEST}"
+            raise ParameterError("widths", expected, self.widths)
         if self.activation not in ACTIVATIONS:
             raise ParameterError("activation", f"one of {', '.join(ACTIVATIONS)}", self.activation)
         object.__setattr__(self, "widths", widths)
