@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path
 
 _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))
-_MATRIX, _COMPRESSED = 14, 15
+_MATRIX, _COMPRESSED, _SPARSE = 14, 15, 5
 _HEADER = 128  # B of text and version before the elements
 _DEEPEST = 32  # structures in structures
 
@@ -35,7 +35,9 @@ def check_elements(path: Path) -> None:
     _check(memoryview(content), _HEADER, "<" if content[126:128] == b"IM" else ">", 0)
 
 
-def _check(content: memoryview, begin: int, order: str, depth: int) -> None:
+def _check(content: memoryview, begin: int, order: str, depth: int) -> int:
+    """Number of elements."""
+    count = 0
     if depth > _DEEPEST:
         raise ValueError(f"expected at most {_DEEPEST} levels of elements, found more")
     while begin + 8 <= len(content):
@@ -49,7 +51,20 @@ def _check(content: memoryview, begin: int, order: str, depth: int) -> None:
         if kind == _COMPRESSED:
             _check(memoryview(zlib.decompress(content[start:end])), 0, order, depth + 1)
         elif kind == _MATRIX:
-            _check(content[start:end], 0, order, depth + 1)
+            _check_matrix(content[start:end], order, depth + 1)
         elif kind not in _NUMBERS:
             raise ValueError(f"expected an element of a known type, found type {kind}")
         begin = begin + 8 if small else end if kind == _COMPRESSED else end + -size % 8
+        count += 1
+    return count
+
+
+def _check_matrix(content: memoryview, order: str, depth: int) -> None:
+    """Refuse an array without all its parts: flags, shape, name, numbers, imaginary ones."""
+    count = _check(content, 0, order, depth)
+    if len(content) < 16:
+        return
+    (flags,) = struct.unpack_from(f"{order}I", content, 8)
+    kind, is_complex = flags & 0xFF, flags >> 11 & 1
+    if 4 <= kind <= 15 and count < (6 if kind == _SPARSE else 4) + is_complex:
+        raise ValueError(f"expected an array with its numbers, found {count} elements")
