@@ -140,14 +140,19 @@ def write_study(
 
     Returns:
         Path of report.html, and the page with its pictures as vectors, which are smaller.
+
+    Raises:
+        OutputError: If a file cannot be written; the report is written where it can be.
     """
     make_folder(out)
     stages = Stages(progress)
     results = run(plan, out, stages)
     text = json.dumps(json_ready(results.metrics), indent=1, ensure_ascii=False)
-    write_whole(out / "metrics.json", text + "\n")
     whole = page(results)
-    report = whole.write(out / "report.html")
+    try:
+        write_whole(out / "metrics.json", text + "\n")
+    finally:  # figures that cannot be written do not cost the report
+        report = whole.write(out / "report.html")
     stages.tell("done", 1.0)
     vectors = replace(results, gallery=results.gallery.vectors())
     return report, page(vectors)

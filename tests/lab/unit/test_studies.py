@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import patagium_lab
+from patagium.errors import OutputError
 from patagium.report import PageSection
 from patagium_lab.gallery import Gallery
 from patagium_lab.study import Page, Results, Stages, table_of, write_study
@@ -86,6 +87,13 @@ def test_a_study_is_written_into_its_folder(tmp_path: Path) -> None:
     text = (tmp_path / "page.md").read_text("utf-8")
     assert text.index("## Number") < text.index("## Shown") and "Left out" not in text
     assert [path.suffix for path in (tmp_path / "page").iterdir()] == [".svg"]
+
+
+def test_metrics_that_fail_do_not_cost_the_report(tmp_path: Path) -> None:
+    (tmp_path / "metrics.json").mkdir()
+    with pytest.raises(OutputError, match=r"metrics.json: cannot be written"):
+        write_study(tmp_path, TinyPlan(), tiny_run, tiny_page)
+    assert "</html>" in (tmp_path / "report.html").read_text("utf-8")
 
 
 def test_a_target_is_met_on_its_side_of_the_limit() -> None:
