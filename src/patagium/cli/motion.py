@@ -55,10 +55,12 @@ def motion(
     import json
 
     from patagium.cli.words import say_json
-    from patagium.report.figures import save_figure
+    from patagium.report.figures import figure_kind, save_figure
     from patagium.sensing.force.flown_force import motion_and_force, write_motion
     from patagium.viewer.flight_figures import motion_figure
 
+    if plot is not None:
+        figure_kind(plot)
     measured = _measured(log, robot, mapping, body or [])
     shifts, note = _shifts(measured)
     found, forces = motion_and_force(measured, shifts=shifts)

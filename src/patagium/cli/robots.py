@@ -48,8 +48,9 @@ def robots(
     if robot is not None:
         machine, outputs = load_robot(robot), Outputs()
         if draw is not None:
-            from patagium.report.figures import save_figure
+            from patagium.report.figures import figure_kind, save_figure
 
+            figure_kind(draw)
             if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):
                 typer.echo(f"Drawn in {draw}", err=True)
         moving = [machine.dof_names[i] for i in machine.actuated]

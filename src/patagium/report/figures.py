@@ -42,13 +42,25 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         ParameterError: If the name ends otherwise.
         OutputError: If it cannot be written.
     """
-    path = Path(path)
-    kind = path.suffix.lower().lstrip(".")
-    if kind not in ("pdf", "png", "svg"):
-        raise ParameterError("figure file", "a name ending in .pdf, .png or .svg", path.name)
+    kind = figure_kind(path)
     with whole_file(path) as draft:
-        draw(figure, draft, cast('Literal["pdf", "svg", "png"]', kind))
-    return path
+        draw(figure, draft, kind)
+    return Path(path)
+
+
+def figure_kind(path: str | Path) -> Literal["pdf", "svg", "png"]:
+    """Kind of a figure by the name of its file.
+
+    Args:
+        path: The file, which need not exist.
+
+    Raises:
+        ParameterError: If the name ends otherwise.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in ("pdf", "png", "svg"):
+        raise ParameterError("figure file", "a name ending in .pdf, .png or .svg", Path(path).name)
+    return cast('Literal["pdf", "svg", "png"]', kind)
 
 
 @styled
