@@ -85,7 +85,7 @@ _MOVED = {
             CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
             RobotFileError RobotFileWarning ShapeError SimulationFailed""",
         "patagium.learning": """
-            ChangeDetection HiddenStripNetwork LowRank NoiseEstimation Screening""",
+            ChangeDetection HiddenStripNetwork NoiseEstimation Screening""",
         "patagium.sensing": """
             ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
             cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
@@ -94,7 +94,7 @@ _MOVED = {
     "patagium.identification": {
         "patagium.learning": """
             ChangeDetection CubatureLearner DenseNetwork ExtendedLearner GradientLearner
-            GreyBox HiddenStripNetwork Identification LinearLearner LowRank Model
+            GreyBox HiddenStripNetwork Identification LinearLearner Model
             NoiseEstimation Screening Settings StripNetwork Tuned
             evaluate evaluate_table identify identify_table learner_from_description
             load_identification load_learner load_model load_settings model_of network_for
@@ -107,11 +107,14 @@ _MOVED = {
             motor_forces read_table training_data""",
     },
 }
+_DEFAULT = "the default, which errs less"
 _REMOVED = {
-    **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), "LinearStripNetwork"),
-    **dict.fromkeys(("flow", "hidden_flow"), "linear_strip"),
+    **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
+    **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
+    "LowRank": 'covariance="layer", which errs less',
+    "low rank": "layer, which errs less",
 }
-"""What takes the place of each network that was removed, by class and by kind."""
+"""What takes the place of each network and structure that was removed, by class and by kind."""
 FORMER: dict[str, dict[str, str]] = {
     module: {name: f"{home}.{name}" for home, names in homes.items() for name in names.split()}
     for module, homes in _MOVED.items()
@@ -121,18 +124,17 @@ FORMER["patagium.identification"]["Table"] = "patagium.sensing.LogTable"
 
 
 def refuse_removed(where: str, name: object) -> None:
-    """Error of a network that was removed; nothing for any other name.
+    """Error of a network or structure that was removed; nothing for any other name.
 
     Args:
         where: Module, option or key that names it.
-        name: Class or kind of a network.
+        name: Class or kind of a network or covariance structure.
 
     Raises:
         ParameterError: If it was removed; the message says what to take in its place.
     """
     if isinstance(name, str) and name in _REMOVED:
-        instead = f"{_REMOVED[name]}, the default, which errs less ({name} was removed)"
-        raise ParameterError(where, instead, name)
+        raise ParameterError(where, f"{_REMOVED[name]} ({name} was removed)", name)
 
 
 def former_name(module: str, name: str, present: Iterable[str]) -> Any:

@@ -23,6 +23,7 @@ from patagium.learning.settings import (
     OLD_NAMES,
     RECORDS,
     Meaning,
+    checked_structure,
     leaves,
     settings_from,
     settings_of,
@@ -189,12 +190,11 @@ def network_kind(text: str) -> NetworkKind:
 
 
 def structure(text: str) -> Any:
-    """Structure of a covariance: `full`, `layer`, `node`, or a rank such as 20."""
-    if text in ("full", "layer", "node"):
-        return text
-    if not text.isdecimal() or int(text) < 1:
-        raise typer.BadParameter(f"expected full, layer, node or a rank such as 20, found {text!r}")
-    return {"rank": int(text)}
+    """Structure of a covariance: `full`, `layer` or `node`; a rank says that it was removed."""
+    try:
+        return checked_structure({"rank": text} if text.isdecimal() else text)
+    except ParameterError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
@@ -264,7 +264,7 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
     "int": (int, {}),
     "str": (str, {}),
     "Numbers": (Numbers, {"parser": numbers, "metavar": "NUMBER[,NUMBER...]"}),
-    "Structure": (Any, {"parser": structure, "metavar": "full|layer|node|RANK"}),
+    "Structure": (Any, {"parser": structure, "metavar": "full|layer|node"}),
 }
 """Type of an option and how its text is read, for each type of a setting."""
 

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from patagium.learning.result import load_identification as load_identification
     from patagium.learning.settings import ChangeDetection as ChangeDetection
     from patagium.learning.settings import FilterSettings as FilterSettings
-    from patagium.learning.settings import LowRank as LowRank
     from patagium.learning.settings import Misfit as Misfit
     from patagium.learning.settings import NoiseEstimation as NoiseEstimation
     from patagium.learning.settings import Screening as Screening
@@ -79,7 +78,7 @@ _NAMES = {
     "refinement": ("refine",),
     "result": ("Identification", "load_identification"),
     "settings": (
-        *("ChangeDetection", "FilterSettings", "LowRank", "Misfit", "NoiseEstimation"),
+        *("ChangeDetection", "FilterSettings", "Misfit", "NoiseEstimation"),
         "Screening",
     ),
     "stream": ("stream",),

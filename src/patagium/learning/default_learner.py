@@ -18,7 +18,7 @@ from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, LowRank, Structure
+from patagium.learning.settings import FilterSettings, Structure
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
@@ -109,9 +109,7 @@ def update_time(network: Network, structure: Structure = "full") -> float:
         structure: Structure of the covariance.
     """
     n, outputs = network.size, network.outputs
-    if isinstance(structure, LowRank):
-        operations = n * (structure.rank + outputs) ** 2
-    elif structure in ("layer", "node"):
+    if structure in ("layer", "node"):
         layers = [[len(neuron) for neuron in layer] for layer in network.neurons]
         blocks = [sum(layer) for layer in layers] if structure == "layer" else sum(layers, [])
         operations = sum(size * size for size in blocks) * (outputs + 8) + n * outputs**2

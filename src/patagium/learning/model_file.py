@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.errors import LogError, PatagiumError, ShapeError
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
-    WeightCovariance,
+    BlockCovariance,
     block_covariance,
     covariance_from,
 )
@@ -41,7 +41,7 @@ _FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
 class _Structured(Protocol):
     """A learner that gives its covariance as its structure keeps it."""
 
-    def kept_covariance(self) -> WeightCovariance: ...
+    def kept_covariance(self) -> BlockCovariance: ...
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Model:
 
     network: Network
     weights: Array
-    kept_covariance: WeightCovariance | None = field(default=None, repr=False)
+    kept_covariance: BlockCovariance | None = field(default=None, repr=False)
     measurement_std: Array | None = None
     inputs: tuple[str, ...] | None = None
     learner: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -211,7 +211,7 @@ def _model(words: Mapping[str, Any]) -> Model:
     )
 
 
-def _kept(learner: Learner) -> WeightCovariance | None:
+def _kept(learner: Learner) -> BlockCovariance | None:
     """Covariance as a learner keeps it; of a learner of another kind the whole matrix."""
     if isinstance(learner, _Structured):
         return learner.kept_covariance()
@@ -221,7 +221,7 @@ def _kept(learner: Learner) -> WeightCovariance | None:
     return block_covariance(learner.network, "full", [np.array(whole, float)])
 
 
-def _packed(covariance: WeightCovariance) -> dict[str, str]:
+def _packed(covariance: BlockCovariance) -> dict[str, str]:
     kind, arrays = covariance.arrays()
     words = {
         name: base64.b64encode(array.astype("<f8").tobytes()).decode()
@@ -230,7 +230,7 @@ def _packed(covariance: WeightCovariance) -> dict[str, str]:
     return {"kind": kind, **words}
 
 
-def _unpacked(network: Network, words: Mapping[str, str] | str) -> WeightCovariance:
+def _unpacked(network: Network, words: Mapping[str, str] | str) -> BlockCovariance:
     """The covariance of a file; one text is the lower triangle of the whole matrix."""
     texts = {"kind": "full", "lower": words} if isinstance(words, str) else dict(words)
     kind = texts.pop("kind")

@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.deprecation import renamed_fields, with_new_names
+from patagium.deprecation import refuse_removed, renamed_fields, with_new_names
 from patagium.errors import ParameterError, ShapeError
 
 FILTERS = ("cubature", "extended")
@@ -155,32 +155,11 @@ def _check_fields(record: Any) -> None:
             raise ParameterError(one.name, "a whole number", value)
 
 
-@dataclass(frozen=True)
-class LowRank:
-    """Covariance structure whose inverse is a diagonal plus a product of few columns.
-
-    P^-1 = diag(U) + F F', F (n, rank): the directions learned best, and for the rest each
-    weight by itself. Memory of n (rank + 1) numbers.
-
-    Args:
-        rank: Number of columns.
-
-    Raises:
-        ParameterError: If it is not a positive integer.
-    """
-
-    rank: int
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.rank, int) or self.rank < 1:
-            raise ParameterError("rank", "a positive integer", self.rank)
-
-
 BLOCKS = ("full", "layer", "node")
 OWN_BLOCKS: set[str] = set()
 """Names of structures that `register_blocks` added."""
 """Covariance structures of independent blocks of weights."""
-Structure: TypeAlias = Literal["full", "layer", "node"] | LowRank
+Structure: TypeAlias = Literal["full", "layer", "node"]
 Numbers: TypeAlias = float | tuple[float, ...]
 
 
@@ -372,7 +351,7 @@ class FilterSettings:
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
         prior_share: Share of the covariance before any sample that is mixed in before each
             sample, 0 <= share < 1: a memory of 1 / share samples.
-        covariance: Structure of the covariance: "full", "layer", "node" or `LowRank(rank)`.
+        covariance: Structure of the covariance: "full", "layer" or "node".
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances of the measurement follow the innovations, from
             measurement_std on; None: it is known, or, where no measurement_std is given,
@@ -447,7 +426,7 @@ class FilterSettings:
     )
     covariance: Structure = setting(
         "full",
-        "Structure of the covariance that is kept: full, layer, node, or a rank such as 20",
+        "Structure of the covariance that is kept: full, layer or node",
         choices=(),
         search=Alternatives(("full", "layer", "node")),
     )
@@ -694,23 +673,14 @@ def checked_structure(value: object) -> Structure:
     """A covariance structure as it is.
 
     Raises:
-        ParameterError: If it is none.
+        ParameterError: If it is none, or of low rank, {"rank": r}, which was removed.
     """
-    if isinstance(value, LowRank) or (isinstance(value, str) and value in {*BLOCKS, *OWN_BLOCKS}):
+    if isinstance(value, str) and value in {*BLOCKS, *OWN_BLOCKS}:
         return value  # type: ignore[return-value]
+    if isinstance(value, Mapping) and set(value) == {"rank"}:
+        refuse_removed("covariance", "low rank")
     known = ", ".join(f'"{name}"' for name in (*BLOCKS, *sorted(OWN_BLOCKS)))
-    raise ParameterError("covariance", f"{known} or LowRank(rank)", value)
-
-
-def structure_from(description: object) -> Structure:
-    """Covariance structure of a JSON-able value: a word, or {"rank": r}.
-
-    Raises:
-        ParameterError: If it describes none.
-    """
-    if isinstance(description, Mapping) and set(description) == {"rank"}:
-        return LowRank(description["rank"])
-    return checked_structure(description)
+    raise ParameterError("covariance", f"one of {known}", value)
 
 
 def _array(name: str, value: Any) -> Any:
@@ -750,7 +720,7 @@ def _described(value: Any) -> Any:
 
 def _made(one: Field[Any], value: Any) -> Any:
     if one.name == "covariance":
-        return structure_from(value)
+        return checked_structure(value)
     kind = one.metadata.get("group")
     if kind is None or value is None or isinstance(value, kind):
         return value

@@ -312,33 +312,6 @@ NODE_FILTER = struct(
     base=WEIGHT_FILTER,
 )
 
-LOW_RANK = struct(
-    "low_rank",
-    """
-    int32_t rank: r
-    int32_t padded: n_y rounded up to whole vectors
-    int32_t depth: r + n_y rounded up to a multiple of 8
-    int32_t items: evaluations of the perceptron for one y
-    int32_t layers: of the perceptron
-    int32_t activation: 0 softplus, 1 tanh
-    int64_t room: numbers of one half of `points`
-    double growth: factor of U in this sample: the forgetting factor
-    const int32_t *widths: layers + 1
-    const double *mean: n
-    const STORE *diagonal: n: U
-    const STORE *columns: n x r: F
-    double *next_mean: n: mean after the sample
-    STORE *next_diagonal: n: U after the sample
-    STORE *next_columns: n x r: F after the sample
-    const double *inputs: by layers: items x widths[l]: its inputs at the mean
-    const double *seeds: by layers: items x widths[l + 1] x padded: dy / d its sums
-    double *gram: depth x depth
-    const double *turn: depth x padded for points, depth x depth for the change
-    const double *gains: depth
-    double *points: 2 x room: items x widest x 2 x padded
-    """,
-)
-
 PIPELINE = struct(
     "pipeline",
     """
@@ -366,6 +339,6 @@ PIPELINE = struct(
 
 STRUCTS = (
     *(PIPELINE, BOUNDS, SCREENING, WEIGHT_FILTER, PANEL_FILTER),
-    *(LAGS, EXTENDED_FILTER, NODE_FILTER, LOW_RANK),
+    *(LAGS, EXTENDED_FILTER, NODE_FILTER),
 )
 """Structures of the kernels; the header of each can be included by any kernel."""

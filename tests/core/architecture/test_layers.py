@@ -110,9 +110,16 @@ def test_a_former_name_works_and_says_its_place(module: str, name: str, place: s
 
 
 @pytest.mark.parametrize("module", ["patagium", "patagium.learning", "patagium.identification"])
-@pytest.mark.parametrize("name", ["FlowNetwork", "HiddenFlowNetwork"])
-def test_a_removed_network_names_what_takes_its_place(module: str, name: str) -> None:
-    said = rf"^{module}: expected LinearStripNetwork, .*\({name} was removed\)"
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("FlowNetwork", "LinearStripNetwork, the default,"),
+        ("HiddenFlowNetwork", "LinearStripNetwork, the default,"),
+        ("LowRank", 'covariance="layer",'),
+    ],
+)
+def test_a_removed_name_says_what_takes_its_place(module: str, name: str, instead: str) -> None:
+    said = rf"^{module}: expected {instead} .*\({name} was removed\)"
     with pytest.raises(ParameterError, match=said):
         importlib.import_module(module).__getattr__(name)
     with pytest.raises(ParameterError, match=said):

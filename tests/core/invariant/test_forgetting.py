@@ -10,7 +10,7 @@ from patagium.errors import ParameterError
 from patagium.learning.filters.screening import ChangeMonitor
 
 TOLD = {"prior_std": 0.5, "measurement_std": 0.05, "spread": 3**0.5}
-STRUCTURES = ["full", "layer", "node", pt.learning.LowRank(6)]
+STRUCTURES = ["full", "layer", "node"]
 
 
 def glide(learner, count):

@@ -14,7 +14,7 @@ import patagium as pt
 
 FACTORS: dict[str, list[Any]] = {
     "kind": [pt.CubatureLearner, pt.ExtendedLearner],
-    "covariance": ["full", "layer", "node", pt.learning.LowRank(4)],
+    "covariance": ["full", "layer", "node"],
     "compiled": [True, False],
     "dtype": ["float64", "float32"],
     "screening": [None, pt.learning.Screening(outlier_std=3.0, stuck_samples=5)],
@@ -67,7 +67,7 @@ def name_of(combination: dict[str, Any]) -> str:
         if name == "kind" and len(words) == 1 and words[0] == "other":
             words[0] = value.__name__
         elif name == "covariance":
-            words.append(value if isinstance(value, str) else "low rank")
+            words.append(value)
         elif name == "compiled":
             words.append("C" if value else "NumPy")
         elif name != "kind" and value not in (None, 0.0, "float64"):

@@ -55,15 +55,10 @@ KINDS: dict[str, Callable[[], OnlineLearner]] = {
     "node, drifting": cubature(covariance="node", **DRIFT, **CHANGE),
     "node, careful": cubature(covariance="node", **CAREFUL, **CHANGE),
     "node, single": cubature(covariance="node", dtype="float32", forgetting_factor=0.99),
-    "low rank": cubature(covariance=pt.learning.LowRank(4)),
-    "low rank, drifting": cubature(
-        covariance=pt.learning.LowRank(4), dtype="float32", **DRIFT, **CAREFUL
-    ),
     "extended": extended(),
     "extended, drifting": extended(**DRIFT, **CHANGE),
     "extended, layer": extended(covariance="layer", **DRIFT),
     "extended, node": extended(covariance="node"),
-    "extended, low rank": extended(covariance=pt.learning.LowRank(4), **DRIFT),
     "gradient": lambda: pt.GradientLearner(dense(), learning_rate=0.01),
     "gradient, replay": lambda: pt.GradientLearner(dense(), learning_rate=0.01, replay=3, seed=5),
     "linear": lambda: pt.LinearLearner(base(), **NOISE, forgetting_factor=0.98),

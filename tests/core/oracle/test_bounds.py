@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import LowRank, Misfit, NoiseEstimation, Screening
+from patagium.learning import Misfit, NoiseEstimation, Screening
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.bounds import Bounds
 from patagium.learning.filters.numbers import filter_numbers
@@ -42,7 +42,6 @@ KINDS: dict[str, Any] = {
     "cubature": lambda **o: pt.CubatureLearner(network(), **o),
     "single": lambda **o: pt.CubatureLearner(network(), dtype="float32", **o),
     "node": lambda **o: pt.CubatureLearner(network(), covariance="node", **o),
-    "low rank": lambda **o: pt.CubatureLearner(network(), covariance=LowRank(6), **o),
     "linear": lambda **o: pt.LinearLearner(pt.DenseNetwork(4, (), 2)),
     "gradient": lambda **o: pt.GradientLearner(network()),
 }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.learning import ExtendedLearner, LowRank, Misfit, NoiseEstimation
+from patagium.learning import ExtendedLearner, Misfit, NoiseEstimation
 from patagium.learning.filters import block_kernel
 from patagium.learning.filters.misfit import PARTS
 from patagium.learning.learners import filter_learner
@@ -50,7 +50,7 @@ def pair(network: pt.learning.Network, **settings: object) -> tuple[ExtendedLear
     return fast, slow
 
 
-@pytest.mark.parametrize("covariance", ["full", "layer", "node", LowRank(4)])
+@pytest.mark.parametrize("covariance", ["full", "layer", "node"])
 @pytest.mark.parametrize("std", [None, 0.05])
 def test_compiled_and_numpy_learners_agree(covariance: object, std: float | None) -> None:
     network = DenseNetwork(3, (5,), ("a", "b"))

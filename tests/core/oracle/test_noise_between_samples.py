@@ -15,7 +15,7 @@ from patagium.learning.settings import FilterSettings, NoiseEstimation, Screenin
 from patagium.native import compiler_name
 
 ROUNDING = 1e-9  # sums in another order, one sample on from the same state
-STRUCTURES = ["full", "layer", "node", pt.learning.LowRank(6)]
+STRUCTURES = ["full", "layer", "node"]
 NOISES = {
     "share": {"prior_share": 1e-3},
     "wanders": {"process_std": 1e-3},

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import ChangeDetection, LowRank, Misfit, NoiseEstimation, Screening
+from patagium.learning import ChangeDetection, Misfit, NoiseEstimation, Screening
 
 ROBOT = pt.load_robot("aerobat")
 NETWORKS: dict[str, Callable[[], Any]] = {
@@ -30,12 +30,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "changes": {"change_detection": ChangeDetection(1e-2, 5, 12), "prior_share": 1e-3},
     "layer": {"covariance": "layer"},
     "node": {"covariance": "node"},
-    "low rank": {"covariance": LowRank(3)},
 }
 CASES = [
     *((kind, net, option) for kind in ("cubature", "extended") for net in NETWORKS
       for option in OPTIONS),
-    *(("single", net, option) for net in NETWORKS for option in ("plain", "node", "low rank")),
+    *(("single", net, option) for net in NETWORKS for option in ("plain", "node", "layer")),
     ("gradient", "dense", ""), ("rls", "linear", ""),
 ]  # fmt: skip
 

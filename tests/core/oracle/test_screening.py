@@ -85,7 +85,7 @@ def test_kernels_screen_as_their_twins(structure, inputs, hidden, outputs, rng):
 
 
 @pytest.mark.parametrize("learner", [pt.CubatureLearner, pt.ExtendedLearner])
-@pytest.mark.parametrize("structure", [*STRUCTURES, pt.learning.LowRank(8)])
+@pytest.mark.parametrize("structure", STRUCTURES)
 def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
     network = pt.DenseNetwork(3, (5,), 3)
     told = {"prior_std": 0.5, "covariance": structure}
@@ -103,7 +103,7 @@ def test_a_missing_channel_is_one_of_boundless_noise(learner, structure, rng):
     assert missing.events["missing"] == 30
 
 
-@pytest.mark.parametrize("structure", [*STRUCTURES, pt.learning.LowRank(8)])
+@pytest.mark.parametrize("structure", STRUCTURES)
 def test_an_outlier_is_a_sample_of_more_noise(structure, rng):
     """The noise of a channel beyond the limit is raised until its innovation is at the limit."""
     network, limit = pt.DenseNetwork(3, (5,), 2), 4.0

@@ -1,9 +1,8 @@
-"""Blocks and low rank against the full filter where they must agree, and kernels against twins."""
+"""Blocks against the full filter where they must agree, and kernels against twins."""
 
 from __future__ import annotations
 
 import copy
-import time
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_covariance import scattered
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.models.structure import blocks_of
-from patagium.learning.settings import FilterSettings, structure_from
+from patagium.learning.settings import FilterSettings, checked_structure
 from patagium.native import compiler_name
 
 AGREEMENT = 1e-12  # design.md, decision 4
@@ -89,37 +88,8 @@ def test_blocks_forget_what_lies_between_them_and_nothing_else(rng):
     assert abs(whole - kept).max() > 1e-4
 
 
-@pytest.mark.parametrize("drift", DRIFTS, ids=["still", "forgets", "wanders"])
-def test_low_rank_of_full_rank_is_the_extended_filter(drift, rng):
-    network = pt.DenseNetwork(3, (5,), 2, "tanh")
-    one, full = (
-        learned(network, np.random.default_rng(9), pt.ExtendedLearner, covariance=kept, **drift)
-        for kept in (pt.learning.LowRank(network.size), "full")
-    )
-    same(one, full)
-
-
-@pytest.mark.parametrize("spread", [None, 3**0.5])
-def test_low_rank_of_full_rank_is_the_cubature_filter_of_a_linear_network(spread, rng):
-    network = pt.DenseNetwork(4, (), 2)
-    one, full = (
-        learned(network, np.random.default_rng(9), covariance=kept, spread=spread)
-        for kept in (pt.learning.LowRank(network.size), "full")
-    )
-    same(one, full)
-
-
-def test_points_close_by_make_low_rank_cubature_the_extended_filter(rng):
-    network = pt.DenseNetwork(3, (5,), 2, "tanh")
-    told = {"covariance": pt.learning.LowRank(6), "prior_std": 1e-3, "measurement_std": 1e-3}
-    close = learned(network, np.random.default_rng(9), spread=0.1, **told)
-    linear = learned(network, np.random.default_rng(9), pt.ExtendedLearner, **told)
-    moved = np.linalg.norm(linear.weights - network.initial(0))
-    assert np.linalg.norm(close.weights - linear.weights) < 0.01 * moved  # bends, of 1e-3 squared
-
-
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(7)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
 def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
     network = pt.DenseNetwork(3, (6,), 2)
     one = learned(
@@ -139,7 +109,7 @@ def test_covariance_stays_definite_with_hardly_any_noise(structure, dtype, rng):
     assert largest <= 0.25 * (1 + 1e-6)  # the prior's
 
 
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(7)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
 def test_a_copy_goes_on_as_the_learner_and_a_refused_sample_changes_nothing(structure, rng):
     network = pt.DenseNetwork(3, (6,), 2)
     one = learned(network, rng, covariance=structure, spread=3**0.5, prior_share=0.01)
@@ -238,23 +208,6 @@ def root_of(one):
     return scattered(one.kept(), blocks_in(one.numbers))
 
 
-def test_low_rank_update_is_linear_in_the_number_of_weights(rng):
-    sizes, times = [], []
-    for inputs in (1500, 6000, 24000):
-        network = pt.DenseNetwork(inputs, (6,), 2)
-        learner = pt.ExtendedLearner(network, covariance=pt.learning.LowRank(5), **TOLD)
-        x = rng.normal(size=inputs) / np.sqrt(inputs)
-        taken = []
-        for _ in range(6):
-            started = time.process_time()
-            learner.update(x, np.ones(2))
-            taken.append(time.process_time() - started)
-        sizes.append(network.size)
-        times.append(min(taken))
-    slope = np.log(times[-1] / times[0]) / np.log(sizes[-1] / sizes[0])
-    assert slope < 1.5  # 2 would be a matrix of all weights
-
-
 def test_structures_are_refused_and_described():
     network = pt.DenseNetwork(2, (3,), 1)
     for wrong in ("diagonal", 3, None):
@@ -262,11 +215,12 @@ def test_structures_are_refused_and_described():
             pt.CubatureLearner(network, covariance=wrong, **TOLD)
     with pytest.raises(ParameterError, match="cholesky"):
         pt.CubatureLearner(network, covariance="node", square_root="cholesky", **TOLD)
-    with pytest.raises(ParameterError, match="rank"):
-        pt.learning.LowRank(0)
-    for structure in ("full", "layer", "node", pt.learning.LowRank(4)):
+    for wrong in ({"rank": 4}, {"rank": 0}):  # as files of low rank hold it
+        with pytest.raises(ParameterError, match=r"expected layer, .*\(low rank was removed\)"):
+            pt.CubatureLearner(network, covariance=wrong, **TOLD)
+    for structure in ("full", "layer", "node"):
         described = FilterSettings(covariance=structure).describe()["covariance"]
-        assert structure_from(described) == structure
+        assert checked_structure(described) == structure
     for structure in ("full", "layer", "node"):
         blocks = blocks_of(network.perceptron, structure)
         np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(network.size))

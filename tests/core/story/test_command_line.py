@@ -236,11 +236,15 @@ def test_identify_with_every_learner(
     assert speak("evaluate", model, flight).code == 0
 
 
-def test_a_removed_network_is_refused_with_what_takes_its_place(flight: Path, speak: Speak) -> None:
+def test_what_was_removed_is_refused_with_what_takes_its_place(flight: Path, speak: Speak) -> None:
     answer = speak("identify", flight, "--network", "flow")
     said = " ".join(answer.err.replace("│", " ").split())
     assert answer.code == 2 and "expected linear_strip, the default" in said
     assert "found 'round'" in speak("identify", flight, "--network", "round").err
+    answer = speak("identify", flight, "--covariance", "20")
+    said = " ".join(answer.err.replace("│", " ").split())
+    assert answer.code == 2 and "expected layer, which errs less (low rank was removed)" in said
+    assert "found 'diagonal'" in speak("identify", flight, "--covariance", "diagonal").err
 
 
 MAPPING = """

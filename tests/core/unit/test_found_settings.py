@@ -13,7 +13,7 @@ from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.registry import first_difference
-from patagium.learning.settings import FilterSettings, LowRank
+from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name
 
 LEARNERS = (pt.CubatureLearner, pt.ExtendedLearner, pt.GradientLearner)
@@ -94,7 +94,7 @@ def test_what_was_found_is_no_difference_of_settings(rng):
     assert first_difference(taught(old, rng, 30).describe(), fresh.describe()) is None
 
 
-@pytest.mark.parametrize("structure", ["full", "layer", "node", LowRank(5)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
 @pytest.mark.parametrize("kind", ["cubature", "extended"])
 def test_kernels_find_the_noise_as_their_twins(structure, kind, rng):
     if compiler_name() is None:

@@ -7,7 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning.filters.weight_covariance import Precision
+from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 
 
@@ -50,7 +50,6 @@ def test_a_model_predicts_as_its_learner_did(tmp_path: Path, rng: np.random.Gene
 STRUCTURES = {
     "node": {"covariance": "node"},
     "layer": {"covariance": "layer"},
-    "low rank": {"covariance": pt.learning.LowRank(3)},
     "algorithm 1": {"square_root": "cholesky"},
     "single": {"dtype": "float32"},
 }
@@ -95,16 +94,13 @@ def test_a_linear_learner_keeps_one_block_an_output(
 
 def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Generator) -> None:
     network = pt.DenseNetwork(40, (500,), 2)
-    for covariance in ("node", pt.learning.LowRank(4)):
-        learner = pt.CubatureLearner(
-            network, prior_std=0.5, measurement_std=0.1, covariance=covariance
-        )
-        model = load_model(save_model(tmp_path / "model.json", learner))
-        assert (tmp_path / "model.json").stat().st_size < 12e6  # n^2 numbers: 3.7 GB
-        mean, spread = model.predict(rng.normal(size=40))
-        assert np.isfinite(mean).all() and (np.diag(spread) > 0.01).all()
-        with pytest.raises(ParameterError, match="at most 5000 weights"):
-            _ = model.covariance
+    learner = pt.CubatureLearner(network, prior_std=0.5, measurement_std=0.1, covariance="node")
+    model = load_model(save_model(tmp_path / "model.json", learner))
+    assert (tmp_path / "model.json").stat().st_size < 12e6  # n^2 numbers: 3.7 GB
+    mean, spread = model.predict(rng.normal(size=40))
+    assert np.isfinite(mean).all() and (np.diag(spread) > 0.01).all()
+    with pytest.raises(ParameterError, match="at most 5000 weights"):
+        _ = model.covariance
 
 
 def test_a_model_of_the_first_format_still_loads(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -142,7 +138,7 @@ def test_a_removed_network_names_what_takes_its_place(
     [
         ({"kind": "full", "lower": ""}, "lower triangles"),
         ({"kind": "round", "lower": ""}, "round"),
-        ({"kind": "low rank", "diagonal": "", "columns": ""}, "covariance"),
+        ({"kind": "low rank", "diagonal": "", "columns": ""}, "expected layer, which errs less"),
         ({"kind": "node"}, "lower"),
     ],
 )
@@ -167,7 +163,8 @@ def test_weights_of_another_network_are_refused() -> None:
     with pytest.raises(ShapeError, match="weights"):
         Model(network, np.zeros(4))
     with pytest.raises(ShapeError, match="covariance"):
-        Model(network, np.zeros(3), Precision(np.ones(2), np.zeros((2, 1))))
+        other = pt.DenseNetwork(1, (), 1)
+        Model(network, np.zeros(3), block_covariance(other, "full", [np.eye(2)]))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ KINDS = {
     "algorithm 1": (pt.CubatureLearner, {"square_root": "cholesky"}),
     "layers": (pt.CubatureLearner, {"covariance": "layer"}),
     "nodes": (pt.CubatureLearner, {"covariance": "node"}),
-    "low rank": (pt.CubatureLearner, {"covariance": pt.learning.LowRank(4)}),
     "extended": (pt.ExtendedLearner, {}),
     "extended nodes": (pt.ExtendedLearner, {"covariance": "node"}),
 }

@@ -64,7 +64,7 @@ def test_rebayes_low_rank_filter_is_ours_while_its_rank_suffices(rng):
 
     assumed = {**ASSUMED, "forgetting_factor": 1.0}
     rival = RebayesLowRank(NETWORK, rank=4, **assumed)
-    learner = pt.ExtendedLearner(NETWORK, covariance=pt.learning.LowRank(4), **assumed)
+    learner = pt.ExtendedLearner(NETWORK, **assumed)
     for x, y in samples(rng, 2):  # two samples of two outputs fill four columns
         expected = np.sqrt(np.diagonal(learner.predict(x)[1]))
         np.testing.assert_allclose(rival.std(x), expected, rtol=1e-8)

@@ -204,7 +204,7 @@ def test_no_runs_and_no_workers_are_refused() -> None:
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("structure", ["full", "layer", "node", pt.learning.LowRank(3)])
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
 def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None:
     learner = pt.CubatureLearner(
         pt.DenseNetwork(3, (6,), 2),

@@ -25,7 +25,6 @@ from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.settings import (
     ChangeDetection,
-    LowRank,
     NoiseEstimation,
     Screening,
     Structure,
@@ -52,8 +51,8 @@ WORST_RATIO = 2.0
 """Error after a fault over that without it, above which a learner has not recovered."""
 KILL = "kill -9 while saving"
 FAULT_NAMES = (*FAULTS, KILL)
-STRUCTURES: tuple[Structure, ...] = ("full", "layer", "node", LowRank(4))
-SHARES = (0.1, 0.15, 0.7, 0.05)
+STRUCTURES: tuple[Structure, ...] = ("full", "layer", "node")
+SHARES = (0.1, 0.15, 0.75)
 """Share of the learners that have each structure; screening makes the others slow."""
 
 

@@ -229,7 +229,7 @@ def _campaign(results: AttackResults) -> str:
     counted = ", ".join(f"{n} `{name}`" for name, n in sorted(events.items(), key=lambda e: -e[1]))
     return (
         f"{len(runs)} runs of seed {results.seed}. Each run draws a learner as a user would choose "
-        "it (strip or dense network; full, layer, node or low-rank covariance; double or single "
+        "it (strip or dense network; full, layer or node covariance; double or single "
         "precision; with or without change detection; always with screening, noise estimation and "
         "`prior_share=1e-4`) and a fault with its place, length and channels; it can be flown "
         "again: `patagium_lab.attack.campaign.one_run(seed, number)`. The learner gets 1,500 "

@@ -39,7 +39,6 @@ from patagium_lab.bench.latency import LOADS, measure_latency
 from patagium_lab.bench.result import Result, compared
 from patagium_lab.bench.update import (
     full_covariance_results,
-    low_rank_results,
     noise_results,
 )
 from patagium_lab.comparisons import seconds_text
@@ -172,7 +171,6 @@ def update_results(robot: Robot) -> Iterator[Result]:
             _update_time(plain, robot, 8),
         )
     yield from full_covariance_results(robot)
-    yield from low_rank_results(robot)
     yield from noise_results(robot)
 
 

@@ -68,7 +68,6 @@ TARGETS = (
         SpeedTarget("update", f"update with noise between samples, {name}", 2.0, "without")
         for name in _NOISY
     ),
-    SpeedTarget("update", "growth of an update of low rank 10 with the weights, float64", 1.0),
     SpeedTarget("pipeline", f"{_NODE}: median", 40e-6),
     SpeedTarget("pipeline", f"{_NODE}: 99 % within", 100e-6),
     SpeedTarget("pipeline", f"{_STRIP}: median", 60e-6),

@@ -1,4 +1,4 @@
-"""Times of an update: full covariance, low rank for many weights, noise between samples.
+"""Times of an update: full covariance, noise between samples.
 
 One update stands beside Algorithm 1 and beside the arithmetic that it cannot avoid. All take turns,
 some calls each, so that a busy machine slows all; times are medians of the processor's time.
@@ -25,7 +25,6 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.settings import (
     FilterSettings,
-    LowRank,
     NoiseEstimation,
     Screening,
     Structure,
@@ -50,10 +49,9 @@ _NOISE_BETWEEN: dict[str, Any] = {
 }
 _NOISY: tuple[tuple[str, Structure], ...] = (
     *(("extended", structure) for structure in ("full", "layer")),
-    *(("cubature", structure) for structure in ("full", "layer", "node", LowRank(10))),
+    *(("cubature", structure) for structure in ("full", "layer", "node")),
 )
 _ROUNDS, _LINKS = 9, 40_000
-_HIDDEN, _TWIN_WEIGHTS = (232, 734, 2_325, 7_350, 23_255), 200_000
 _FLOOR_NOTE = (
     "floor: multiplications with additions of S Z and of the change of S, {0}, and of the network "
     "at the points, each done once at the peak rate of this core in this precision, measured in "
@@ -108,45 +106,6 @@ def full_covariance_results(robot: Robot) -> Iterator[Result]:
             yield compared(name, times[dtype], "ns", against, floor, note)
 
 
-def low_rank_results(robot: Robot) -> Iterator[Result]:
-    """Networks of 10^4 to 10^6 weights with a covariance of low rank, and how time grows.
-
-    Args:
-        robot: A floating machine with wings.
-
-    Yields:
-        Compiled beside NumPy up to 10^5 weights, float32 beside float64, and the slope of
-        the logarithm of time over that of the number of weights.
-    """
-    n, structure, found = robot.dof, LowRank(10), []
-    for hidden in _HIDDEN:
-        network = DenseNetwork(2 * n, (hidden,), robot.dof_names)
-        settings = {"prior_std": PRIOR, "measurement_std": NOISE, "covariance": structure}
-        double, single = (
-            CubatureLearner(network, dtype=dtype, spread=3**0.5, **settings)  # type: ignore[arg-type]
-            for dtype in ("float64", "float32")
-        )
-        calls = {"float64": (on_samples(robot, double.update), 4)}
-        calls["float32"] = (on_samples(robot, single.update), 4)
-        if network.size < _TWIN_WEIGHTS:
-            calls["twin"] = (on_samples(robot, _numpy_twin(network).update), 2)
-        times, _ = in_turns(calls, {}, 3)
-        name, note = f"update of low rank 10, {network.size} weights", "Python call, all included"
-        if "twin" in times:
-            yield compared(name, times["float64"], "ns", "NumPy", times["twin"], note)
-        yield compared(
-            name, times["float32"], "ns", "float64", times["float64"], note + "; float32"
-        )
-        found.append((network.size, times["float64"], times["float32"]))
-    sizes, *columns = np.log(np.array(found)).T
-    for dtype, column in zip(("float64", "float32"), columns, strict=True):
-        slope = float(np.polyfit(sizes, column, 1)[0])
-        name = f"growth of an update of low rank 10 with the weights, {dtype}"
-        yield Result(
-            name, slope, "1", note=f"d ln time / d ln n over {len(sizes)} sizes; 1: linear"
-        )
-
-
 def noise_results(robot: Robot) -> Iterator[Result]:
     """Time of an update with prior share, process noise and noise estimation, over that without.
 
@@ -192,20 +151,12 @@ def describe_covariance(structure: Structure) -> str:
     Args:
         structure: As a setting has it.
     """
-    if isinstance(structure, LowRank):
-        return f"low rank {structure.rank}"
     return {"full": "full covariance", "layer": "by layer", "node": "by neuron"}[structure]
 
 
 def _filter(network: Network, learner: str, settings: FilterSettings) -> WeightFilter:
     numbers = filter_numbers(network, settings, learner)
     return WeightFilter(numbers, structure_and_kernel(numbers), network.initial(0))
-
-
-def _numpy_twin(network: DenseNetwork) -> WeightFilter:
-    settings = FilterSettings(covariance=LowRank(10), **_PLAIN)
-    numbers = filter_numbers(network, settings, "cubature")
-    return WeightFilter(numbers, structure_and_kernel(numbers, False), network.initial(0))
 
 
 def multiply_adds(network: DenseNetwork, shape: str) -> int:

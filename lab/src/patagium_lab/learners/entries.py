@@ -23,7 +23,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
-from patagium.learning.settings import LowRank, NoiseEstimation
+from patagium.learning.settings import NoiseEstimation
 from patagium_lab.learners.data_sets import DataSet
 
 Array = NDArray[np.float64]
@@ -276,8 +276,6 @@ ENTRIES: tuple[Entry, ...] = (
           twin="node"),
     Entry("bounded", "cubature, by neuron, bounded memory", _bounded(), knobs=_POINTS),
     Entry("estimated", "cubature, by neuron, bounded, noise estimated", _bounded(**_NOISE),
-          knobs=_POINTS),
-    Entry("low_rank", f"cubature, rank {RANK}", _cubature(covariance=LowRank(RANK)),
           knobs=_POINTS),
     Entry("extended", "extended filter, compiled", _extended, knobs=_FILTER),
     Entry("strip", "strip network, cubature, full", _cubature("strip"), "strip", knobs=_POINTS),

@@ -31,7 +31,7 @@ TURN = 0.05
 """Duration of a turn, which has one update at least [s]."""
 WARM = 5
 """Updates before the first turn."""
-_COST = {"extended": 200.0, "low_rank": 100.0, "replay": 50.0, "rebayes": 40.0}
+_COST = {"extended": 200.0, "replay": 50.0, "rebayes": 40.0}
 Key = tuple[str, str]
 """Name of a data set and key of an entry."""
 Chosen = tuple[dict[str, float], float]

@@ -29,8 +29,6 @@ from patagium.learning.filters.kernel_memory import (
     rounded_up,
     screening_memory,
 )
-from patagium.learning.filters.low_rank import LOW_RANK
-from patagium.learning.filters.low_rank_kernel import compiled_low_rank
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import new_screen
@@ -38,7 +36,6 @@ from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
-from patagium.learning.settings import LowRank
 from patagium.native import load_kernel
 from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
 
@@ -65,8 +62,6 @@ def structure_and_kernel(
     """
     if numbers.settings.square_root == "cholesky":
         return WHOLE, None
-    if isinstance(numbers.structure, LowRank):
-        return (compiled_low_rank(numbers) if compiled else None) or LOW_RANK, None
     structure = WHOLE if _keeps_covariance(numbers) else BLOCKS
     return structure, _kernel_for(numbers) if compiled else None
 

@@ -1,9 +1,8 @@
 """Covariance structure of a weight filter: functions with equal signatures over a state.
 
 A structure keeps as much of the covariance P of the weights as its state holds: square roots of
-blocks (`blocks`), blocks of P itself (`blocks.WHOLE`), or the inverse of a diagonal and few columns
-(`low_rank`). The state is that between two samples, or that before the next one, forgetting and
-process noise done.
+blocks (`blocks`) or blocks of P itself (`blocks.WHOLE`). The state is that between two samples, or
+that before the next one, forgetting and process noise done.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
-from patagium.learning.filters.weight_covariance import WeightCovariance
+from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
 
 Array = NDArray[np.float64]
@@ -53,15 +52,13 @@ class Structure(NamedTuple):
         variances: Diagonal of P, (n,) [1]: (numbers, state) -> array.
         packed: Arrays of a file: (numbers, state) -> arrays by name.
         unpacked: Inverse of `packed`: (numbers, arrays by name) -> state.
-        forgets: Whether `moments` and `learned` divide by the forgetting factor themselves.
     """
 
     start: Callable[[FilterNumbers, Array], Any]
     drifted: Callable[[FilterNumbers, Any, float, Array | None], Any]
     moments: Callable[[Any, Look], tuple[Moments, Any]]
     learned: Callable[[Any, Look, Any, Moments, Array], tuple[Array, Any]]
-    covariance: Callable[[FilterNumbers, Any], WeightCovariance]
+    covariance: Callable[[FilterNumbers, Any], BlockCovariance]
     variances: Callable[[FilterNumbers, Any], Array]
     packed: Callable[[FilterNumbers, Any], dict[str, Array]]
     unpacked: Callable[[FilterNumbers, Mapping[str, Array]], Any]
-    forgets: bool = False

@@ -1,4 +1,4 @@
-"""Covariance of weights in the size of what is kept of it: blocks, or diagonal and few columns.
+"""Covariance of weights in the size of what is kept of it: its blocks.
 
 Filters give it, and learned models carry it: the variance of a prediction needs H P H' only,
 never P as one matrix.
@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, eigh, solve_triangular
 
+from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Indices, Layered, blocks_of
@@ -23,7 +22,6 @@ Array = NDArray[np.float64]
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""
-_LEAST = 1e-10  # of U beside the squares of a row of F, so that differences keep digits
 
 
 def scattered(parts: Sequence[Array], blocks: Sequence[Indices]) -> Array:
@@ -97,98 +95,6 @@ class BlockCovariance:
         return self.structure, {"lower": packed(self.parts)}
 
 
-class Precision(NamedTuple):
-    """Inverse of a covariance, U + F F'.
-
-    Attributes:
-        diagonal: U, (n,) [1].
-        columns: F, (n, r) [1].
-    """
-
-    diagonal: Array
-    columns: Array
-
-    def solve(self, vectors: Array) -> Array:
-        """(U + F F')^-1 v for vectors v, (n, m)."""
-        scaled, columns = vectors / self.diagonal[:, None], self.columns
-        inner = np.eye(columns.shape[1]) + columns.T @ (columns / self.diagonal[:, None])
-        part = cho_solve(cho_factor(inner, check_finite=False), columns.T @ scaled)
-        return np.asarray(scaled - (columns @ part) / self.diagonal[:, None])
-
-    def variances(self) -> Array:
-        """Diagonal of P = (U + F F')^-1, variances of the weights, (n,) [unit of W squared]."""
-        diagonal, columns = self
-        scaled = columns / diagonal[:, None]
-        lower = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ scaled)
-        part = solve_triangular(lower, scaled.T, lower=True)
-        return np.asarray(1.0 / diagonal - np.einsum("ij,ij->j", part, part))
-
-    @property
-    def size(self) -> int:
-        """Number of weights, n."""
-        return len(self.diagonal)
-
-    def dense(self, most: int = MOST_WEIGHTS) -> Array:
-        """P, (n, n).
-
-        Args:
-            most: Number of weights above which P is refused as one matrix.
-
-        Raises:
-            ParameterError: If there are more weights than that.
-        """
-        _check_size(self.size, most)
-        return self.solve(np.eye(self.size))
-
-    def seen_by(self, slope: Array) -> Array:
-        """H P H', (n_y, n_y).
-
-        Args:
-            slope: H, (n_y, n) [unit of y].
-        """
-        seen = slope @ self.solve(slope.T)
-        return np.asarray((seen + seen.T) / 2)
-
-    def arrays(self) -> tuple[str, dict[str, Array]]:
-        """Name of the structure; diagonal and columns of P^-1, row by row."""
-        return "low rank", {"diagonal": self.diagonal, "columns": self.columns.ravel()}
-
-    def drifted(self, growth: float, noise: Array) -> Precision:
-        """Inverse of growth P + diag(noise).
-
-        Args:
-            growth: Factor of the covariance; where it is 0 the noise is all of it.
-            noise: Variances added to the weights, (n,) [1].
-        """
-        if growth == 0:
-            return Precision(1.0 / noise, np.zeros_like(self.columns))
-        damping = growth + noise * self.diagonal
-        inner = self.columns.T @ (self.columns * (noise / (growth * damping))[:, None])
-        inner[np.diag_indices_from(inner)] += 1.0 / growth
-        lower = np.linalg.cholesky(inner)
-        columns = solve_triangular(lower, (self.columns / damping[:, None]).T, lower=True).T
-        return Precision(self.diagonal / damping, columns)
-
-    def compressed(self, rank: int) -> Precision:
-        """Precision of the strongest columns, and of the others the diagonal.
-
-        U is kept from vanishing.
-
-        Args:
-            rank: Number of columns to keep.
-        """
-        scaled = self.columns / np.sqrt(self.diagonal)[:, None]
-        _, turn = eigh(scaled.T @ scaled, check_finite=False)
-        turned = self.columns @ turn[:, ::-1]
-        squares = turned**2
-        diagonal = self.diagonal + squares[:, rank:].sum(axis=1)
-        return Precision(np.maximum(diagonal, _LEAST * squares.sum(axis=1)), turned[:, :rank])
-
-
-WeightCovariance: TypeAlias = BlockCovariance | Precision
-"""Covariance P of n weights, as much of it as is kept."""
-
-
 def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -> BlockCovariance:
     """Covariance of the blocks of a structure.
 
@@ -211,8 +117,8 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
     return BlockCovariance(structure, blocks, tuple(parts))
 
 
-def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> WeightCovariance:
-    """Covariance from the arrays of `WeightCovariance.arrays`.
+def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> BlockCovariance:
+    """Covariance from the arrays of `BlockCovariance.arrays`.
 
     Args:
         weights: Whose, a network or the part of it with weights.
@@ -221,16 +127,12 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
 
     Raises:
         KeyError: If an array is missing.
-        ParameterError: If there is no such kind.
+        ParameterError: If there is no such kind, or none any more.
         ShapeError: If an array has another length.
     """
-    if kind == "low rank":
-        diagonal, columns = arrays["diagonal"], arrays["columns"]
-        if diagonal.shape != (weights.size,) or columns.size % weights.size:
-            raise ShapeError("covariance", (weights.size,), diagonal.shape)
-        return Precision(diagonal, columns.reshape(weights.size, -1))
+    refuse_removed("covariance", kind)
     if kind not in {*BLOCKS, *OWN_BLOCKS}:
-        known = (*BLOCKS, *sorted(OWN_BLOCKS), "low rank")
+        known = (*BLOCKS, *sorted(OWN_BLOCKS))
         raise ParameterError("covariance", f"one of {', '.join(known)}", kind)
     sizes = [len(block) for block in blocks_of(weights, kind)]
     parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]

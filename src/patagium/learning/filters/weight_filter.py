@@ -23,7 +23,7 @@ from patagium.learning.filters.screening import Screened, new_screen
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
 from patagium.learning.filters.structure import Look, Structure
-from patagium.learning.filters.weight_covariance import WeightCovariance
+from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
 
 Array = NDArray[np.float64]
@@ -137,7 +137,7 @@ class WeightFilter:
         """State of the covariance structure after the last sample."""
         return self._kept if self._kernel is None else self._kernel.kept()
 
-    def covariance(self) -> WeightCovariance:
+    def covariance(self) -> BlockCovariance:
         """P after the last sample."""
         return self._structure.covariance(self.numbers, self.kept())
 
@@ -175,7 +175,7 @@ class WeightFilter:
     def _advanced(self) -> Any:
         """State of the covariance before the next sample, forgetting and process noise done."""
         numbers = self.numbers
-        if self._noise is None and (self._structure.forgets or numbers.forgetting_factor == 1):
+        if self._noise is None and numbers.forgetting_factor == 1:
             return self._kept
         if self._before is None:
             growth = 1.0 / numbers.forgetting_factor

@@ -28,9 +28,6 @@ class CubatureLearner(FilterLearner, kind="cubature"):
     - "layer": one block a layer; the same with the sum of b^2 in place of n^2.
     - "node": one block a neuron; 2 n k, n k / 2 where at most one linear layer follows, about
       n n_y (k + 2 n_y) further from the outputs; noise between samples adds n k^2 / 3.
-    - LowRank(r): the inverse of a diagonal plus r columns; n (r + n_y)^2, n (r + 2 n_y): for
-      10^4 weights and more. The passes over the weights are compiled, the small algebra is
-      NumPy; the points lie along n_y columns and dy/dW is used.
 
     `square_root="transform"` carries S itself, lower triangular, through the update: compiled,
     positive definite by construction. Its points are those of the Cholesky factor, so with
@@ -52,8 +49,7 @@ class CubatureLearner(FilterLearner, kind="cubature"):
 
     References:
         Arasaratnam & Haykin (2009), Cubature Kalman filters, IEEE TAC 54(6); Puskorius &
-        Feldkamp (1991), Decoupled extended Kalman filter training, IJCNN; Chang et al. (2023),
-        Low-rank extended Kalman filtering, CoLLAs.
+        Feldkamp (1991), Decoupled extended Kalman filter training, IJCNN.
     """
 
     @property

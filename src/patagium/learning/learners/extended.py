@@ -17,8 +17,7 @@ class ExtendedLearner(FilterLearner, kind="extended"):
     P <- P - P H' P_yy^-1 H P; of that, what `covariance` keeps. Its square root is carried; with
     noise between samples, "full" and "layer" carry P itself, in as much time. Compiled for networks
     of a perceptron and for `HiddenStripNetwork`, others are in NumPy. Cost and memory of "full" are
-    of order n^2, of "layer" of the sum of its blocks' squares, of "node", in NumPy, as of "full";
-    `LowRank(r)` takes n (r + n_y)^2 and n (r + 2 n_y), and is the low-rank filter of Chang et al.
+    of order n^2, of "layer" of the sum of its blocks' squares, of "node", in NumPy, as of "full".
 
     Args:
         network: Network whose weights are learned.
@@ -32,5 +31,5 @@ class ExtendedLearner(FilterLearner, kind="extended"):
 
     References:
         Singhal & Wu (1989), Training multilayer perceptrons with the extended Kalman
-        algorithm, NIPS 1; Chang et al. (2023), Low-rank extended Kalman filtering, CoLLAs.
+        algorithm, NIPS 1.
     """

@@ -21,7 +21,7 @@ from patagium.learning.filters.numbers import PRIOR, compact_settings, filter_nu
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import REFUSALS, Screen
 from patagium.learning.filters.state import part, vector
-from patagium.learning.filters.weight_covariance import WeightCovariance
+from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
     OnlineLearner,
@@ -332,7 +332,7 @@ class FilterLearner(OnlineLearner):
         given = {"kind": self.kind, "network": network, **settings, "seed": self._seed}
         return given | found_part(self.found)
 
-    def kept_covariance(self) -> WeightCovariance:
+    def kept_covariance(self) -> BlockCovariance:
         """Covariance of the weights as kept after the last sample."""
         return self._filter.covariance()
 

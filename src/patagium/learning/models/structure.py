@@ -1,8 +1,8 @@
 """Blocks of weights whose covariance a learner keeps: all weights, layers or neurons.
 
 Full: every pair of weights. Layer: pairs within a layer. Node: pairs within a neuron, its
-bias included. Low rank: the inverse of a diagonal plus a product of few columns. After each
-sample the covariance over all weights is computed, and the part in the structure is kept.
+bias included. After each sample the covariance over all weights is computed, and the part in the
+structure is kept.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def register_blocks(name: str, blocks: Blocks) -> None:
     Raises:
         ParameterError: If the package has a structure of the name.
     """
-    if name in (*BLOCKS, "low rank"):
+    if name in BLOCKS:
         raise ParameterError("name of the structure", "one of its own", name)
     _OWN[name] = blocks
     OWN_BLOCKS.add(name)

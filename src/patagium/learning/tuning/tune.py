@@ -169,9 +169,8 @@ def tune(
         every: 100 to use one sample in 100. The settings found are for that rate.
         trials: Number of settings to try.
         learner: "cubature" or "extended".
-        covariance: Structures to try, as files hold them: "full", "layer", "node" or
-            {"rank": r}; None: the first three, or "node" where a network has more than 400
-            weights.
+        covariance: Structures to try, as files hold them: "full", "layer" or "node";
+            None: all of them, or "node" where a network has more than 400 weights.
         settings: Settings that are not searched over their ranges, by name: a plain value as
             files hold it, or `Alternatives`.
         seed: Seed of the search and of the initial weights.
