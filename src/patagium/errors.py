@@ -15,6 +15,8 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
+from patagium.limits import PROBLEMS, SHOWN
+
 __all__ = [
     "CompilerError",
     "FilterDiverged",
@@ -30,6 +32,7 @@ __all__ = [
     "RobotFileWarning",
     "ShapeError",
     "SimulationFailed",
+    "Unreadable",
 ]
 
 
@@ -61,8 +64,32 @@ class ParameterError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: str, found: object) -> None:
-        super().__init__(f"{name}: expected {expected}, found {_plain(found)!r}")
+        super().__init__(f"{name}: expected {expected}, found {shown(_plain(found), 400)}")
         self.name, self.expected, self.found = name, expected, found
+
+
+def shown(value: object, most: int = SHOWN) -> str:
+    """Value as a message shows it, cut where it is long.
+
+    Args:
+        value: What was found; any object.
+        most: Characters at most.
+    """
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # a number of thousands of digits
+        text = type(value).__name__
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def first_few(lines: list[str]) -> str:
+    """Lines of a message: the first few, and how many more there are.
+
+    Args:
+        lines: All of them.
+    """
+    more = [f"and {len(lines) - PROBLEMS} more problems"] if len(lines) > PROBLEMS else []
+    return "\n".join([*lines[:PROBLEMS], *more])
 
 
 def _plain(found: object) -> object:
@@ -84,7 +111,7 @@ class RobotFileError(PatagiumError, ValueError):
             f"{file}: {where or 'file'}: expected {want}, found {got}"
             for where, want, got in problems
         ]
-        super().__init__("\n".join(lines))
+        super().__init__(first_few(lines))
         self.file, self.problems = file, problems
 
 
@@ -140,6 +167,22 @@ class LinkageError(PatagiumError, ValueError):
 
 class LogError(PatagiumError, ValueError):
     """A table or flight that cannot be used as it stands."""
+
+
+class Unreadable(LogError):
+    """A file or text that cannot be read within the bounds of `patagium.limits`.
+
+    Args:
+        file: The file.
+        where: Place in it; empty for all of it.
+        expected: What it may be, in words.
+        found: What it is.
+    """
+
+    def __init__(self, file: str, where: str, expected: str, found: str) -> None:
+        place = f"{file}: {where}" if where else file
+        super().__init__(f"{place}: expected {expected}, found {found}")
+        self.file, self.where, self.expected, self.found = file, where, expected, found
 
 
 class FlightError(PatagiumError, ValueError):

@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 import netCDF4
 
-from patagium.errors import PatagiumError
+from patagium.errors import PatagiumError, Unreadable
+from patagium.limits import free_memory, in_bytes
+from patagium.reading import regular_file
 from patagium.whole_file import Draft
 
 if TYPE_CHECKING:
@@ -132,17 +134,13 @@ def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) 
     """
     try:
         yield
-    except PatagiumError:
+    except error:
         raise
-    except (
-        ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
-        ValueError,
-    ) as problem:  # fmt: skip
-        reason = "no such file"
-        if Path(path).exists():
-            said = str(problem) or type(problem).__name__
-            reason = f"expected {expected}, found: {said[:200]}"
-        raise error(f"{path}: {reason}") from problem
+    except PatagiumError as problem:
+        raise error(str(problem)) from problem
+    except Exception as problem:  # of the libraries, in many kinds
+        said = str(problem) or type(problem).__name__
+        raise error(f"{path}: expected {expected}, found: {said[:200]}") from problem
 
 
 def loaded_dataset(
@@ -157,17 +155,22 @@ def loaded_dataset(
         group: Group in the file; None: all outside of groups.
 
     Raises:
-        PatagiumError: Of the kind `error`, if the file cannot be read, or would take far more
-            memory than its bytes hold.
+        PatagiumError: Of the kind `error`, if the file cannot be read, would take far more memory
+            than its bytes hold or than is free, or holds complex numbers, dates or records.
     """
     import xarray as xr
 
     with netcdf_content(path, error, expected):
+        file = regular_file(path)
         options = {"group": group, "engine": "netcdf4", "decode_times": False}
-        with xr.open_dataset(path, **options) as opened:  # type: ignore[arg-type]
-            most = _GROWTH * Path(path).stat().st_size + _SPARE
+        with xr.open_dataset(file, **options) as opened:  # type: ignore[arg-type]
+            most = min(_GROWTH * file.stat().st_size + _SPARE, free_memory() // 2)
             if opened.nbytes > most:
-                raise error(f"{path}: expected at most {most} bytes, found {opened.nbytes}")
+                found = f"{in_bytes(opened.nbytes)}; cut it, as with ncks -d time,0,1000000"
+                raise Unreadable(str(path), "", f"at most {in_bytes(most)}", found)
+            for name, one in opened.variables.items():
+                if one.dtype.kind in "cMmV":
+                    raise Unreadable(str(path), str(name), "real numbers or names", f"{one.dtype}")
             dataset = opened.load()
     for variable in dataset.variables.values():
         variable.encoding.clear()

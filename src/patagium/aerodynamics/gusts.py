@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.aerodynamics.local_flow import strip_motions, velocity_at
 from patagium.aerodynamics.named_descriptions import check_keys, from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.arrays import real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, ShapeError, positive
@@ -317,7 +318,7 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
         ShapeError: If they are not (3,).
         ParameterError: If one is not finite.
     """
-    array = np.asarray(value, float)
+    array = real_array(name, value)
     if array.shape != (3,):
         raise ShapeError(name, (3,), array.shape)
     if not np.isfinite(array).all():

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.arrays import real_array
 from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
@@ -181,7 +182,7 @@ class CompiledAero:
         return call(*arrays, *self._constants)
 
     def _checked(self, name: str, value: Any, size: int) -> Array:
-        array = np.asarray(value, float)
+        array = real_array(name, value)
         if array.shape[-1:] != (size,) or array.ndim > 1 + self._batch:
             raise ShapeError(name, f"(N, {size})" if self._batch else (size,), array.shape)
         return array

@@ -17,7 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import LogError, PatagiumError, ShapeError
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
     BlockCovariance,
@@ -25,8 +25,10 @@ from patagium.learning.filters.weight_covariance import (
     covariance_from,
 )
 from patagium.learning.learners.learner import Learner, as_input
-from patagium.learning.models.network import Network
+from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.registry import network_from_description
+from patagium.limits import free_memory
+from patagium.reading import json_object, made_again, text_of
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
@@ -72,10 +74,16 @@ class Model:
     usual_std: Array | None = None
 
     def __post_init__(self) -> None:
-        """Refuse weights or a covariance of another network."""
-        n = self.network.size
-        if self.weights.shape != (n,):
-            raise ShapeError("weights", (n,), self.weights.shape)
+        """Refuse weights, a covariance or deviations of another network."""
+        n, outputs = self.network.size, self.network.outputs
+        for name, size in (("weights", n), ("measurement_std", outputs), ("usual_std", outputs)):
+            array = getattr(self, name)
+            if array is None:
+                continue
+            if array.shape != (size,):
+                raise ShapeError(name, (size,), array.shape)
+            if center_of(name, array, size).min() < 0 and name != "weights":
+                raise ParameterError(name, "numbers not below zero", array)
         kept = self.kept_covariance
         if kept is not None and kept.size != n:
             raise ShapeError("covariance", (n, n), (kept.size, kept.size))
@@ -163,19 +171,12 @@ def load_model(path: str | Path) -> Model:
         LogError: If there is no such file, or it is not a model of this version.
     """
     file = Path(path)
-    try:
-        words = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise LogError(f"{file}: cannot be read: {problem.strerror}") from None
-    except ValueError as problem:
-        raise LogError(f"{file}: expected a model (JSON), found: {problem}") from None
-    found = words.get("format") if isinstance(words, dict) else type(words).__name__
+    words = json_object(text_of(file, free_memory() // 8), str(file))
+    found = words.get("format")
     if found not in (FORMAT, _FIRST_FORMAT):
         raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
-    try:
+    with made_again(f"{file}: the model"):
         return _model(words)
-    except (PatagiumError, KeyError, TypeError, ValueError) as problem:
-        raise LogError(f"{file}: the model cannot be made again: {problem}") from problem
 
 
 def _words(model: Model) -> dict[str, Any]:
@@ -238,4 +239,6 @@ def _unpacked(network: Network, words: Mapping[str, str] | str) -> BlockCovarian
         name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)
         for name, text in texts.items()
     }
+    for name, array in arrays.items():
+        center_of(name, array, array.size)
     return covariance_from(network, kind, arrays)

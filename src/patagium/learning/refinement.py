@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -71,7 +72,7 @@ def refine(
         ShapeError: If the arrays do not fit each other.
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
-    stamps, seen, measured = (np.asarray(a, float) for a in (time, x, y))
+    stamps, seen, measured = (real_array("time, x and y", a) for a in (time, x, y))
     network, starts = learner.network, np.asarray(gaps, np.int64)
     if measured.shape != (len(stamps), network.outputs):
         raise ShapeError("y", (len(stamps), network.outputs), measured.shape)

@@ -20,7 +20,8 @@ from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
-from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
+from patagium.netcdf_file import loaded_dataset, write_netcdf
+from patagium.reading import json_object, made_again
 
 Array = NDArray[np.float64]
 
@@ -87,8 +88,8 @@ def load_identification(path: str | Path) -> Identification:
     record = loaded_dataset(file, LogError, "an identification")
     if "scores" not in record.attrs:
         raise LogError(f"{file}: expected an identification, found a file without scores")
-    with netcdf_content(file, LogError, "an identification with its scores"):
-        scores = json.loads(record.attrs.pop("scores"))
+    with made_again(f"{file}: the identification"):
+        scores = json_object(record.attrs.pop("scores"), "scores")
         outcome = Outcome[scores.get("outcome", "COMPLETED")]
         return Identification(scores, record, None, outcome, scores.get("message", ""))
 

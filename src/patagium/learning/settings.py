@@ -689,12 +689,9 @@ def _array(name: str, value: Any) -> Any:
     Raises:
         ParameterError: If the value is no number and no sequence of numbers.
     """
-    import numpy as np  # not for the help of the command line
+    from patagium.arrays import real_array  # NumPy is not for the help of the command line
 
-    try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise ParameterError(name, "a number or several", value) from None
+    return real_array(name, value)
 
 
 def _plain_numbers(name: str, value: Any) -> Numbers:

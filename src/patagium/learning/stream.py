@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import real_array
 from patagium.deprecation import renamed_arguments
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
@@ -593,7 +594,7 @@ def checked_samples(
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
     """
-    stamps, inputs, outputs = (np.ascontiguousarray(a, float) for a in arrays)
+    stamps, inputs, outputs = (np.ascontiguousarray(real_array("time, x and y", a)) for a in arrays)
     if stamps.ndim != 1 or len(stamps) < 2:
         raise ShapeError("time", "(N,) with N >= 2", stamps.shape)
     if outputs.shape != (len(stamps), network.outputs):
@@ -614,7 +615,7 @@ def checked_samples(
     known = {(len(stamps), n) for n in (measured_inputs(network), network.inputs)}
     if inputs.shape not in known:
         raise ShapeError("x", (len(stamps), measured_inputs(network)), inputs.shape)
-    noise = None if std is None else np.asarray(std, float)
+    noise = None if std is None else real_array("std", std)
     if noise is not None and noise.shape != outputs.shape:
         raise ShapeError("std", outputs.shape, noise.shape)
     return Samples(stamps, inputs, outputs, np.asarray(gaps, np.int64), noise)

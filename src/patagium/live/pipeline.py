@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass
+from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.screening import REFUSALS
@@ -198,7 +199,7 @@ class Pipeline:
         Raises:
             ShapeError: If the packet has another shape.
         """
-        row = np.asarray(packet, float)
+        row = real_array("packet", packet)
         if row.shape != (self._columns,):
             raise ShapeError("packet", (self._columns,), row.shape)
         return self.run(row[None])

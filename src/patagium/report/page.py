@@ -184,7 +184,11 @@ _UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"Creatio
 def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", "pdf"]) -> None:
     """Write a figure, the same bytes each time it is the same figure."""
     from matplotlib import rc_context
+    from matplotlib.text import Text
 
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and not text.get_text().startswith("$\\mathdefault{"):
+            text.set_parse_math(False)  # a name from a file is no formula; a power of ten is
     with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
         figure.savefig(target, format=kind, dpi=160, metadata=_UNSTAMPED[kind])
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
+from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES, Body, Cruise, Joint, Robot, Strip, repeated
 from patagium.robot.schema import BodyPart, CruisePart, JointPart, RobotFile, Segment, WingPart
@@ -78,6 +79,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         gravity=file.gravity,
         **_capacities(ordered),
     )
+    _check_inertia(robot, [draft.path for draft in drafts])
     taken = repeated(robot.coordinate_names)
     if taken:
         floating = next(draft for draft in drafts if draft.part.floating)
@@ -192,6 +194,39 @@ def _check_masses(drafts: list[_Draft]) -> None:
         elif draft.joints or draft.part.floating:
             expected = "a body with mass, or one that carries such"
             raise AssemblyError((draft.path, expected, "massless"))
+
+
+def _check_inertia(robot: Robot, paths: list[str]) -> None:
+    """A turn that moves no mass has no equation of motion either; seen at zero coordinates."""
+    turns, places = [np.eye(3)], [np.zeros(3)]  # of the world, then of each body
+    masses, centers, tensors = np.array([body.mass for body in robot.bodies]), [], []
+    for body in robot.bodies:
+        xx, yy, zz, xy, xz, yz = body.inertia
+        places.append(places[body.parent + 1] + turns[body.parent + 1] @ body.position)
+        turns.append(turn := turns[body.parent + 1] @ np.array(body.orientation))
+        centers.append(places[-1] + turn @ body.center_of_mass)
+        tensors.append(turn @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn.T)
+    for k, body in enumerate(robot.bodies):
+        below = [k]
+        for i in range(k + 1, len(robot.bodies)):
+            below += [i] if robot.bodies[i].parent in below else []
+        free = body.floating_dofs is not None
+        axes = [turns[k + 1] @ j.axis for j in body.joints if j.kind == "revolute"]
+        if not axes and not free:
+            continue
+        place = np.average(np.array(centers)[below], 0, masses[below]) if free else places[k + 1]
+        arms = np.array(centers)[below] - place
+        tensor = np.sum(np.array(tensors)[below], axis=0)
+        for mass, arm in zip(masses[below], arms, strict=True):
+            tensor = tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        least = np.linalg.eigvalsh(tensor)[0] if free else min(a @ tensor @ a for a in axes)
+        if not least > max(_ROUNDING * np.trace(tensor), LEAST_INERTIA):
+            expected = f"a moment of inertia about its {'center' if free else 'joint'} above 0"
+            raise AssemblyError((paths[k], expected, f"{max(least, 0.0):.3g} kg m^2"))
+
+
+_ROUNDING = 1e-13
+"""Rounding of a moment of inertia, relative to those about other axes."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ robot is written once, in the open.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Hashable
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -18,14 +17,15 @@ import yaml
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from patagium.errors import ParameterError, RobotFileError, RobotFileWarning
+from patagium.errors import ParameterError, RobotFileError, RobotFileWarning, Unreadable, shown
+from patagium.limits import ROBOT_FILE, SHOWN
+from patagium.reading import parsed_yaml, text_of
 from patagium.robot.assembly import AssemblyError, assemble, with_file_parameters
 from patagium.robot.model import Robot
 from patagium.robot.schema import CompositionFile, RobotFile
 from patagium.robot.urdf import read_urdf
 
 Problem = tuple[str, str, str]
-_LARGEST_FILE = 1_000_000
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -163,64 +163,20 @@ def preset_text(name: str) -> str:
 
 def _text(path: Path) -> str:
     try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise RobotFileError(
-                str(path), [("", f"at most {_LARGEST_FILE} bytes", f"{path.stat().st_size}")]
-            )
-        return path.read_text("utf-8")
-    except OSError as error:
-        found = error.strerror or type(error).__name__
-        raise RobotFileError(str(path), [("", "a file that can be read", found)]) from None
-    except ValueError:  # not UTF-8, or a null byte in the path
-        raise RobotFileError(str(path), [("", "text in UTF-8", "other bytes")]) from None
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without aliases and duplicate keys."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise yaml.composer.ComposerError(None, None, "values written out, no alias", mark)
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[Hashable] = set()
-        for key_node, _ in getattr(node, "value", ()):
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, Hashable):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "keys that are names, found a collection", key_node.start_mark
-                )
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"each key once, found {key!r} again", key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+        return text_of(path, ROBOT_FILE)
+    except Unreadable as error:
+        raise _refusal(error) from None
 
 
 def _parsed(text: str, name: str) -> Any:
     try:
-        return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
-    except yaml.MarkedYAMLError as error:
-        raise RobotFileError(name, [_yaml_problem(error)]) from None
-    except (
-        yaml.YAMLError,
-        ValueError,
-        LookupError,  # the constructors of explicit tags, such as !!bool x
-        AttributeError,
-        TypeError,
-        RecursionError,
-    ) as error:
-        found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise RobotFileError(name, [("", "readable YAML", found)]) from None
+        return parsed_yaml(text, name, aliases=False)
+    except Unreadable as error:
+        raise _refusal(error) from None
 
 
-def _yaml_problem(error: yaml.MarkedYAMLError) -> Problem:
-    mark = error.problem_mark or error.context_mark
-    where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return where, "readable YAML", str(error.problem or error.context)
+def _refusal(error: Unreadable) -> RobotFileError:
+    return RobotFileError(error.file, [(error.where, error.expected, error.found)])
 
 
 def _problem(error: ErrorDetails) -> Problem:
@@ -229,13 +185,17 @@ def _problem(error: ErrorDetails) -> Problem:
     if error["type"] == "mismatch":
         if context["at"]:
             where.append(context["at"])
-        return ".".join(where), context["expected"], context["found"]
-    path = ".".join(where)
+        return _place(where), context["expected"], context["found"]
+    path = _place(where)
     if error["type"] == "missing":
         return path, "a value here", "nothing"
     if error["type"] == "extra_forbidden":
-        return path, "no such key (is it misspelled?)", repr(where[-1])
-    return path, _EXPECTED.get(error["type"], error["msg"]), _shown(error["input"])
+        return path, "no such key (is it misspelled?)", shown(where[-1])
+    return path, _EXPECTED.get(error["type"], error["msg"]), shown(error["input"])
+
+
+def _place(where: list[str]) -> str:
+    return ".".join(k if len(k) <= SHOWN else k[: SHOWN - 3] + "..." for k in where)
 
 
 _EXPECTED = {
@@ -247,11 +207,3 @@ _EXPECTED = {
     "int_type": "a whole number",
     "string_pattern_mismatch": "a name: a letter, then letters, digits and _ (lower case)",
 }
-
-
-def _shown(value: object) -> str:
-    try:
-        text = repr(value)
-    except (RecursionError, ValueError):  # a number of thousands of digits
-        text = type(value).__name__
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import real_array
 from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
@@ -574,7 +575,7 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     Raises:
         ParameterError: If they are not.
     """
-    vector = np.array(values, float)
+    vector = real_array(name, values).copy()
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
     return axis_of(vector)

@@ -22,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from patagium.limits import LEAST_MASS
 from patagium.robot.units import (
     Acceleration,
     Angle,
@@ -321,8 +322,9 @@ class BodyPart(_Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> BodyPart:
-        if not (self.massless or self.mass > 0):
-            raise mismatch("a positive quantity", f"{self.mass:g}", "mass")
+        if not (self.massless or self.mass >= LEAST_MASS):
+            expected = f"a positive quantity, {LEAST_MASS:g} kg at least"
+            raise mismatch(expected, f"{self.mass:g}", "mass")
         if (self.inertia is None) == (self.shape is None):
             both = "both" if self.shape is not None else "neither"
             raise mismatch("either inertia or shape", both)

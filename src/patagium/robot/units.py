@@ -15,9 +15,15 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
+from patagium.errors import shown
+from patagium.limits import LARGEST, QUANTITY, UNIT
+
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
-_UNIT = re.compile(r"[A-Za-zµμ°·*/^() 0-9-]{1,40}")
-_POWER = re.compile(r"(?:\^|\*\*)\s*\(?\s*-?\d{2,}")
+_NAME = r"[A-Za-zµμ°][A-Za-z0-9_µμ°]*+"
+_EXPONENT = r"[+-]?\d(?:\.\d{1,2}|/\d)?"
+_POWER = rf"(?:\^|\*\*)\s*+(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?!\d|\.\d|\s*(?:\^|\*\*))"
+_RAISED = re.compile(r"\)\s*(?:\^|\*\*)")
+_UNIT = re.compile(rf"(?:(?:{_NAME}|\))\s*+(?:{_POWER})?+|1\s*+/|[\s*/·.(])*+")
 
 
 class UnitMismatch(ValueError):
@@ -45,16 +51,17 @@ def in_si(written: object, unit: str, noun: str) -> float:
         Value [unit].
 
     Raises:
-        UnitMismatch: If it is no finite number, or has another dimension.
+        UnitMismatch: If it is no number below 1e30, or has another dimension.
     """
     expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}, or a number [{unit or '-'}]"
     if isinstance(written, bool) or not isinstance(written, (int, float, str)):
-        raise UnitMismatch(expected, _shown(written))
+        raise UnitMismatch(expected, shown(written))
     value, label = _parts(written, expected)
     if label:
-        value *= _factor(label, unit, expected, _shown(written))
-    if not math.isfinite(value):
-        raise UnitMismatch(f"a finite {expected}", _shown(written))
+        value *= _factor(label, unit, expected, shown(written))
+    if not abs(value) <= LARGEST:
+        finite = f"a finite {expected}" if not math.isfinite(value) else expected
+        raise UnitMismatch(f"{finite}, below {LARGEST:g}", shown(written))
     return value
 
 
@@ -64,14 +71,14 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
             return float(written), ""
         except OverflowError:
             raise UnitMismatch(expected, "a number too large for a float") from None
-    match = _WRITTEN.fullmatch(written)
+    match = _WRITTEN.fullmatch(written) if len(written) <= QUANTITY else None
     if match is None:
-        raise UnitMismatch(expected, _shown(written))
+        raise UnitMismatch(expected, shown(written))
     return float(match[1]), match[2]
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
-    if not unit or not _UNIT.fullmatch(label) or _POWER.search(label):
+    if not unit or not written_as_unit(label):
         raise UnitMismatch(expected, found)
     registry = _registry()
     try:
@@ -89,6 +96,16 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     return float(base.magnitude) / float(wanted.magnitude)
 
 
+def written_as_unit(text: str) -> bool:
+    """Whether a text is written as a unit: names with powers of one digit, and few of them.
+
+    Args:
+        text: A text such as "kg m/s^2"; what it means is not looked at.
+    """
+    few = len(text) <= UNIT and len(_RAISED.findall(text)) < 2
+    return few and _UNIT.fullmatch(text) is not None
+
+
 def _dimension(quantity: Any) -> str:
     return f"of dimension {quantity.dimensionality}" if quantity.dimensionality else "a pure number"
 
@@ -98,11 +115,6 @@ def _registry() -> Any:
     import pint  # a fifth of a second: only where a unit is written
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
-
-
-def _shown(written: object) -> str:
-    text = repr(written)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 _EXAMPLES = {

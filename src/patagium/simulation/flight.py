@@ -27,9 +27,11 @@ from patagium.aerodynamics import (
     aero_from_description,
 )
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, Outcome, PatagiumError, PathError
+from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
+from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
+from patagium.scratch import release
 from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
 from patagium.simulation.mounts import InternalLoadCell
@@ -225,20 +227,10 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
         explain, relative likewise; a gust shows in it, its rate is not part of added mass.
         aero_power_largest [W]: not above zero if the air opposes motion relative to it.
     """
-    time = flight["time"].to_numpy()
-    velocity = flight["v"].to_numpy()
-    names = ("u1", "aero_force", "damping_force", "mount_force", "added_mass_force")
-    forces = [flight[name].to_numpy() for name in names]
-    powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
-    gravity = float(robot.gravity)
-    weight_power = gravity * np.abs(flight["momentum"].to_numpy()[:, 2])
-    energy = float(np.trapezoid(weight_power + sum(powers), time))
-    pushes = [
-        flight["strip_force"].to_numpy().sum(axis=1),
-        flight["mount_wrench"].to_numpy()[:, :3],
-    ]
-    weight = gravity * sum(float(body.mass) for body in robot.bodies)
-    impulse = float(np.trapezoid(weight + sum(np.linalg.norm(f, axis=1) for f in pushes), time))
+    energy = impulse = 0.0
+    for first in range(0, max(flight.sizes["time"] - 1, 1), _BLOCK):
+        more = _exchanged(flight.isel(time=slice(first, first + _BLOCK + 1)), robot)
+        energy, impulse = energy + more[0], impulse + more[1]
     residual = np.abs(flight["energy_residual"].to_numpy()).max()
     fluid = flight["fluid_energy"].to_numpy()
     unexplained = np.abs(fluid - fluid[0] + flight["added_mass_work"].to_numpy()).max()
@@ -253,6 +245,30 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     }
 
 
+_BLOCK = 1 << 16  # samples whose powers and forces are summed at once
+
+
+def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
+    """Energy [J] and impulse [N s] exchanged in a part of a flight."""
+    time = flight["time"].to_numpy()
+    velocity = flight["v"].to_numpy()
+    names = ("u1", "aero_force", "damping_force", "mount_force", "added_mass_force")
+    forces = [flight[name].to_numpy() for name in names]
+    powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
+    gravity = float(robot.gravity)
+    weight_power = gravity * np.abs(flight["momentum"].to_numpy()[:, 2])
+    pushes = [
+        flight["strip_force"].to_numpy().sum(axis=1),
+        flight["mount_wrench"].to_numpy()[:, :3],
+    ]
+    weight = gravity * sum(float(body.mass) for body in robot.bodies)
+    pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
+    for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
+        release(used)
+    power = weight_power + sum(powers)
+    return float(np.trapezoid(power, time)), float(np.trapezoid(pushed, time))
+
+
 def robot_of(flight: xr.Dataset) -> Robot:
     """The robot a flight was flown with, its parameters as they were.
 
@@ -260,10 +276,8 @@ def robot_of(flight: xr.Dataset) -> Robot:
         FlightError: If the flight does not carry it.
     """
     _require(flight, ("robot", "robot_name"))
-    try:
+    with made_again("the flight's robot", FlightError):
         return load_robot_text(flight.attrs["robot"], str(flight.attrs["robot_name"]))
-    except PatagiumError as error:
-        raise FlightError(f"the flight's robot cannot be made again: {error}") from None
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:
@@ -274,10 +288,8 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
     """
     robot = robot_of(flight)
     _require(flight, ("aero",))
-    try:
-        return aero_from_description(robot, json.loads(flight.attrs["aero"]))
-    except (PatagiumError, ValueError) as error:
-        raise FlightError(f"the flight's air cannot be made again: {error}") from None
+    with made_again("the flight's air", FlightError):
+        return aero_from_description(robot, json_object(flight.attrs["aero"], "aero"))
 
 
 def air_of(flight: xr.Dataset) -> Air:
@@ -287,7 +299,8 @@ def air_of(flight: xr.Dataset) -> Air:
         FlightError: If the flight carries neither.
     """
     if "air" in flight.attrs:  # of an imported log, which has no model
-        return Air(**json.loads(flight.attrs["air"]))
+        with made_again("the log's air", FlightError):
+            return Air(**json_object(flight.attrs["air"], "air"))
     return aero_of(flight).air
 
 
@@ -298,11 +311,9 @@ def added_mass_of(flight: xr.Dataset) -> AddedMass | None:
         FlightError: If the flight does not carry it.
     """
     robot = robot_of(flight)
-    description = json.loads(flight.attrs.get("added_mass", "null"))
-    try:
+    with made_again("the flight's added mass", FlightError):
+        description = parsed_json(flight.attrs.get("added_mass", "null"), "added_mass")
         return None if description is None else added_mass_from_description(robot, description)
-    except (PatagiumError, ValueError) as error:
-        raise FlightError(f"the flight's added mass cannot be made again: {error}") from None
 
 
 def gait_period(flight: xr.Dataset) -> float | None:
@@ -311,7 +322,8 @@ def gait_period(flight: xr.Dataset) -> float | None:
     Args:
         flight: Record whose attribute `gait` describes the gait; of its parts the slowest counts.
     """
-    return _period(json.loads(flight.attrs.get("gait", "{}")))
+    with made_again("the period of the flight's gait", FlightError):
+        return _period(json_object(flight.attrs.get("gait", "{}"), "gait"))
 
 
 def _period(gait: Mapping[str, Any]) -> float | None:
@@ -407,18 +419,16 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         FlightError: If the flight tells an arm that cannot be made again, or that could not
             hold the robot where it was.
     """
-    told: Any = json.loads(flight.attrs.get("mount_path", "null"))
-    if flight.attrs.get("mount") != "arm" or not told or "arm" not in told:
-        return None
-    words = told["arm"]
-    try:
+    with made_again("the flight's arm", FlightError):
+        told: Any = parsed_json(flight.attrs.get("mount_path", "null"), "mount_path")
+        if flight.attrs.get("mount") != "arm" or not told or "arm" not in told:
+            return None
+        words = told["arm"]
         arm = load_robot_text(words["source"], words["name"])
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
         time, start = np.asarray(flight["time"].values, float), np.array(words["start"], float)
         q = track_tool(tool, time, _placed(flight), start, _KNOTS)
-    except (KeyError, PathError, PatagiumError) as problem:
-        raise FlightError(f"the flight's arm cannot be made again: {problem}") from None
-    return Carrier(arm, words["at"], np.array(words["position"], float), q)
+        return Carrier(arm, words["at"], np.array(words["position"], float), q)
 
 
 def _placed(flight: xr.Dataset) -> tuple[Array, Array]:

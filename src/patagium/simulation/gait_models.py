@@ -13,6 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
+from io import StringIO
 from operator import add
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -21,6 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, ParameterError
+from patagium.limits import LARGEST, TABLE_FILE
+from patagium.reading import text_of
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.robot.units import UnitMismatch, in_si
@@ -250,8 +253,6 @@ def check_period(whole: Gait, part: Gait) -> None:
 FEWEST_ROWS = 4
 """Rows a periodic cubic needs, the repeated first one included."""
 
-EXTREME = 1e30
-"""Largest acceleration, as position over step squared, [rad/s^2, m/s^2] and period [s]."""
 CLOSURE = 1e-9
 """How far the last row may be from the first and still repeat it [rad, m]."""
 
@@ -311,9 +312,9 @@ def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
         LogError: If it is no table of finite numbers under a header.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [line for line in csv.reader(file) if line]
-    except (OSError, UnicodeDecodeError) as error:
+        text = text_of(path, TABLE_FILE)
+        lines = [line for line in csv.reader(StringIO(text, newline="")) if line]
+    except csv.Error as error:
         raise LogError(f"{path.name}: cannot be read: {error}") from None
     if not lines:
         raise LogError(f"{path.name}: empty")
@@ -395,6 +396,6 @@ def _closed(
     with np.errstate(all="ignore"):
         fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
         extreme = max(fastest, time[-1] - time[0])
-    if not extreme < EXTREME:
-        raise LogError(f"{path.name}: expected numbers below {EXTREME:g}, found {extreme:g}")
+    if not extreme < LARGEST:
+        raise LogError(f"{path.name}: expected numbers below {LARGEST:g}, found {extreme:g}")
     return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
 from patagium.errors import Outcome
 from patagium.native import NativeFunction, load_kernel
+from patagium.scratch import release, room_for
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -299,10 +300,12 @@ Advance: TypeAlias = Callable[[Stretch, Array, Array], tuple[Outcome, int, int]]
 
 def _room(equations: Equations, steps: int) -> dict[str, Array]:
     shapes = equations.record.size_out
-    return {
-        name: np.empty((steps + 1, rows) if columns == 1 else (steps + 1, columns, rows))
-        for name, (rows, columns) in zip(equations.recorded, shapes, strict=True)
-    }
+    return room_for(
+        {
+            name: (steps + 1, rows) if columns == 1 else (steps + 1, columns, rows)
+            for name, (rows, columns) in zip(equations.recorded, shapes, strict=True)
+        }
+    )
 
 
 def _record(
@@ -314,6 +317,7 @@ def _record(
     ):
         place = samples[name][start : start + len(states)]
         place[...] = (result if columns == 1 else result.transpose(0, 2, 1)).reshape(place.shape)
+        release(place)
 
 
 def _compiled(equations: Equations) -> Advance | None:

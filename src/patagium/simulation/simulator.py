@@ -18,7 +18,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arrays import real_array
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
@@ -60,11 +62,14 @@ def whole_steps(duration: float, time_step: float, name: str = "duration") -> in
         name: Name of the duration in errors.
 
     Raises:
-        ParameterError: If either is not positive, or they do not divide.
+        ParameterError: If either is not positive, they do not divide, or steps are too many.
     """
     for which, value in ((name, duration), ("time_step", time_step)):
         if not (np.isfinite(value) and value > 0):
             raise ParameterError(which, "a positive number of seconds", value)
+    if not duration / time_step <= MOST_STEPS:
+        expected = f"at most {MOST_STEPS:.0e} time steps of {time_step:g} s (shorten it)"
+        raise ParameterError(name, expected, f"{duration:g} s")
     steps = round(duration / time_step)
     if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
         raise ParameterError(name, f"a whole number of time steps of {time_step} s", duration)
@@ -146,7 +151,7 @@ def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
 
 
 def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
-    vector = np.array(values, float)
+    vector = real_array(name, values).copy()
     if vector.shape != (len(names),):
         raise ShapeError(name, (len(names),), vector.shape)
     if not np.isfinite(vector).all():

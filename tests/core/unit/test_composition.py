@@ -77,6 +77,7 @@ def test_a_mounting_must_be_a_pose():
 
 def test_a_body_without_mass_must_not_move_alone():
     text = "name: a\ngravity: 9.8\nbodies:\n  arm: {mass: 1, shape: {type: point}, at: [0, 0, 1],"
+    text += " center_of_mass: [0, 1, 0],"
     text += " joints: [{name: swing, axis: x}]}\n  end: {parent: arm, massless: true"
     assert load_robot_text(text + "}\n").bodies[1].mass == 0
     with pytest.raises(RobotFileError, match="bodies.end: expected a body with mass"):

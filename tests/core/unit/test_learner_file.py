@@ -109,7 +109,7 @@ def test_other_files_are_named(content: bytes, message: str, tmp_path: Path) -> 
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"none: cannot be read: No such file"):
+    with pytest.raises(LogError, match=r"none: .*found no such file"):
         pt.load_learner(tmp_path / "none")
 
 
@@ -121,7 +121,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         (lambda h: h["learner"].pop("network"), "network"),
         (lambda h: h["learner"]["network"].update(hidden=[5]), "expected shape"),
         (lambda h: h["learner"].update(covariance="layer"), "expected shape"),
-        (lambda h: h["learner"].update(covariance={"rank": 2}), "diagonal"),
+        (lambda h: h["learner"].update(covariance={"rank": 2}), "low rank was removed"),
         (lambda h: h["learner"].update(prior_std=-1.0), "prior_std"),
         (lambda h: h["state"].pop("count"), "count"),
         (lambda h: h["arrays"].pop("filter_mean"), "filter_root|mean"),

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import real_array
 from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
@@ -257,7 +258,7 @@ class FilterLearner(OnlineLearner):
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
         if std is None:
             return nullcontext()
-        added, shape = np.asarray(std, float), self._screen.stated.shape
+        added, shape = real_array("std", std), self._screen.stated.shape
         if added.shape != shape:
             raise ShapeError("std", shape, added.shape)
         if (added < 0).any() or np.isinf(added).any():

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.screening import NEWER, Screen
 from patagium.learning.filters.state import arrays_like, part
@@ -266,7 +267,7 @@ def as_input(network: Network, x: ArrayLike) -> Array:
     Raises:
         ShapeError: If it has another shape.
     """
-    sample = np.asarray(x, float)
+    sample = real_array("x", x)
     if sample.shape != (network.inputs,):
         raise ShapeError("x", (network.inputs,), sample.shape)
     return sample
@@ -278,7 +279,7 @@ def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, 
     Raises:
         ShapeError: If one of them has another shape.
     """
-    sample, measured = as_input(network, x), np.asarray(y, float)
+    sample, measured = as_input(network, x), real_array("y", y)
     if measured.shape != (network.outputs,):
         raise ShapeError("y", (network.outputs,), measured.shape)
     return sample, measured

@@ -11,7 +11,7 @@ from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
-from patagium.errors import LogError, ParameterError, PatagiumError
+from patagium.errors import LogError, ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -22,6 +22,7 @@ from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.registry import network_from_description
 from patagium.learning.settings import FilterSettings, renamed, settings_from
+from patagium.reading import made_again
 
 FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
@@ -101,12 +102,10 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
     difference = None if like is None else first_difference(found.description, like.describe())
     if difference is not None:
         raise LogError(f"{path}: of another learner: {difference}")
-    try:
+    with made_again(f"{path}: the learner"):
         learner = learner_from_description(found.description)
         learner.resume(found.state)
-    except (PatagiumError, AttributeError, KeyError, TypeError, ValueError) as problem:
-        raise LogError(f"{path}: the learner cannot be made again: {problem}") from problem
-    return learner
+        return learner
 
 
 def save_learner(path: str | Path, learner: OnlineLearner) -> Path:

@@ -15,14 +15,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
 from patagium.learning.settings import renamed
+from patagium.limits import free_memory
+from patagium.reading import bytes_of, json_object, made_again
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
@@ -68,16 +71,10 @@ def read_state(path: str | Path) -> LearnerState:
         LogError: If there is no such file, it is damaged or of another version.
     """
     file = Path(path)
-    try:
-        content = file.read_bytes()
-    except OSError as problem:
-        raise LogError(f"{file}: cannot be read: {problem.strerror}") from None
-    sound = _sound(file, content)
-    try:
+    sound = _sound(file, bytes_of(file, free_memory() // 4))
+    with made_again(f"{file}: the learner"):
         header, arrays = _parts_of(sound)
         return LearnerState(renamed(header["learner"]), {**header["state"], **arrays})
-    except (AttributeError, KeyError, TypeError, ValueError) as problem:
-        raise LogError(f"{file}: the learner cannot be made again: {problem}") from problem
 
 
 def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes:
@@ -115,9 +112,11 @@ def _sound(file: Path, content: bytes) -> bytes:
 def _parts_of(sound: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Header and arrays."""
     text, _, numbers = sound.partition(b"\n")
-    header, arrays, start = json.loads(text), {}, 0
+    header, arrays, start = json_object(text, "header"), {}, 0
     for name, (kind, shape) in header["arrays"].items():
-        dtype, count = np.dtype(kind), int(np.prod(shape, dtype=int))
+        dtype, count = np.dtype(kind), prod(shape)
+        if dtype.kind not in "fiub" or min(shape, default=0) < 0:
+            raise ParameterError(name, "real numbers of a size", f"{kind} {shape}")
         flat = np.frombuffer(numbers, dtype, count, start)
         arrays[name] = flat.reshape(shape).astype(dtype.newbyteorder("="))
         start += flat.nbytes

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
-from patagium.learning.models.perceptron import WIDEST, Perceptron, PerceptronNetwork, softplus
+from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
+from patagium.limits import WIDEST
 from patagium.native import load_kernel
 
 Array = NDArray[np.float64]

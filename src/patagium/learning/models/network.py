@@ -13,8 +13,10 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.structure import Indices, WeightGroups
+from patagium.limits import LARGEST
 
 Array = NDArray[np.float64]
 _BLOCK = 4096  # samples evaluated at once: bounds the memory, keeps the caches warm
@@ -148,7 +150,7 @@ class Network(Protocol):
         Raises:
             ShapeError: If an argument has another shape.
         """
-        sample = np.asarray(x, float)
+        sample = real_array("x", x)
         if sample.shape != (self.inputs,):
             raise ShapeError("x", (self.inputs,), sample.shape)
         return np.asarray(self.evaluate(sample[None], weights)[0])
@@ -163,8 +165,7 @@ class Network(Protocol):
         Raises:
             ShapeError: If an argument has another shape.
         """
-        samples = np.asarray(x, float)
-        w = np.asarray(weights, float)
+        samples, w = real_array("x", x), real_array("weights", weights)
         if samples.ndim != 2 or samples.shape[1] != self.inputs:
             raise ShapeError("x", ("N", self.inputs), samples.shape)
         if w.shape != (self.size,):
@@ -221,13 +222,13 @@ def center_of(name: str, value: ArrayLike, size: int) -> Array:
 
     Raises:
         ShapeError: If it is neither scalar nor (size,).
-        ParameterError: If a number is not finite.
+        ParameterError: If a number is not finite or beyond 1e30.
     """
-    array = np.asarray(value, float)
+    array = real_array(name, value)
     if array.shape not in ((), (size,)):
         raise ShapeError(name, f"() or ({size},)", array.shape)
-    if not np.isfinite(array).all():
-        raise ParameterError(name, "finite numbers", value)
+    if not (np.abs(array) <= LARGEST).all():
+        raise ParameterError(name, f"finite numbers up to {LARGEST:g}", value)
     whole = np.broadcast_to(array, (size,)).copy()
     whole.setflags(write=False)
     return whole
@@ -241,6 +242,6 @@ def scale_of(name: str, value: ArrayLike, size: int) -> Array:
         ParameterError: If a number is not positive.
     """
     whole = center_of(name, value, size)
-    if not (whole > 0).all():
-        raise ParameterError(name, "positive numbers", value)
+    if not (whole >= 1 / LARGEST).all():
+        raise ParameterError(name, f"positive numbers, {1 / LARGEST:g} at least", value)
     return whole

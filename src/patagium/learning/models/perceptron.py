@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.models.structure import Indices
+from patagium.limits import WIDEST
 
 Array = NDArray[np.float64]
 
@@ -42,8 +43,6 @@ def tanh_slope(z: Array) -> Array:
     return np.asarray(1.0 - np.tanh(z) ** 2)
 
 
-WIDEST = 1_000_000
-"""Most neurons of a layer: one more layer of the same size would have 8 TB of weights."""
 ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "softplus": (softplus, softplus_slope),
     "tanh": (np.tanh, tanh_slope),

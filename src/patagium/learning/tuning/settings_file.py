@@ -23,10 +23,11 @@ from pydantic import (
 )
 
 from patagium.deprecation import refuse_removed
-from patagium.errors import LogError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.settings import renamed, settings_from, settings_of
+from patagium.limits import YAML_TEXT
+from patagium.reading import parsed_yaml, refused, text_of
 from patagium.whole_file import write_whole
 
 _HEAD = """\
@@ -150,26 +151,8 @@ def load_settings(path: str | Path) -> Settings:
             was expected, what was found.
     """
     file = Path(path)
-    try:
-        words = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise LogError(f"{file}: cannot be read: {problem.strerror}") from problem
-    except (yaml.YAMLError, UnicodeDecodeError) as problem:
-        raise LogError(f"{file}: expected YAML, found: {problem}") from problem
+    words = parsed_yaml(text_of(file, YAML_TEXT), str(file))
     try:
         return Settings.model_validate(words)
     except ValidationError as problem:
-        raise LogError("\n".join(_line(str(file), error) for error in problem.errors())) from None
-
-
-def _line(source: str, error: Any) -> str:
-    """One error of a file as a sentence."""
-    where = ".".join(str(part) for part in error["loc"]) or "file"
-    words = error["msg"].removeprefix("Value error, ")
-    if error["type"] == "extra_forbidden":
-        return f"{source}: {where}: unknown key"
-    if error["type"] == "missing":
-        return f"{source}: {where}: expected, but not there"
-    if error["type"] == "value_error":
-        return f"{source}: {where}: {words}"
-    return f"{source}: {where}: {words}, found {error['input']!r}"
+        raise refused(str(file), problem.errors()) from None

@@ -6,19 +6,18 @@ no other expressions. `docs/logs.md` has an example for each kind of file.
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from patagium.errors import LogError
+from patagium.errors import LogError, shown
+from patagium.limits import YAML_TEXT
+from patagium.reading import parsed_yaml, refused, text_of
+from patagium.robot.units import written_as_unit
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
-_UNIT = re.compile(r"[A-Za-z0-9_µ°·*/^(). -]{0,40}")
-_HIGH_POWER = re.compile(r"(?:\^|\*\*)\s*\(?\s*-?\d{2,}")
 _DERIVED = {
     "kg m/s^2": "N",
     "kg m^2/s^2": "N m",
@@ -252,12 +251,7 @@ def load_mapping(path: str | Path) -> TableMapping:
         LogError: If the file cannot be read, or is no mapping.
     """
     file = Path(path)
-    try:
-        words = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise LogError(f"{file}: cannot be read: {problem.strerror}") from problem
-    except yaml.YAMLError as problem:
-        raise LogError(f"{file}: expected YAML, found: {problem}") from problem
+    words = parsed_yaml(text_of(file, YAML_TEXT), str(file))
     mapping = parse_mapping(words, str(file))
     beside = file.parent / (mapping.robot or "")
     return mapping.model_copy(update={"robot": str(beside)}) if beside.is_file() else mapping
@@ -276,7 +270,7 @@ def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
     try:
         mapping = TableMapping.model_validate(words)
     except ValidationError as problem:
-        raise LogError("\n".join(_line(source, error) for error in problem.errors())) from None
+        raise refused(source, problem.errors()) from None
     conversion(mapping.time.unit, "s", f"{source}: time ({mapping.time.column})")
     for column in mapping.columns:
         conversion(column.unit, column.as_unit, f"{source}: {column.label}")
@@ -320,12 +314,12 @@ def _registry() -> Any:
 
 def _unit(text: str, where: str) -> Any:
     try:
-        if not _UNIT.fullmatch(text) or _HIGH_POWER.search(text):
+        if text.strip() != "1" and not written_as_unit(text):
             raise ValueError("no unit is written like this")
         return _registry().Unit("" if text.strip() == "1" else text)
     except Exception as problem:  # pint raises its own, tokenize's and Python's for bad text
         raise LogError(
-            f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {text!r}"
+            f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {shown(text)}"
         ) from problem
 
 
@@ -336,13 +330,3 @@ def _written(unit: str) -> str:
 
 def _dimension(dimension: Any) -> str:
     return str(dimension).replace("dimensionless", "plain numbers")
-
-
-def _line(source: str, error: Any) -> str:
-    where = ".".join(str(part) for part in error["loc"]) or "file"
-    kind, words = error["type"], error["msg"].removeprefix("Value error, ")
-    if kind == "extra_forbidden":
-        return f"{source}: {where}: unknown key"
-    if kind == "missing":
-        return f"{source}: {where}: expected, but not there"
-    return f"{source}: {where}: {words}, found {error['input']!r}"

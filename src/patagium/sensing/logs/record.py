@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import FlightError, LogError
 from patagium.netcdf_file import netcdf_content
+from patagium.reading import parsed_json, regular_file
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
@@ -69,7 +70,7 @@ class LogRecord:
 
         self.path = Path(path)
         with self._content():
-            self._file = Dataset(self.path)
+            self._file = Dataset(regular_file(self.path))
         try:
             with self._content():
                 self._read_header()
@@ -98,7 +99,7 @@ class LogRecord:
         }
         self.count = len(self._file.dimensions["time"])
         self.gap = float(self._file.gap)
-        self.findings: list[dict[str, Any]] = json.loads(self._file.findings)
+        self.findings: list[dict[str, Any]] = parsed_json(self._file.findings, "findings")
         for variable in self._file.variables.values():
             if variable.dtype != np.float64 or variable.dimensions != ("time",):
                 raise LogError(f"{self.path}: {variable.name}: expected float64 over time")

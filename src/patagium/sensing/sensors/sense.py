@@ -14,7 +14,8 @@ import numpy as np
 import xarray as xr
 
 from patagium.errors import FlightError, LogError, ParameterError
-from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
+from patagium.netcdf_file import loaded_dataset, write_netcdf
+from patagium.reading import json_object, made_again
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
@@ -159,22 +160,20 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         LogError: If there is no such file, or the file is no sensor log.
     """
     path = Path(path)
-    if not path.exists():
-        raise LogError(f"{path}: no such file")
-    with netcdf_content(path, LogError, "a sensor log"):
+    origin = loaded_dataset(path, LogError, "a sensor log").attrs
+    with made_again(f"{path}: the sensor log"):
         with netCDF4.Dataset(str(path)) as whole:
             labels = list(whole.groups)
-            origin = {name: str(whole.getncattr(name)) for name in whole.ncattrs()}
         readings = {
             label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
         }
         robot = load_robot_text(origin["robot"], origin["robot_name"])
         sensors = {label: _sensor(readings[label].attrs.pop("sensor")) for label in labels}
-    return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
+        return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
 
 
 def _sensor(text: str) -> Sensor:
-    known: dict[str, Any] = json.loads(text)
+    known = json_object(text, "sensor")
     kind = _KINDS[known.pop("kind")]
     accepted = {entry.name for entry in fields(kind)}
     # files of the release before call a standard deviation "deviation"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:
         ShapeError: If the value has another shape.
         ParameterError: If a number is not finite.
     """
-    array = np.asarray(value, float)
+    array = real_array(name, value)
     if array.shape not in ((), (size,)):
         raise ShapeError(name, (size,), array.shape)
     if not np.isfinite(array).all():
@@ -193,7 +194,7 @@ def axes(name: str, value: Any) -> Axes:
         ShapeError: If the value is not (3, 3).
         ParameterError: If the value is no rotation.
     """
-    matrix = np.asarray(value, float)
+    matrix = real_array(name, value)
     if matrix.shape != (3, 3):
         raise ShapeError(name, (3, 3), matrix.shape)
     tolerance = 1e-9  # rounding of sines and cosines

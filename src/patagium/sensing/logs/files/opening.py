@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
+from patagium.reading import regular_file
 from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
@@ -89,8 +90,8 @@ def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes
 
 
 def _parts(path: Path) -> list[Path]:
-    if not path.exists():
-        raise LogError(f"{path}: no such file")
+    if not path.is_dir():
+        regular_file(path)
     if not path.is_dir() or (path / "metadata.yaml").exists():
         return [path]
     for pattern in ("*.bag", "*.mcap", "*.db3"):

@@ -1,0 +1,37 @@
+"""Arrays of real numbers as a caller gives them."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import ParameterError
+
+
+def real_array(name: str, values: Any) -> NDArray[np.float64]:
+    """Array of real numbers, as float64.
+
+    Args:
+        name: The argument.
+        values: Numbers in any nesting; no text, dates, complex or masked numbers, which NumPy
+            would turn into other numbers without a word.
+
+    Raises:
+        ParameterError: If they are of another kind.
+    """
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values
+    try:
+        found = np.asarray(values)
+        hidden = np.ma.isMaskedArray(values) and np.ma.is_masked(values)
+        if found.dtype.kind in "fiub" and not hidden:
+            return found.astype(np.float64)
+        if found.dtype.kind == "O" and all(isinstance(one, Real) for one in found.flat):
+            return found.astype(np.float64)
+        kind = "masked numbers" if hidden else f"an array of {found.dtype}"
+    except (ValueError, TypeError, OverflowError) as problem:
+        kind = str(problem)[:200]
+    raise ParameterError(name, "real numbers", kind)

@@ -1,0 +1,253 @@
+"""Files and texts read within bounds: whole regular files and YAML.
+
+Every fault is an `Unreadable`, which names the file and the place in it. Pipes and devices are
+refused, because a reader would wait for them or never end.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import stat
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from patagium.errors import LogError, PatagiumError, Unreadable, first_few, shown
+from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT
+
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def regular_file(path: str | Path, most: int | None = None) -> Path:
+    """Path of a file that can be read from its beginning to its end.
+
+    Args:
+        path: The file.
+        most: Largest size [B]; None for any.
+
+    Raises:
+        Unreadable: If there is no such file, it is a folder, a pipe or a device, or too large.
+    """
+    file = Path(path)
+    try:
+        found = file.stat()
+    except (OSError, ValueError) as problem:  # of a null byte in the path
+        reason = getattr(problem, "strerror", None) or str(problem)
+        if isinstance(problem, FileNotFoundError):
+            reason = "no such file"
+        raise Unreadable(str(path), "", "a file that can be read", reason) from None
+    if not stat.S_ISREG(found.st_mode):
+        kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
+        raise Unreadable(str(path), "", "a regular file", f"{kind}; write it to a file first")
+    if most is not None and found.st_size > most:
+        size = f"{found.st_size} bytes"
+        raise Unreadable(str(path), "", f"at most {most} bytes", size)
+    return file
+
+
+def bytes_of(path: str | Path, most: int) -> bytes:
+    """Content of a regular file.
+
+    Args:
+        path: The file.
+        most: Largest size [B].
+
+    Raises:
+        Unreadable: If it cannot be read, or is too large.
+    """
+    try:
+        return regular_file(path, most).read_bytes()
+    except OSError as problem:
+        raise Unreadable(str(path), "", "a file that can be read", str(problem.strerror)) from None
+
+
+def text_of(path: str | Path, most: int) -> str:
+    """Text of a regular file in UTF-8.
+
+    Args:
+        path: The file.
+        most: Largest size [B].
+
+    Raises:
+        Unreadable: If it cannot be read, is too large, or is no text in UTF-8.
+    """
+    try:
+        return bytes_of(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        where = f"byte {problem.start}"
+        raise Unreadable(str(path), where, "text in UTF-8", "other bytes") from None
+
+
+def parsed_json(text: str | bytes, name: str) -> Any:
+    """Content of a JSON text, without half characters.
+
+    Args:
+        text: The text.
+        name: What to call it in errors.
+
+    Raises:
+        Unreadable: If it is none.
+    """
+    try:
+        written = text.decode("utf-8") if isinstance(text, bytes) else text
+        words = json.loads(written)
+        if _SURROGATE.search(written):
+            json.dumps(words, ensure_ascii=False).encode("utf-8")
+    except UnicodeError:
+        raise Unreadable(name, "", "text in UTF-8", "bytes or half of a character") from None
+    except json.JSONDecodeError as problem:
+        where = f"line {problem.lineno}, column {problem.colno}"
+        raise Unreadable(name, where, "JSON", problem.msg) from None
+    except (ValueError, RecursionError) as problem:  # a number of thousands of digits
+        raise Unreadable(name, "", "JSON", shown(problem, 120)) from None
+    return words
+
+
+def json_object(text: str | bytes, name: str) -> dict[str, Any]:
+    """Mapping that a JSON text holds.
+
+    Args:
+        text: The text.
+        name: What to call it in errors.
+
+    Raises:
+        Unreadable: If it is no JSON, or another kind of value.
+    """
+    words = parsed_json(text, name)
+    if not isinstance(words, dict):
+        raise Unreadable(name, "", "a JSON object", shown(words))
+    return words
+
+
+@contextmanager
+def made_again(what: str, kind: type[PatagiumError] = LogError) -> Iterator[None]:
+    """Guard around making something again from words of a file, which may be any words.
+
+    Args:
+        what: What is made, with its file.
+        kind: Error to raise.
+
+    Raises:
+        PatagiumError: Of that kind, if it cannot be made.
+    """
+    try:
+        yield
+    except Exception as problem:  # of wrong words Python and NumPy have errors of every kind
+        reason = str(problem) if isinstance(problem, PatagiumError) else repr(problem)
+        raise kind(f"{what} cannot be made again: {reason[:1000]}") from problem
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML with each key once, of bounded depth and size, aliases written out."""
+
+    aliases = True
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self._depth = self._entries = 0
+        self._sizes: dict[int, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        alias = self.check_event(yaml.AliasEvent)
+        if alias and not self.aliases:
+            raise yaml.composer.ComposerError(None, None, "values written out, no alias", mark)
+        before, self._depth = self._entries, self._depth + 1
+        if self._depth > NESTING:
+            raise yaml.composer.ComposerError(None, None, f"at most {NESTING} levels", mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if alias and id(node) not in self._sizes:
+            raise yaml.composer.ComposerError(None, None, "no value that holds itself", mark)
+        self._entries += self._sizes[id(node)] if alias else 1
+        self._sizes[id(node)] = self._entries - before
+        if self._entries > ENTRIES:
+            raise yaml.composer.ComposerError(None, None, f"at most {ENTRIES} entries", mark)
+        return node
+
+    def construct_scalar(self, node: Any) -> Any:
+        value = super().construct_scalar(node)
+        if isinstance(value, str) and any("\ud800" <= sign <= "\udfff" for sign in value):
+            raise yaml.constructor.ConstructorError(
+                None, None, "whole characters, found half of one", node.start_mark
+            )
+        return value
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in getattr(node, "value", ()):
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "keys that are names, found a collection", key_node.start_mark
+                )
+            if key in seen:
+                found = f"each key once, found {shown(key)} again"
+                raise yaml.constructor.ConstructorError(None, None, found, key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+class _PlainLoader(_Loader):
+    """YAML without aliases."""
+
+    aliases = False
+
+
+def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
+    """Content of a YAML text.
+
+    Args:
+        text: The text.
+        name: What to call it in errors.
+        aliases: Whether values may be written once and named elsewhere (`&a`, `*a`).
+
+    Raises:
+        Unreadable: If it is no YAML, too deep or too long, or has a key twice.
+    """
+    if len(text) > YAML_TEXT:  # such as that of a robot in a flight or a network
+        raise Unreadable(name, "", f"at most {YAML_TEXT} characters of YAML", f"{len(text)}")
+    try:
+        return yaml.load(text, Loader=_Loader if aliases else _PlainLoader)  # noqa: S506
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        found = shown(error.problem or error.context, 200)
+        raise Unreadable(name, where, "readable YAML", found) from None
+    except (
+        yaml.YAMLError,
+        ValueError,
+        ArithmeticError,
+        LookupError,  # the constructors of explicit tags, such as !!bool x
+        AttributeError,
+        TypeError,
+        RecursionError,
+    ) as error:
+        found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise Unreadable(name, "", "readable YAML", found) from None
+
+
+def refused(source: str, errors: Sequence[Any]) -> LogError:
+    """Error of a file whose values pydantic refused, one line for each problem.
+
+    Args:
+        source: Name of the file.
+        errors: Problems, from `ValidationError.errors()`.
+    """
+    return LogError(first_few([_line(source, error) for error in errors]))
+
+
+def _line(source: str, error: Any) -> str:
+    where = ".".join(str(part)[:SHOWN] for part in error["loc"]) or "file"
+    words = error["msg"].removeprefix("Value error, ")
+    if error["type"] == "extra_forbidden":
+        return f"{source}: {where}: unknown key"
+    if error["type"] == "missing":
+        return f"{source}: {where}: expected, but not there"
+    if error["type"] == "value_error":
+        return f"{source}: {where}: {words}"
+    return f"{source}: {where}: {words}, found {shown(error['input'])}"
