@@ -101,7 +101,8 @@ def test_a_resumed_learner_is_the_one_that_never_stopped(
     straight.save(tmp_path / "learner.state")
     teach(straight, 100, 200)
     resumed = pt.load_learner(tmp_path / "learner.state")
-    assert resumed.count == 95 and resumed.describe() == straight.describe()
+    assert resumed.describe() == straight.describe()
+    assert resumed.count == 94  # five samples are late, one is out of every range
     teach(resumed, 100, 200)
     assert resumed.count == straight.count > 180
     assert resumed.events == straight.events and resumed.events["late"] == 10

@@ -173,3 +173,25 @@ def test_a_learner_file_of_the_release_before_bounds_is_read() -> None:
     old["screen_counts"] = state["screen_counts"][:10]
     again.resume(old)
     np.testing.assert_array_equal(again.update(x[50], y[50]), learner.update(x[50], y[50]))
+
+
+@pytest.mark.parametrize("learner", [pt.ExtendedLearner, pt.CubatureLearner])
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
+@pytest.mark.parametrize("share", [0.0, 1e-4])
+def test_a_covariance_that_refuses_every_sample_begins_anew(learner, structure, share) -> None:
+    """A covariance of no numbers, as a damaged state may hold it."""
+    x, y = flapping(400)
+    told = {"covariance": structure, "prior_share": share, "measurement_std": 0.05}
+    one = learner(network(), screening=Screening(), **told)
+    for k in range(300):
+        one.update(x[k], y[k], STEP * k)
+    state = one.state()
+    for name in state.keys() - {"filter_mean", "filter_nis"}:
+        state[name] = state[name] * np.nan if name.startswith("filter_") else state[name]
+    one.resume(state)
+    for k in range(300, 400):
+        one.update(x[k], y[k], STEP * k)
+    assert one.events["refused"] == 10 and one.events["covariance_resets"] == 1
+    assert one.count == 390 and np.isfinite(one.variances).all()
+    mean, covariance = one.predict(x[-1])
+    assert (np.abs(mean - y[-1]) < 6 * np.sqrt(np.diag(covariance))).all()

@@ -34,8 +34,10 @@ Array = NDArray[np.float64]
 EVENTS = (
     *("missing", "outliers", "stuck", "bad_inputs", "late", "duplicates", "clock_resets"),
     *("blind", "refused", "changes", "out_of_range", "jumps", "reopened"),
+    "covariance_resets",
 )
-"""What is counted: channels of samples for the first three and the last three, else samples."""
+"""What is counted: channels of samples for the first three and `out_of_range` to `reopened`, else
+samples."""
 
 REFUSALS = {
     Outcome.BAD_INPUT: "bad_inputs",

@@ -111,9 +111,6 @@ class WeightFilter:
         Args:
             x: Input, (n_x,) [units of x].
             y: Measurement, (n_y,) [y]; NaN where a channel is missing.
-
-        Raises:
-            MatrixLost: If the covariance was lost between two samples.
         """
         if self._kernel is None:
             return self._update(x, y)
@@ -132,6 +129,11 @@ class WeightFilter:
         """
         drifted = self._structure.drifted(self.numbers, self.kept(), growth, noise)
         self._place(self._mean, self.nis, drifted)
+
+    def reset(self) -> None:
+        """Begin the covariance anew with that of the prior; the weights stay."""
+        start = np.sqrt(self.numbers.prior_variance)
+        self._place(self._mean, self.nis, self._structure.start(self.numbers, start))
 
     def kept(self) -> Any:
         """State of the covariance structure after the last sample."""
@@ -196,12 +198,13 @@ class WeightFilter:
             return Outcome.BAD_INPUT, prediction
         y = within
         self.screen.follow(y)  # before the noise is found
-        before, encoding = self._advanced(), self.numbers.network.encode_one(x)
+        encoding = self.numbers.network.encode_one(x)
         look = self._look(encoding)
         if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
             self.screen.note("bad_inputs")
             return Outcome.BAD_INPUT, prediction
         try:
+            before = self._advanced()
             found, directions = self._structure.moments(before, look)
             stated = self.screen.stated_covariance(found.covariance, carried=True)
             prediction = Prediction(self.screen.carried_on(found.mean), stated)

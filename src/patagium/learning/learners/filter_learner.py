@@ -42,6 +42,9 @@ from patagium.learning.settings import (
 
 Array = NDArray[np.float64]
 
+REFUSED_RUN = 10
+"""Samples in a row that do not move a screened filter, after which its covariance begins anew."""
+
 
 class FilterLearner(OnlineLearner):
     """Estimate of weights with a covariance, moved by one sample at a time.
@@ -86,6 +89,7 @@ class FilterLearner(OnlineLearner):
         self._seed, self._numbers = seed, numbers
         self._filter = WeightFilter(numbers, structure_and_kernel(numbers), network.initial(seed))
         self._changes: list[int] = []
+        self._refused_run = 0
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
 
     @property
@@ -241,14 +245,12 @@ class FilterLearner(OnlineLearner):
         sample, measured = shaped_sample(self._network, x, y)
         screen = self._filter.screen
         screen.numbers[0] = np.nan if time is None else time
-        try:
-            with self._noisier(std):
-                outcome, prediction = self._filter.update(sample, measured)
-        except MatrixLost as lost:  # between two samples
-            raise diverged(lost.outcome, self.count, sample, measured) from None
+        with self._noisier(std):
+            outcome, prediction = self._filter.update(sample, measured)
         if outcome is not Outcome.COMPLETED:
             self._refuse(outcome, sample, measured)
             return np.full(len(measured), np.nan)
+        self._refused_run = 0
         self._innovation_covariance = prediction.covariance
         self._act_on_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
@@ -286,9 +288,11 @@ class FilterLearner(OnlineLearner):
         learned = ends == Outcome.COMPLETED
         for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
             self._stopwatch.add(duration)
-        for _ in ends[~learned & (ends < Outcome.BAD_INPUT)]:
-            if not screen.believes:
+        for done in learned[ends < Outcome.BAD_INPUT].tolist():
+            self._refused_run = 0 if done else self._refused_run + 1
+            if not (done or screen.believes):
                 screen.note("refused")
+        self._reset_if_lost()
         if compiled is not None and learned[-1:].any():
             self._innovation_covariance = compiled.covariance.copy()
         self._act_on_alarm(self.count)
@@ -308,6 +312,16 @@ class FilterLearner(OnlineLearner):
         if screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
         screen.note("refused")
+        self._refused_run += 1
+        self._reset_if_lost()
+
+    def _reset_if_lost(self) -> None:
+        """Begin the covariance anew where no sample moves the filter; the weights stay."""
+        if self._refused_run < REFUSED_RUN or self._screen.believes:
+            return
+        self._filter.reset()
+        self._refused_run = 0
+        self._screen.note("covariance_resets")
 
     def reopen(self, share: float) -> None:
         """Doubt what was learned: P <- (1 - share) P + share P0, the weights as they are.
@@ -340,6 +354,7 @@ class FilterLearner(OnlineLearner):
     def _estimate(self) -> dict[str, Any]:
         return {
             "changes": list(self._changes),
+            "refused_run": self._refused_run,
             "innovation_covariance": self._innovation_covariance.copy(),
             **{f"filter_{name}": array for name, array in self._filter.state().items()},
         }
@@ -350,3 +365,4 @@ class FilterLearner(OnlineLearner):
         changes = list(state["changes"])
         self._filter.resume(part(state, "filter_"))
         self._innovation_covariance, self._changes = covariance, changes
+        self._refused_run = int(state.get("refused_run", 0))  # later than the first files
