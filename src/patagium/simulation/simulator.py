@@ -224,10 +224,6 @@ class Simulator:
 
     Pieces of any size give the same flight as `simulate`.
 
-        flying = pt.Simulator(robot, air, gait, duration=2.0, time_step=1e-4, control_period=0.01)
-        while flying.time < 2.0:
-            state = flying.step({"elevation_offset": -0.8 * flying.state.position("pitch")})
-
     Args:
         robot: The machine.
         aero: Model of the air around it.
@@ -643,8 +639,8 @@ def simulate(
             load_cells: Cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
             throw: Whether a run that stops early raises (default) or is returned as it is.
             progress: Function that takes the steps done and to do, called from time to time.
-            controller, control_period: Function from time [s] and `FlightState` to commands of
-                the gait (names of `SteeredGait`), or None; time between two calls of it [s].
+            controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
+            control_period: Time between two calls of it, a whole number of time steps [s].
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
