@@ -82,6 +82,14 @@ wings:
           - {span: 0, leading: 0, trailing: -3 cm}
           - {span: 5 cm, leading: 0, trailing: -2 cm}
 mirror: [{from: left, to: right}]
+cruise:
+  frequency: 5 Hz
+  amplitude: {flap: 20 deg, swing: 0.1}
+  phase: {flap: 30 deg}
+  offset: {swing: -0.05 rad}
+  speed: 4 m/s
+  pitch: -5 deg
+  duration: 2 s
 """
 TEXTS = {**{name: preset_text(name) for name in preset_names()}, "complete": COMPLETE}
 # Names and words; a change of the text itself is no parameter.
@@ -136,6 +144,15 @@ def _structure(robot: Robot) -> tuple[Any, ...]:
     return robot.parameter_names, joints, [s.body for s in robot.strips]
 
 
+def _cruise(robot: Robot) -> list[float]:
+    """Numbers of the flight where nothing else is asked for; none where the file has none."""
+    own = robot.cruise
+    if own is None:
+        return []
+    joints = [k for by_name in (own.amplitude, own.phase, own.offset) for k in by_name.values()]
+    return [own.frequency or 0.0, own.speed, own.pitch, own.duration, *joints]
+
+
 class _Outputs:
     """What the layers above read off a robot, as one vector of numbers."""
 
@@ -159,7 +176,7 @@ class _Outputs:
             posinf=99,
             neginf=-99,
         )
-        return np.concatenate([moving, np.ravel(strips), limits.ravel()])
+        return np.concatenate([moving, np.ravel(strips), limits.ravel(), _cruise(robot)])
 
     @staticmethod
     def _compiled(robot: Robot) -> ca.Function:
@@ -274,7 +291,21 @@ def test_every_written_number_has_a_unit_that_is_read():
             assert any(_is_read(written, unit) for unit in _UNITS), path
 
 
-_UNITS = ("m", "kg", "rad", "m/s^2", "kg m^2", "N s/m", "N m s/rad", "rad/s", "N m", "")
+_UNITS = (
+    "m",
+    "kg",
+    "rad",
+    "m/s^2",
+    "kg m^2",
+    "N s/m",
+    "N m s/rad",
+    "rad/s",
+    "N m",
+    "m/s",
+    "Hz",
+    "s",
+    "",
+)
 
 
 def _is_read(written: object, unit: str) -> bool:

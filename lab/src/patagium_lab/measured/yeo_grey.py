@@ -57,7 +57,10 @@ _MODELS: dict[str, Callable[[Robot, Air], Aerodynamics]] = {
     "lifting line": LiftingLine,
     "DeLaurier's strips": DeLaurier,
 }
-_STAND = "bodies:\n  stand: {floating: true, mass: 1 g, shape: {type: point}}\n"
+_STAND = """bodies:
+  stand: {floating: true, mass: 1 g, shape: {type: box, size: [1 cm, 1 cm, 1 cm]}}
+"""
+"""Its inertia does not enter the lift, but the wings, two points, leave pitch without any."""
 
 
 class GreyResult(NamedTuple):
