@@ -262,6 +262,8 @@ def _pour(draft: Path, place: Path) -> None:
 
 def _cause(draft: Path) -> OSError | None:
     """Reason why a draft does not grow, which the library netCDF keeps to itself."""
+    if not draft.exists():
+        return None
     try:
         with draft.open("rb+") as stream:
             stream.seek(0, os.SEEK_END)

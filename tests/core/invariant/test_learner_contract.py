@@ -23,12 +23,13 @@ FACTORS: dict[str, list[Any]] = {
     "prior_share": [0.0, 0.01],
 }
 COUNTED = {
-    "missing": 10,
+    "missing": 12,  # two of them refused: beyond what the sensor can say
+    "out_of_range": 2,
     "bad_inputs": 2,
     "late": 2,
     "duplicates": 1,
     "clock_resets": 0,
-    "blind": 1,
+    "blind": 2,
 }
 PROBE = np.array([0.1, -0.4, 2.0])
 

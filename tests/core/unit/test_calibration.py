@@ -77,8 +77,10 @@ def test_what_happened_to_samples_is_in_scores_and_page(rng, tmp_path):
         network, prior_std=0.5, measurement_std=1.0, screening=pt.learning.Screening()
     )
     result = stream(learner, np.arange(300) * 1e-3, x, y, every=1)
-    assert result.scores["events"] == {"missing": 10, "outliers": 2}
+    # what no sensor can say is refused ahead of the filter and counts as missing
+    events = {"missing": 12, "blind": 1, "out_of_range": 2}
+    assert result.scores["events"] == events
     assert np.isfinite(result.scores["nmse_mean"])
     assert np.isfinite(result.scores["persistence_mean"])
     result.report(tmp_path / "page.html")
-    assert "missing 10, outliers 2" in (tmp_path / "page.html").read_text()
+    assert "missing 12" in (tmp_path / "page.html").read_text()

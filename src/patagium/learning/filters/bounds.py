@@ -2,7 +2,8 @@
 
 A value is refused that lies further than 3 widths of its range (10 for an output) outside of that
 range. So is an input, no acceleration, that moves by more than 15 times its median step and a
-quarter of its range, and 2 steps more for each usual time step since it was last taken. The range
+quarter of its range, and 2 steps more for each usual time step since it was last taken, of which
+there are 20 at most: what it did in a longer gap nobody knows. The range
 is that of the values taken so far, at least the network's own scale of an input and a hundredth of
 the widest output. A value outside of it widens it by a quarter at most, and 1e-4 of it is
 forgotten with each sample. The first 20 values of a channel that moves are bounded by 1e6 of the
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 
 _KNOWN, _MANY, _BOUNDLESS = 20, 100, 1e6  # all as in bounds.h
 _REACHES, _LEAST_SHARE = (3.0, 10.0), 0.01
-_JUMP, _JUMP_SHARE, _AHEAD = 15.0, 0.25, 2.0
+_JUMP, _JUMP_SHARE, _AHEAD, _GAP = 15.0, 0.25, 2.0, 20.0
 _GROWTH, _LEAK, _WILD, _RUN, _FAST, _SLOW = 0.25, 1e-4, 1e4, 100, 0.5, 0.02
 _LAST, _USUAL, _MISSED = range(3)  # of `clock`
 _VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high")
@@ -91,7 +92,7 @@ class Bounds:
             outside |= ~(np.abs(value) <= np.where(known, inf, _BOUNDLESS * self.scale))
             step = memory["bound_step"]
             most = np.maximum(_JUMP_SHARE * width, _JUMP * step) + _AHEAD * step * (ahead - 1)
-            stepped = memory["bound_taken"] >= _MANY
+            stepped = (memory["bound_taken"] >= _MANY) & (ahead <= _GAP)
             jumps = stepped & (np.abs(value - memory["bound_before"]) > most) & ~outside
         jumps[self.smooth :] = False
         finite, odd = np.isfinite(value), outside | jumps

@@ -19,6 +19,7 @@
 #define JUMP 15.0         /* median steps that an input may move, */
 #define JUMP_SHARE 0.25   /* or widths, */
 #define AHEAD 2.0         /* and median steps for each usual step of time in between */
+#define GAP 20.0          /* usual steps of time after which an input may have moved anywhere */
 #define GROWTH 0.25       /* widths by which one value widens a range */
 #define LEAK 1e-4         /* of a range that a sample forgets */
 #define ODD 1e4           /* widths beyond which a range never opens */
@@ -34,7 +35,7 @@ static int judged(const bounds *b, int k, double value, double width, double ahe
   if (b->taken[k] < KNOWN) return fabs(value) <= BOUNDLESS * b->scale[k] ? IN_RANGE : OUTSIDE;
   const double reach = (k < b->inputs ? INPUT_REACH : OUTPUT_REACH) * width;
   if (!(b->low[k] - value <= reach && value - b->high[k] <= reach)) return OUTSIDE;
-  if (k >= b->smooth || b->taken[k] < MANY) return IN_RANGE;
+  if (k >= b->smooth || b->taken[k] < MANY || !(ahead <= GAP)) return IN_RANGE;
   const double most =
       fmax(JUMP_SHARE * width, JUMP * b->step[k]) + AHEAD * b->step[k] * (ahead - 1);
   return fabs(value - b->before[k]) > most ? JUMPED : IN_RANGE;

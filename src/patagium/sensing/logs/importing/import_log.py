@@ -196,16 +196,21 @@ def import_log(
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
         robot = _robot(words, source)
-        draft = (NetcdfDraft if target.suffix.lower() == ".nc" else Draft)(target)
-        try:
-            with (
-                draft.writing(),
-                Spool(log, plan, words.gap, draft.path.parent, _half(progress, 0)) as spool,
-            ):
-                found = _written(log, words, source, robot, spool, draft, _half(progress, 1), tell)
-            draft.publish()
-        finally:
-            draft.discard()
+        place = Draft(target)  # refused before anything is read
+        place.discard()  # and nothing is left if the program is killed while it reads
+        with (
+            place.writing(),
+            Spool(log, plan, words.gap, place.path.parent, _half(progress, 0)) as spool,
+        ):
+            draft = (NetcdfDraft if target.suffix.lower() == ".nc" else Draft)(target)
+            try:
+                with draft.writing():
+                    found = _written(
+                        log, words, source, robot, spool, draft, _half(progress, 1), tell
+                    )
+                draft.publish()
+            finally:
+                draft.discard()
         return found
 
 
