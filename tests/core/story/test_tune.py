@@ -116,13 +116,13 @@ def test_identify_takes_the_settings_and_options_count_more(folder: Path, speak:
     for name, value in chosen["learner"].items():
         assert learned["learner"][name] == value
     assert learned["network"]["hidden"] == chosen["network"]["hidden"]
-    own = ("--every", 20, "--spread", 1.5, "--hidden", "5", "--covariance", "2", "--seed", 2)
+    own = ("--every", 20, "--spread", 1.5, "--hidden", "5", "--covariance", "layer", "--seed", 2)
     other = speak("identify", flight, "--settings", settings, *own, "--model", model, "--json")
     assert other.code == 0, other.err
     assert json.loads(other.out)["every"] == 20
     learned = json.loads(model.read_text("utf-8"))
     assert (learned["learner"]["spread"], learned["learner"]["seed"]) == (1.5, 2)
-    assert learned["learner"]["covariance"] == {"rank": 2}
+    assert learned["learner"]["covariance"] == "layer"
     assert learned["learner"]["prior_std"] == chosen["learner"]["prior_std"]
     assert learned["network"]["hidden"] == [5]
 
@@ -203,7 +203,7 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
         (("--trials", 3), "trials: expected at least 8, found 3"),
         (
             ("--covariance", "square"),
-            "expected full, layer, node or a rank such as 20, found 'square'",
+            'expected one of "full", "layer", "node", found \'square\'',
         ),
         (("--mapping", "m.yaml"), "--mapping: expected a table"),
         (("--hidden", "8,0"), "expected positive whole numbers"),

@@ -70,7 +70,7 @@ def test_every_tuned_setting_of_the_record_is_searched_over_its_range(kind: str)
 @pytest.mark.parametrize("kind", FILTER_LEARNERS)
 def test_learners_take_whatever_is_drawn(kind: str) -> None:
     network = DenseNetwork(2, (3,), 2)
-    given = {"covariance": Alternatives(("full", {"rank": 2}))}
+    given = {"covariance": Alternatives(("full", "layer"))}
     space = search_space(kind, [(3,)], [0.1, 0.2], given)
     for parameters in drawn(space, 10):
         hidden, values = space.values(parameters)
@@ -248,7 +248,7 @@ def test_a_journal_of_another_question_is_refused(tmp_path: Path) -> None:
 SETTINGS = """\
 every: 10
 network: {kind: dense, hidden: [3]}
-learner: {prior_std: 0.5, measurement_std: [0.1, 0.2], covariance: {rank: 2}}
+learner: {prior_std: 0.5, measurement_std: [0.1, 0.2], covariance: layer}
 """
 
 
@@ -257,7 +257,7 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
     path.write_text(SETTINGS, "utf-8")
     settings = load_settings(path)
     learner = settings.made(DenseNetwork(2, (3,), 2))
-    assert learner.describe()["covariance"] == {"rank": 2}
+    assert learner.describe()["covariance"] == "layer"
     assert learner.describe()["measurement_std"] == [0.1, 0.2]
     assert load_settings(settings.save(tmp_path / "again.yaml")) == settings
     assert isinstance(settings, Settings)
@@ -281,9 +281,10 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
         (": 0.5", ": wide", "prior_std: expected "),
-        ("{rank: 2}", "square", 'covariance: expected "full", "layer", "node"'),
+        ("layer", "square", 'covariance: expected one of "full", "layer", "node", found '),
+        ("layer", "{rank: 2}", "covariance: expected layer, which errs less (low rank was"),
         (
-            "covariance: {rank: 2}",
+            "covariance: layer",
             "noise_estimation: {span: 9}",
             "noise_estimation: expected none, or",
         ),
