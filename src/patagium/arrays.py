@@ -32,6 +32,6 @@ def real_array(name: str, values: Any) -> NDArray[np.float64]:
         if found.dtype.kind == "O" and all(isinstance(one, Real) for one in found.flat):
             return found.astype(np.float64)
         kind = "masked numbers" if hidden else f"an array of {found.dtype}"
-    except (ValueError, TypeError, OverflowError) as problem:
+    except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
         kind = str(problem)[:200]
     raise ParameterError(name, "real numbers", kind)

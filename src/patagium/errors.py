@@ -108,7 +108,7 @@ class RobotFileError(PatagiumError, ValueError):
 
     def __init__(self, file: str, problems: list[tuple[str, str, str]]) -> None:
         lines = [
-            f"{file}: {where or 'file'}: expected {want}, found {got}"
+            f"{file}: {where[:300] or 'file'}: expected {want[:1000]}, found {got[:300]}"
             for where, want, got in problems
         ]
         super().__init__(first_few(lines))

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from io import TextIOWrapper
 from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
@@ -95,6 +96,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug, stderr = "--debug" in words, sys.stderr
+    if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.stderr = cast(TextIO, _Messages(stderr))
     try:
         with warnings.catch_warnings():

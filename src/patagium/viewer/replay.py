@@ -241,7 +241,7 @@ def replay_content(
         placed = np.concatenate([placed, arm.position], axis=1)
         turned = np.concatenate([turned, arm.rotation], axis=1)
     return Replay(
-        title=title or f"Flight of {robot.name}",
+        title=(title or f"Flight of {robot.name}").encode("utf-8", "replace").decode(),
         subtitle=_subtitle(flight, robot, time[span], period),
         time=time[frames],
         period=period,

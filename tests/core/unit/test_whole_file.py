@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 
 from patagium.errors import OutputError
+from patagium.netcdf_file import NetcdfDraft
 from patagium.whole_file import make_folder, whole_file, write_whole
 
 
@@ -164,3 +165,10 @@ def test_what_fails_to_be_read_meanwhile_is_told_as_it_is(tmp_path: Path) -> Non
     with pytest.raises(FileNotFoundError, match="elsewhere"), whole_file(tmp_path / "file"):
         Path("/elsewhere/none").read_text()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are no text")
+def test_a_name_that_is_no_text_is_refused_by_netcdf(tmp_path):
+    with pytest.raises(OutputError, match="no text in UTF-8"):
+        NetcdfDraft(tmp_path / os.fsdecode(b"\xff.nc"))
+    assert list(tmp_path.iterdir()) == []
