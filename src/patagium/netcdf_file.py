@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import netCDF4
 
-from patagium.errors import PatagiumError, Unreadable
+from patagium.errors import OutputError, PatagiumError, Unreadable
 from patagium.limits import free_memory, in_bytes
 from patagium.reading import regular_file
 from patagium.whole_file import Draft
@@ -51,6 +51,9 @@ class NetcdfDraft(Draft):
         try:
             with self.writing():
                 self.file = netCDF4.Dataset(self.path, "w", format="NETCDF4")
+        except UnicodeEncodeError:
+            super().discard()
+            raise OutputError(self.target, ValueError("its name is no text in UTF-8")) from None
         except BaseException:
             super().discard()
             raise

@@ -64,8 +64,6 @@ class Draft:
             yield
         except PatagiumError:
             raise
-        except UnicodeEncodeError:
-            raise OutputError(self.target, ValueError("its name is no text in UTF-8")) from None
         except (OSError, RuntimeError) as problem:
             named, folder = getattr(problem, "filename", None), self.path.parent
             elsewhere = named is not None and folder not in (Path(named), Path(named).parent)

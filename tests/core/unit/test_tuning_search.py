@@ -281,7 +281,7 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         ("[3]}", "[3], color: red}", "network.color: unknown key"),
         ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
         (": 0.5", ": wide", "prior_std: expected "),
-        ("layer", "square", 'covariance: expected one of "full", "layer", "node", found '),
+        ("layer", "square", 'covariance: expected one of "full", "layer", "node"'),
         ("layer", "{rank: 2}", "covariance: expected layer, which errs less (low rank was"),
         (
             "covariance: layer",
