@@ -79,8 +79,14 @@ def test_functions_take_few_arguments() -> None:
 
 
 def test_the_wheel_stays_small() -> None:
-    lines = sum(len(module.path.read_text("utf-8").splitlines()) for module in modules())
-    within("lines of Python in the wheel", [], lines)
+    """Control is counted for itself: it is the layer that is being built."""
+    lines = {"lines of control": 0, "lines of Python in the wheel outside control": 0}
+    for module in modules():
+        own = "control" in module.path.parts
+        name = "lines of control" if own else "lines of Python in the wheel outside control"
+        lines[name] += len(module.path.read_text("utf-8").splitlines())
+    for name, count in lines.items():
+        within(name, [], count)
 
 
 def documented(tree: ast.Module) -> set[int]:
