@@ -274,7 +274,7 @@ def table_network(
 def forgetting(
     choice: LearnerChoice, table: LogTable, network: Any, every: int | None
 ) -> LearnerChoice:
-    """Choice of the learner, completed by the default memory of a table if none is given.
+    """Choice of the learner; where no forgetting is given, with that found from the table.
 
     Args:
         choice: Choice of the command line.

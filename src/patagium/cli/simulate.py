@@ -273,7 +273,7 @@ _DURATION = 1.0
 def _tell_choice(
     machine: Robot, flight: Any, cruise: bool, duration: float | None, time_step: float | None
 ) -> None:
-    """Say what was chosen for a flight because nobody gave it."""
+    """Print the settings of a flight that were chosen because no option gave them."""
     parts = ["gait and speed of its cruise where none is given"] if cruise else []
     if duration is None:
         parts.append(f"duration {float(flight['time'][-1]):g} s")

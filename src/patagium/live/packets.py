@@ -1,7 +1,7 @@
 """Packets as lines of a CSV text or rows of datagrams: readers, a sender, counts of bad ones.
 
-A text has a header that names the columns of `packet_columns`, in any order; other columns are
-passed over, an empty field is a missing number. A datagram is little-endian float64:
+A text has a header that names the columns of `packet_columns`, in any order. Other columns are
+ignored, an empty field is a missing number. A datagram is little-endian float64:
 
     session, sequence, then rows of time, q, v, a, u1 and the known forces carried.
 

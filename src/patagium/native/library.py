@@ -124,7 +124,7 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
 
 
 def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
-    """Library that is compiled if its code is new, recorded under a name with its signatures."""
+    """Compiled library of some code, recorded under a name; compiled now if the cache lacks it."""
     long = max(map(len, code.units.values())) > LONG
     spared = [flag for flag in SPARED if long and compiler_accepts(compiler, flag)]
     library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label)

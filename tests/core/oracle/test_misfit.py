@@ -106,7 +106,7 @@ def test_error_is_carried_on_for_as_long_as_it_lasts() -> None:
     assert mean[0] == pytest.approx(learner.predict([0.0])[0][0] + ahead[0], abs=1e-12)
 
 
-def test_no_error_outlives_a_gap() -> None:
+def test_samples_after_a_gap_count_no_error_from_before_it() -> None:
     """An error that stays as it is from sample to sample is forgotten over a thousand of them."""
     learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), misfit=Misfit(), prior_std=1e-6)
     for k in range(100):

@@ -1,4 +1,4 @@
-"""Mutated files of every kind end in a PatagiumError or are read; nothing else leaves a reader."""
+"""Mutated files of every kind are read, or refused with a PatagiumError."""
 
 import hashlib
 from contextlib import suppress

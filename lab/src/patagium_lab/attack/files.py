@@ -246,7 +246,7 @@ def _odd_array(array: Any, draw: Draw) -> Any:
 
 
 def _mappings(folder: Path) -> Case:
-    """Case of a mapping beside a valid table."""
+    """Case of a hostile mapping, given with a valid table."""
     files = recordings(folder)
     path = folder / "case.yaml"
 

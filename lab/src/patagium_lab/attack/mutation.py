@@ -163,7 +163,7 @@ def mutated_table(content: bytes, draw: Draw) -> bytes:
 
 
 def _damage(data: bytearray, draw: Draw) -> None:
-    """Change some bytes in place."""
+    """Change bytes at a place drawn: flipped, replaced, left out, repeated, put in or zeroed."""
     if not data:
         data += bytes(draw.integers(256, size=int(draw.integers(1, 64)), dtype=np.uint8))
         return

@@ -179,7 +179,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
     heads = ["learner", "samples", "bursts", "crash", "samples that were not counted", *tail]
     return [
         f"Bursts of up to {LONGEST} samples that no sensor should give, to 1e300, in a flight of a "
-        "robot of three joints; an untouched twin learns the same samples without them. The ratio "
+        "robot of three joints; a second learner learns the same samples without them. The ratio "
         f"is that of the root mean square error to the twin's, over {RECOVERY} samples that begin "
         f"{RECOVERY} clean samples after a burst. A sample that is not learned must be counted as "
         "an event.",

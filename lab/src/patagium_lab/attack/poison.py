@@ -1,4 +1,4 @@
-"""Samples that no sensor should give, in bursts, through a learner beside an untouched twin.
+"""Bursts of samples that no sensor should give, and a second learner that does not get them.
 
 A robot of three joints flaps, with a force that a random network makes of angles and rates. Every
 few hundred samples comes a burst of one kind of poison. The twin learns the same samples without

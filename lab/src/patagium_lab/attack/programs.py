@@ -42,7 +42,7 @@ _LEFT_OUT = {"live", "live_address", "cluster", "jobs", "help"}
 
 
 class CrashedProgram(Exception):
-    """Program that ended by a traceback or a death that nobody asked for."""
+    """Program that ended by a traceback or by a signal that the case did not send."""
 
 
 def program_targets() -> Iterator[Target]:

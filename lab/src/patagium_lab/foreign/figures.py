@@ -64,7 +64,7 @@ def figures(rows: Sequence[Row], half: str, key: str) -> Any:
 
 
 def marked(value: float, air: str, half: str, key: str) -> str:
-    """Text of a figure, with a star where it misses its limit.
+    """Text of a number, with a star where it is above its limit.
 
     Args:
         value: The figure.
