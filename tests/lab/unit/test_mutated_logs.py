@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from patagium_lab.attack.mutation import mutated_bytes, mutated_table, mutated_tree
-from patagium_lab.attack.recordings import recordings
 
 from patagium.errors import PatagiumError
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.record import LogRecord
+from patagium_lab.attack.mutation import mutated_bytes, mutated_table, mutated_tree
+from patagium_lab.attack.recordings import recordings
 
 FORMATS = (
     *("CSV", "gzipped CSV", "Parquet", "MAT", "ROS 1 bag", "ROS 2 bag"),
