@@ -40,16 +40,15 @@ from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemb
 from patagium.aerodynamics.trailing_vortices import (
     SURFACE_CONSTANT,
     Normalwash,
-    StripChain,
     VortexSystem,
     attached_lift,
     lattice,
     solve_normalwash,
-    strip_chains,
     surface_gains,
 )
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
+from patagium.robot.strip_chains import StripChain, strip_chains
 
 
 @dataclass(frozen=True)

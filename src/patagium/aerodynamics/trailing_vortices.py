@@ -27,6 +27,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
+from patagium.robot.strip_chains import StripChain
 
 Array = NDArray[np.float64]
 
@@ -81,9 +82,6 @@ def _has_mirror(robot: Robot, strip: Strip) -> bool:
 CORE = 0.125
 """Core radius of a leg over the mean width of its strips: a quarter of their half width."""
 
-JOINED = 0.5
-"""Gap below which the ends of two strips are one, over their chord: bodies carry lift across."""
-
 INSET = 0.125
 """How far a leg at a free end starts inside of it, over the width of a narrow strip.
 
@@ -93,92 +91,6 @@ error of strips of equal circulation falls with the power 3/2 of their width, no
 
 NEAR = 1e-12
 """Added to squared distances, in squared core radii: no division by zero."""
-
-
-@dataclass(frozen=True)
-class StripChain:
-    """Strips side by side that share legs.
-
-    Attributes:
-        strips: Indices in `robot.strips`, in order.
-        right: For each strip 1 where the order runs along forward x normal (to the right
-            of one who flies forward), else -1.
-    """
-
-    strips: tuple[int, ...]
-    right: tuple[int, ...]
-
-    @property
-    def reverse(self) -> StripChain:
-        """Chain seen from its other end."""
-        return StripChain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
-
-
-def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
-    """Chains of strips that share legs: their ends meet with all coordinates at zero.
-
-    Strips of a wing follow each other; wings that meet (left and right at a root) join.
-
-    Args:
-        robot: The machine, in numbers.
-    """
-    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
-    chains: list[StripChain] = []
-    for index in range(len(robot.strips)):
-        new = StripChain((index,), (_order(robot, index),))
-        last = chains[-1] if chains else None
-        if last and _wing(robot, last) == _wing(robot, new) and _meet(robot, poses, last, new):
-            chains[-1] = StripChain(last.strips + new.strips, last.right + new.right)
-        else:
-            chains.append(new)
-    joined: list[StripChain] = []
-    for chain in chains:
-        joined = _with_joined(robot, poses, joined, chain)
-    return tuple(joined)
-
-
-def _with_joined(
-    robot: Robot, poses: Sequence[Pose], chains: list[StripChain], new: StripChain
-) -> list[StripChain]:
-    """The chains with a new one, put on the end of one that it meets."""
-    for position, old in enumerate(chains):
-        for first in (old, old.reverse):
-            for second in (new, new.reverse):
-                if _meet(robot, poses, first, second):
-                    both = StripChain(first.strips + second.strips, first.right + second.right)
-                    return [*chains[:position], both, *chains[position + 1 :]]
-    return [*chains, new]
-
-
-def _wing(robot: Robot, chain: StripChain) -> str:
-    return robot.strips[chain.strips[-1]].wing
-
-
-def _order(robot: Robot, index: int) -> int:
-    """1 where the strips of a wing follow each other along forward x normal, else -1."""
-    strip = robot.strips[index]
-    same = [s for s in robot.strips if (s.wing, s.body) == (strip.wing, strip.body)]
-    if len(same) < 2:
-        return 1 if strip.mirrored else -1
-    along = np.subtract(same[-1].quarter_chord, same[0].quarter_chord)
-    return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
-
-
-def _meet(robot: Robot, poses: Sequence[Pose], first: StripChain, second: StripChain) -> bool:
-    """Whether the last strip of one chain ends where the first strip of another begins."""
-    end = _end(robot, poses, first.strips[-1], first.right[-1])
-    begin = _end(robot, poses, second.strips[0], -second.right[0])
-    chord = robot.strips[first.strips[-1]].chord + robot.strips[second.strips[0]].chord
-    return bool(np.linalg.norm(end - begin) < JOINED * chord / 2)
-
-
-def _end(robot: Robot, poses: Sequence[Pose], index: int, right: int) -> Array:
-    """Right (1) or left (-1) end of a strip's quarter chord in the world, (3,) [m]."""
-    strip = robot.strips[index]
-    pose, half = poses[strip.body], right * strip.width / 2
-    offset = np.add(strip.quarter_chord, half * np.cross(strip.forward, strip.normal))
-    position, rotation = np.array(ca.DM(pose.position)), np.array(ca.DM(pose.rotation))
-    return np.asarray(position.ravel() + rotation @ offset)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from patagium.robot import Robot
 
 EXAMPLES = (
     "patagium check my-robot.yaml",
@@ -30,7 +33,7 @@ def check(
     """
     from patagium.cli.words import answer
     from patagium.errors import ParameterError
-    from patagium.robot import preset_names
+    from patagium.robot import load_robot, preset_names
     from patagium.sensing.logs.record import is_log
 
     ending = file.suffix.lower()
@@ -41,7 +44,7 @@ def check(
     elif ending == ".nc":
         facts = _log_facts(file) if is_log(file) else _flight_facts(file, as_json)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
-        facts = _robot_facts(file)
+        facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
     else:
         raise ParameterError(
             "file", "a name ending in .yaml, .urdf, .nc, .csv or .parquet", str(file)
@@ -49,11 +52,18 @@ def check(
     answer(facts, as_json=as_json, title=f"{file} can be used")
 
 
-def _robot_facts(file: Path) -> dict[str, Any]:
-    from patagium.robot import load_robot
-    from patagium.robot.drawing import describe_robot
+def robot_facts(robot: Robot) -> dict[str, Any]:
+    """Facts of one robot for a person, its joints and lifting lines among them.
 
-    return {"kind": "robot", **describe_robot(load_robot(str(file)))}
+    Args:
+        robot: The machine.
+    """
+    from patagium.robot.drawing import describe_robot
+    from patagium.robot.strip_chains import chain_words
+
+    moving = ", ".join(robot.dof_names[i] for i in robot.actuated)
+    lines = chain_words(robot)
+    return describe_robot(robot) | {"actuated": moving, "lifting lines": lines}
 
 
 def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:

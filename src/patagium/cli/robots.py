@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.check import robot_facts
 from patagium.cli.outputs import Outputs
 
 EXAMPLES = (
@@ -53,8 +54,7 @@ def robots(
             figure_kind(draw)
             if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):
                 typer.echo(f"Drawn in {draw}", err=True)
-        moving = [machine.dof_names[i] for i in machine.actuated]
-        facts = describe_robot(machine) | {"actuated": ", ".join(moving)}
+        facts = robot_facts(machine)
         outputs.attempt("facts on stdout", lambda: answer(facts, as_json=as_json))
         outputs.check()
         return

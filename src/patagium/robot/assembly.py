@@ -20,6 +20,7 @@ from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES, Body, Cruise, Joint, Robot, Strip, repeated
 from patagium.robot.schema import BodyPart, CruisePart, JointPart, RobotFile, Segment, WingPart
+from patagium.robot.strip_chains import joined_images
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -85,8 +86,28 @@ def assemble(file: RobotFile, source: str) -> Robot:
         floating = next(draft for draft in drafts if draft.part.floating)
         path = f"{floating.path}.attitude"
         raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
-    cruise = _cruise(robot, file.cruise)
-    return replace(with_file_parameters(robot, file.parameters), source=source, cruise=cruise)
+    robot = _joined(file, replace(robot, cruise=_cruise(robot, file.cruise)))
+    return replace(with_file_parameters(robot, file.parameters), source=source)
+
+
+def _joined(file: RobotFile, robot: Robot) -> Robot:
+    """The robot with the pairs of wings that one lifting line runs through."""
+    wings = dict.fromkeys(strip.wing for strip in robot.strips)
+    said: list[tuple[str, str]] = []
+    images: list[tuple[str, str]] = []
+    for i, wing in enumerate(file.wings):
+        mirrors = [k for k in file.mirror if wing.name.startswith(k.source)]
+        if wing.joins is None:
+            images += [(wing.name, _renamed(wing.name, k.source, k.target)) for k in mirrors]
+        for other in wing.joins or ():
+            if other not in wings or other == wing.name:
+                path, known = f"wings.{i}.joins", ", ".join(k for k in wings if k != wing.name)
+                raise AssemblyError((path, f"names of other wings ({known})", other))
+            pair = (wing.name, other)
+            sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
+            said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
+    pairs = [k for n, k in enumerate(said) if not {k, k[::-1]} & {*said[:n]}]
+    return replace(robot, joined_wings=(*pairs, *joined_images(robot, images)))
 
 
 def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:

@@ -6,16 +6,13 @@ shapes of the bodies are not drawn.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import ShapeError
 from patagium.report.figures import machine
-from patagium.robot.attitude import rotation_from_quaternion
-from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.model import Robot
+from patagium.robot.planform import placed, poses, strip_corners
 
 Array = NDArray[np.float64]
 
@@ -31,21 +28,21 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
     Raises:
         ShapeError: If `q` is not (n_q,).
     """
-    poses = _poses(robot, q)
+    places = poses(robot, q)
     strips: dict[str, list[Array]] = {}
     for strip in robot.strips:
-        strips.setdefault(strip.wing, []).append(_placed(poses[strip.body], strip_corners(strip)))
-    jointed = [(b, pose) for b, pose in zip(robot.bodies, poses, strict=True) if b.joints]
+        strips.setdefault(strip.wing, []).append(placed(places[strip.body], strip_corners(strip)))
+    jointed = [(b, pose) for b, pose in zip(robot.bodies, places, strict=True) if b.joints]
     return machine(
         robot.name,
         strips={wing: np.array(corners) for wing, corners in strips.items()},
         joints={b.name: position for b, (position, _) in jointed},
         centers={
-            b.name: _placed(pose, np.array(b.center_of_mass, float))
-            for b, pose in zip(robot.bodies, poses, strict=True)
+            b.name: placed(pose, np.array(b.center_of_mass, float))
+            for b, pose in zip(robot.bodies, places, strict=True)
         },
         links=[
-            np.array([poses[b.parent][0], position])
+            np.array([places[b.parent][0], position])
             for b, (position, _) in jointed
             if b.parent >= 0
         ],
@@ -81,63 +78,6 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
 
 def wing_span(robot: Robot) -> float:
     """Tip to tip distance of the strips along y, at zero coordinates [m]."""
-    poses = _poses(robot, None)
-    sides = [_placed(poses[s.body], strip_corners(s))[:, 1] for s in robot.strips]
+    places = poses(robot)
+    sides = [placed(places[s.body], strip_corners(s))[:, 1] for s in robot.strips]
     return float(np.ptp(np.concatenate(sides))) if sides else 0.0
-
-
-def _poses(robot: Robot, q: ArrayLike | None) -> list[tuple[Array, Array]]:
-    """Position (3,) [m] and rotation to the world (3, 3) of every body."""
-    coordinates = robot.coordinates() if q is None else np.asarray(q, float)
-    if coordinates.shape != (robot.coordinate_count,):
-        raise ShapeError("q", (robot.coordinate_count,), coordinates.shape)
-    poses: list[tuple[Array, Array]] = []
-    for body in robot.bodies:
-        position, rotation = np.zeros(3), np.eye(3)
-        if body.parent >= 0:
-            position, rotation = poses[body.parent]
-        position = position + rotation @ np.array(body.position, float)
-        rotation = rotation @ np.array(body.orientation)
-        for turn, slide in _motions(robot, body, coordinates):
-            position, rotation = position + rotation @ slide, rotation @ turn
-        poses.append((position, rotation))
-    return poses
-
-
-def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]]:
-    """Turn (3, 3) and slide (3,) [m] of each joint, from the parent on."""
-    unit, still = np.eye(3), np.zeros(3)
-    if body.floating_dofs is not None:
-        position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
-        yield unit, position
-        if body.by_quaternion:
-            yield rotation_from_quaternion(attitude), still
-        else:
-            for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
-                yield _turn(axis, angle), still
-    for joint in body.joints:
-        axis, value = np.array(joint.axis), float(q[robot.coordinate_indices[joint.dof]])
-        turns = joint.kind == "revolute"
-        yield (_turn(axis, value), still) if turns else (unit, axis * value)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Rotation about a unit axis (Rodrigues), (3, 3)."""
-    cross = np.cross(np.eye(3), axis)
-    turned = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return np.asarray(turned)
-
-
-def strip_corners(strip: Strip) -> Array:
-    """Corners of a strip in body axes, in order around it, (4, 3) [m]."""
-    forward = np.array(strip.forward)
-    half = np.cross(np.array(strip.normal), forward) * float(strip.width) / 2
-    leading = np.array(strip.quarter_chord, float) + forward * float(strip.chord) / 4
-    trailing = leading - forward * float(strip.chord)
-    return np.array([leading - half, leading + half, trailing + half, trailing - half])
-
-
-def _placed(pose: tuple[Array, Array], points: Array) -> Array:
-    """Points of a body in world axes, (..., 3) [m]."""
-    position, rotation = pose
-    return np.asarray(position + points @ rotation.T)

@@ -207,6 +207,7 @@ class Robot:
         acceleration_limit: Largest acceleration of each [m/s^2, rad/s^2]; likewise.
         effort_limit: Largest force or torque of its actuator [N, N m]; likewise.
         cruise: How it flies where nothing else is asked for, or None.
+        joined_wings: Wings that one lifting line runs through, as pairs of names.
     """
 
     name: str
@@ -225,6 +226,7 @@ class Robot:
     acceleration_limit: tuple[float, ...] = field(default=(), repr=False)
     effort_limit: tuple[float, ...] = field(default=(), repr=False)
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
+    joined_wings: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     @property
     def dof(self) -> int:
@@ -525,6 +527,10 @@ def _mounted(
         upper=joined("upper"),
         gravity=robot.gravity,
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
+        joined_wings=(
+            *((prefix + one, prefix + other) for one, other in arm.joined_wings),
+            *robot.joined_wings,
+        ),
         **capacities,
     )
     _check_names(composed, strips)

@@ -391,6 +391,7 @@ class WingPart(_Part):
     """A wing from the root outwards, on one or more bodies."""
 
     name: Name
+    joins: tuple[Name, ...] | None = None
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
 
 

@@ -23,6 +23,7 @@ from patagium.aerodynamics import (
     AddedMass,
     Aerodynamics,
     Air,
+    LiftingLine,
     added_mass_from_description,
     aero_from_description,
 )
@@ -31,6 +32,7 @@ from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.strip_chains import chain_words
 from patagium.scratch import release
 from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
@@ -386,6 +388,7 @@ def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
         "load_cells": json.dumps([cell.describe() for cell in origin.load_cells]),
         "time_step": origin.time_step,
         "stepping": origin.stepping,
+        "lifting_lines": chain_words(robot) if isinstance(origin.aero, LiftingLine) else "",
         "patagium_version": __version__,
     }
 

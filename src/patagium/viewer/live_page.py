@@ -23,7 +23,7 @@ from patagium.dynamics.dynamics import Poses
 from patagium.learning.scores import INTERVAL
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
-from patagium.robot.drawing import strip_corners
+from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
 from patagium.viewer.live_door import Door, is_number
 from patagium.viewer.live_frames import (

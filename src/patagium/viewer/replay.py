@@ -23,8 +23,8 @@ from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, w
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
 from patagium.robot.attitude import body_rates
-from patagium.robot.drawing import strip_corners
 from patagium.robot.model import Body
+from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
 from patagium.simulation import carrier_of, gait_period, robot_of
 from patagium.simulation.flight import Carrier

@@ -11,7 +11,7 @@ import patagium as pt
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ShapeError
 from patagium.robot import preset_names
-from patagium.robot.drawing import strip_corners
+from patagium.robot.planform import strip_corners
 from patagium.robot.solids import solids, wing_tips
 
 

@@ -20,10 +20,11 @@ from patagium.aerodynamics import (
 )
 from patagium.aerodynamics.model import aero_functions, compile_aero
 from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.trailing_vortices import horseshoe_function, strip_chains
+from patagium.aerodynamics.trailing_vortices import horseshoe_function
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import load_functions
 from patagium.robot import Robot, load_robot
+from patagium.robot.strip_chains import strip_chains
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,9 @@ from patagium.robot.attitude import (
     quaternion_from_angles,
     rotation_from_quaternion,
 )
-from patagium.robot.drawing import _poses, describe_robot, draw_robot
+from patagium.robot.drawing import describe_robot, draw_robot
 from patagium.robot.model import coordinate_names, places_in_q
+from patagium.robot.planform import poses
 from patagium.sensing.force.air_force import packet_columns
 from patagium.viewer import replay
 
@@ -74,7 +75,7 @@ def test_coordinates_may_stand_in_any_order():
     shuffled = load_robot_text(text).with_attitude("quaternion")
     straight = pt.load_robot("aerobat").with_attitude("quaternion")
     start = {"x": 1.0, "roll": 0.3, "pitch": -2.0, "yaw": 0.5, "left_elbow": 0.2}
-    drawn = [_poses(robot, robot.coordinates(**start)) for robot in (shuffled, straight)]
+    drawn = [poses(robot, robot.coordinates(**start)) for robot in (shuffled, straight)]
     for one, other in zip(*drawn, strict=True):
         np.testing.assert_array_equal(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])
@@ -85,7 +86,7 @@ def test_coordinates_are_given_as_angles(pair):
     by_angles, by_quaternion = (robot.coordinates(z=1.0, **angles) for robot in pair)
     assert by_quaternion[2] == 1.0
     np.testing.assert_array_equal(by_quaternion[3:7], quaternion_from_angles(list(angles.values())))
-    for one, other in zip(_poses(pair[0], by_angles), _poses(pair[1], by_quaternion), strict=True):
+    for one, other in zip(poses(pair[0], by_angles), poses(pair[1], by_quaternion), strict=True):
         # rounding: half angles here, angles there
         np.testing.assert_allclose(one[0], other[0], atol=1e-15)
         np.testing.assert_allclose(one[1], other[1], atol=1e-15)

@@ -7,14 +7,15 @@ import pytest
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.robot import load_robot, preset_names
-from patagium.robot.drawing import _poses, describe_robot, draw_robot
+from patagium.robot.drawing import describe_robot, draw_robot
+from patagium.robot.planform import poses
 
 
 @pytest.mark.parametrize("name", preset_names())
 def test_drawn_poses_are_those_of_the_dynamics(name, rng):
     robot = load_robot(name)
     q = rng.normal(size=robot.dof)
-    drawn = _poses(robot, q)
+    drawn = poses(robot, q)
     for (position, rotation), pose in zip(drawn, body_poses(robot, ca.SX(q)), strict=True):
         # two sines and cosines a joint
         np.testing.assert_allclose(position, np.array(ca.DM(pose.position))[:, 0], atol=1e-14)

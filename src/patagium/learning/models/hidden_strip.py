@@ -38,7 +38,6 @@ from patagium.aerodynamics.trailing_vortices import (
     implicit_lag_step,
     lattice,
     solve_normalwash,
-    strip_chains,
     surface_gains,
 )
 from patagium.dynamics.chain import cross, vector
@@ -59,6 +58,7 @@ from patagium.learning.models.structure import stacked
 from patagium.learning.models.wing import RobotNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
+from patagium.robot.strip_chains import strip_chains
 
 Array = NDArray[np.float64]
 
@@ -180,7 +180,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         self._constants = np.array([*constants, *robot.parameters])
         symbolic, _ = robot.symbolic()
         self._functions = load_functions(
-            f"hidden strip network {self.lags.size} {symbolic!r}",
+            f"hidden strip network {self.lags.size} {strip_chains(robot)} {symbolic!r}",
             lambda: hidden_functions(robot, self.lags.size),
             label=f"hidden strip network of {robot.name}",
             many_only=("slopes",),

@@ -1,0 +1,88 @@
+"""Places of a robot's bodies and strips, in plain numbers.
+
+Pictures, warnings and chains of strips are made from them. The equations of motion have their
+own kinematics, `patagium.dynamics.kinematics`, on symbols; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.errors import ShapeError
+from patagium.robot.attitude import rotation_from_quaternion
+from patagium.robot.model import Body, Robot, Strip
+
+Array = NDArray[np.float64]
+
+
+def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]:
+    """Position (3,) [m] and rotation to the world (3, 3) of every body.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+        q: Generalized coordinates, (n_q,) [m, rad, 1]; those of zero angles when None.
+
+    Raises:
+        ShapeError: If `q` is not (n_q,).
+    """
+    coordinates = robot.coordinates() if q is None else np.asarray(q, float)
+    if coordinates.shape != (robot.coordinate_count,):
+        raise ShapeError("q", (robot.coordinate_count,), coordinates.shape)
+    found: list[tuple[Array, Array]] = []
+    for body in robot.bodies:
+        position, rotation = np.zeros(3), np.eye(3)
+        if body.parent >= 0:
+            position, rotation = found[body.parent]
+        position = position + rotation @ np.array(body.position, float)
+        rotation = rotation @ np.array(body.orientation)
+        for turn, slide in _motions(robot, body, coordinates):
+            position, rotation = position + rotation @ slide, rotation @ turn
+        found.append((position, rotation))
+    return found
+
+
+def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]]:
+    """Turn (3, 3) and slide (3,) [m] of each joint, from the parent on."""
+    unit, still = np.eye(3), np.zeros(3)
+    if body.floating_dofs is not None:
+        position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
+        yield unit, position
+        if body.by_quaternion:
+            yield rotation_from_quaternion(attitude), still
+        else:
+            for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
+                yield _turn(axis, angle), still
+    for joint in body.joints:
+        axis, value = np.array(joint.axis), float(q[robot.coordinate_indices[joint.dof]])
+        turns = joint.kind == "revolute"
+        yield (_turn(axis, value), still) if turns else (unit, axis * value)
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    """Rotation about a unit axis (Rodrigues), (3, 3)."""
+    cross = np.cross(np.eye(3), axis)
+    turned = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return np.asarray(turned)
+
+
+def strip_corners(strip: Strip) -> Array:
+    """Corners of a strip in body axes, in order around it, (4, 3) [m]."""
+    forward = np.array(strip.forward)
+    half = np.cross(np.array(strip.normal), forward) * float(strip.width) / 2
+    leading = np.array(strip.quarter_chord, float) + forward * float(strip.chord) / 4
+    trailing = leading - forward * float(strip.chord)
+    return np.array([leading - half, leading + half, trailing + half, trailing - half])
+
+
+def placed(pose: tuple[Array, Array], points: Array) -> Array:
+    """Points of a body in world axes, (..., 3) [m].
+
+    Args:
+        pose: Position (3,) [m] and rotation (3, 3) of the body.
+        points: In body axes, (..., 3) [m].
+    """
+    position, rotation = pose
+    return np.asarray(position + points @ rotation.T)

@@ -1,0 +1,142 @@
+"""Chains of strips: wings that one lifting line runs through.
+
+Strips of a wing follow each other where their ends meet. A wing joins its mirror image where
+their roots are near, as a body between them carries lift across; other wings join where the
+robot file says so (`joins`). All distances are those at zero coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.robot.model import Robot
+from patagium.robot.planform import placed, poses
+
+Array = NDArray[np.float64]
+
+JOINED = 0.5
+"""Gap below which the ends of two strips are one, over their mean chord."""
+
+Pair = tuple[str, str]
+Pose = tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class StripChain:
+    """Strips side by side that share legs.
+
+    Attributes:
+        strips: Indices in `robot.strips`, in order.
+        right: For each strip 1 where the order runs along forward x normal (to the right
+            of one who flies forward), else -1.
+    """
+
+    strips: tuple[int, ...]
+    right: tuple[int, ...]
+
+    @property
+    def reverse(self) -> StripChain:
+        """Chain seen from its other end."""
+        return StripChain(self.strips[::-1], tuple(-sign for sign in self.right[::-1]))
+
+    def __add__(self, other: StripChain) -> StripChain:
+        return StripChain(self.strips + other.strips, self.right + other.right)
+
+
+def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
+    """Chains of strips that share legs.
+
+    Args:
+        robot: The machine, in numbers; its `joined_wings` are joined at their nearest ends.
+    """
+    places = poses(robot)
+    chains: list[StripChain] = []
+    for index in range(len(robot.strips)):
+        new = StripChain((index,), (_order(robot, index),))
+        last = chains[-1] if chains else None
+        if last and _wings(robot, last) == _wings(robot, new) and _near(robot, places, last, new):
+            chains[-1] = last + new
+        else:
+            chains.append(new)
+    for pair in robot.joined_wings:
+        ways = list(_ways(robot, chains, pair))
+        if ways:
+            first, second = min(ways, key=lambda way: _gap(robot, places, *way))
+            kept = [k for k in chains if not {*k.strips} & {*first.strips, *second.strips}]
+            chains = [*kept, first + second]
+    return tuple(sorted(chains, key=lambda chain: min(chain.strips)))
+
+
+def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
+    """Wings and their mirror images whose ends are nearer than half their mean chord.
+
+    Args:
+        robot: The machine, in numbers.
+        images: Names of a wing and its mirror image.
+    """
+    places, chains = poses(robot), strip_chains(robot)
+    near = [
+        pair
+        for pair in images
+        if any(_near(robot, places, *way) for way in _ways(robot, chains, pair))
+    ]
+    return tuple(near)
+
+
+def chain_words(robot: Robot) -> str:
+    """Wings of each lifting line, such as "left_wing + right_wing; tail".
+
+    Args:
+        robot: The machine, in numbers.
+    """
+    lines = (dict.fromkeys(robot.strips[i].wing for i in k.strips) for k in strip_chains(robot))
+    return "; ".join(" + ".join(wings) for wings in lines)
+
+
+def _ways(
+    robot: Robot, chains: list[StripChain] | tuple[StripChain, ...], pair: Pair
+) -> Iterator[tuple[StripChain, StripChain]]:
+    """Two chains in each order and direction in which an end of one wing faces the other's."""
+    for first in (way for chain in chains for way in (chain, chain.reverse)):
+        for second in (way for chain in chains for way in (chain, chain.reverse)):
+            ends = (robot.strips[first.strips[-1]].wing, robot.strips[second.strips[0]].wing)
+            if ends == pair and not {*first.strips} & {*second.strips}:
+                yield first, second
+
+
+def _wings(robot: Robot, chain: StripChain) -> set[str]:
+    return {robot.strips[i].wing for i in chain.strips}
+
+
+def _order(robot: Robot, index: int) -> int:
+    """1 where the strips of a wing follow each other along forward x normal, else -1."""
+    strip = robot.strips[index]
+    same = [s for s in robot.strips if (s.wing, s.body) == (strip.wing, strip.body)]
+    if len(same) < 2:
+        return 1 if strip.mirrored else -1
+    along = np.subtract(same[-1].quarter_chord, same[0].quarter_chord)
+    return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
+
+
+def _near(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> bool:
+    """Whether the last strip of one chain ends where the first strip of another begins."""
+    chord = robot.strips[first.strips[-1]].chord + robot.strips[second.strips[0]].chord
+    return bool(_gap(robot, places, first, second) < JOINED * chord / 2)
+
+
+def _gap(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> float:
+    """Distance from the end of a chain to the beginning of another [m]."""
+    end = _end(robot, places, first.strips[-1], first.right[-1])
+    return float(np.linalg.norm(end - _end(robot, places, second.strips[0], -second.right[0])))
+
+
+def _end(robot: Robot, places: list[Pose], index: int, right: int) -> Array:
+    """Right (1) or left (-1) end of a strip's quarter chord in the world, (3,) [m]."""
+    strip = robot.strips[index]
+    half = right * strip.width / 2
+    offset = np.add(strip.quarter_chord, half * np.cross(strip.forward, strip.normal))
+    return placed(places[strip.body], offset)

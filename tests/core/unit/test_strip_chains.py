@@ -1,0 +1,64 @@
+"""Lifting lines run through a wing and its mirror image, through others where the file says so."""
+
+from __future__ import annotations
+
+import pytest
+
+import patagium as pt
+from patagium.errors import RobotFileError
+from patagium.robot import Robot, load_robot_text, preset_text
+from patagium.robot.strip_chains import chain_words, strip_chains
+
+CLOSE = preset_text("dragonfly").replace("at: [-2 cm, 2 cm", "at: [5.3 cm, 2 cm")
+"""A dragonfly whose hind roots are nearer to the fore roots than half a chord."""
+HIND = "  - name: left_hind\n"
+SAID = CLOSE.replace(HIND, f"{HIND}    joins: [left_fore]\n")
+
+
+@pytest.fixture(scope="module")
+def close() -> Robot:
+    return load_robot_text(CLOSE.replace("strips: 6", "strips: 2"))
+
+
+def test_wings_one_behind_the_other_are_not_joined(close: Robot) -> None:
+    assert chain_words(close) == "left_fore; left_hind; right_fore; right_hind"
+
+
+def test_a_robot_file_may_join_wings_and_their_images() -> None:
+    said = load_robot_text(SAID)
+    assert chain_words(said) == "left_hind + left_fore; right_hind + right_fore"
+    assert sorted(i for chain in strip_chains(said) for i in chain.strips) == [*range(24)]
+
+
+def test_a_robot_file_may_part_a_wing_from_its_image() -> None:
+    text = preset_text("aerobat-beta")
+    assert chain_words(load_robot_text(text)) == "left_wing + right_wing"
+    apart = text.replace("- name: left_wing\n", "- name: left_wing\n    joins: []\n")
+    assert chain_words(load_robot_text(apart)) == "left_wing; right_wing"
+
+
+def test_other_numbers_do_not_part_wings() -> None:
+    robot = load_robot_text(preset_text("yeo-wing"))
+    damaged = robot.with_parameters({"right_wing[0].chord": 0.03, "right_wing[0].width": 0.001})
+    assert strip_chains(damaged) == strip_chains(robot)
+
+
+def test_a_wing_joins_no_wing_that_is_not_there() -> None:
+    wrong = SAID.replace("[left_fore]", "[left_for]")
+    with pytest.raises(RobotFileError, match=r"wings\.1\.joins: expected names of other wings"):
+        load_robot_text(wrong)
+
+
+def test_still_air_gives_four_close_wings_no_power(close: Robot) -> None:
+    aero = pt.LiftingLine(close, pt.Air())
+    step = 1 / close.cruise.frequency / 500
+    flight = pt.simulate(
+        close, aero, pt.gaits.cruise(close), duration=1000 * step, time_step=step,
+        mount=pt.mounts.fixed(),
+    )  # fmt: skip
+    beat = flight.isel(time=slice(500, None))
+    assert float(beat["aero_power"].mean()) < 0
+    # a tip moves at 16 m/s over half a chord of 3 cm, pi c U / 2 of it at an angle of 1 rad
+    assert float(abs(beat["circulation"]).max()) < 1.5
+    assert float(abs(beat["downwash"]).max()) < 16.0
+    assert flight.attrs["lifting_lines"] == chain_words(close)
