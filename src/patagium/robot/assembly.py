@@ -18,9 +18,29 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import FLOATING_COORDINATES, Body, Cruise, Joint, Robot, Strip, repeated
-from patagium.robot.schema import BodyPart, CruisePart, JointPart, RobotFile, Segment, WingPart
+from patagium.robot.model import (
+    CAPACITIES,
+    COMMANDS,
+    FLOATING_COORDINATES,
+    Actuator,
+    Body,
+    Cruise,
+    Joint,
+    Robot,
+    Strip,
+    repeated,
+)
+from patagium.robot.schema import (
+    ActuatorPart,
+    BodyPart,
+    CruisePart,
+    JointPart,
+    RobotFile,
+    Segment,
+    WingPart,
+)
 from patagium.robot.strip_chains import joined_images
+from patagium.robot.units import UnitMismatch, in_si
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -87,6 +107,9 @@ def assemble(file: RobotFile, source: str) -> Robot:
         path = f"{floating.path}.attitude"
         raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
     robot = _joined(file, replace(robot, cruise=_cruise(robot, file.cruise)))
+    actuators = {name: _actuator(robot, name, part) for name, part in file.actuators.items()}
+    _check_actuators(robot, actuators)
+    robot = replace(robot, actuators=actuators)
     return replace(with_file_parameters(robot, file.parameters), source=source)
 
 
@@ -121,6 +144,61 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
                 path = f"cruise.{key}.{name}"
                 raise AssemblyError((path, f"an actuated joint ({known}) or a pair", name))
     return Cruise(**dict(part))
+
+
+def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
+    """Limits of a command, in the unit of the joints that answer it."""
+    kind, joints = robot.command(name)
+    path = f"actuators.{name}"
+    if not joints or name == "amplitude":
+        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+        kinds = ", ".join(f"<joint>_{one}" for one in COMMANDS)
+        raise AssemblyError((path, f"frequency, {kinds} of an actuated joint ({known})", name))
+    unit = "rad" if kind == "phase" else robot.dof_units[robot.index(joints[0])]
+    unit = "Hz" if kind == "frequency" else unit
+
+    def si(key: str, written: Any, per: str = "") -> float:
+        try:
+            return in_si(written, unit + per, "a limit")
+        except UnitMismatch as error:
+            raise AssemblyError((f"{path}.{key}", error.expected, error.found)) from None
+
+    low, high = -np.inf, np.inf
+    if part.range is not None:
+        low, high = (si(f"range.{k}", one) for k, one in enumerate(part.range))
+        least = 0.0 if kind in ("frequency", "amplitude") else -np.inf
+        if not least <= low < high:
+            sign = "" if least else ", none below 0"
+            found = f"{low:g} to {high:g} {unit}"
+            raise AssemblyError((f"{path}.range", f"the lower before the upper{sign}", found))
+    rate = np.inf if part.rate_limit is None else si("rate_limit", part.rate_limit, "/s")
+    if not rate > 0:
+        raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g} {unit}/s"))
+    return Actuator(unit, (low, high), rate, part.response_time, part.cost)
+
+
+def _check_actuators(robot: Robot, actuators: Mapping[str, Actuator]) -> None:
+    """Refuse a joint that is limited twice, and ranges that exclude the cruise."""
+    seen: dict[tuple[str, str], str] = {}
+    cruise = robot.cruise
+    for name, actuator in actuators.items():
+        kind, joints = robot.command(name)
+        for joint in joints:
+            other = seen.setdefault((kind, joint), name)
+            if other != name:
+                expected = f"the {kind} of {joint} limited once"
+                raise AssemblyError((f"actuators.{name}", expected, f"also as {other!r}"))
+        if cruise is None or kind == "phase" or cruise.frequency is None:
+            continue
+        own = {"frequency": {name: cruise.frequency}, "amplitude": cruise.amplitude}
+        given = own.get(kind, cruise.offset)
+        for key, value in given.items():
+            named = kind == "frequency" or set(robot.joints_named(key)) & set(joints)
+            low, high = actuator.range
+            if named and not low <= value <= high:
+                expected = f"a range that holds the cruise's {value:g} {actuator.unit}"
+                found = f"{low:g} to {high:g} {actuator.unit}"
+                raise AssemblyError((f"actuators.{name}.range", expected, found))
 
 
 def _draft(name: str, part: BodyPart) -> _Draft:
@@ -263,7 +341,7 @@ class _Coordinate:
 def _capacities(ordered: list[_Coordinate]) -> dict[str, Any]:
     """Limits of the actuators by the name of the robot's field; empty where nobody has one."""
     found: dict[str, tuple[float, ...]] = {}
-    for key in ("speed_limit", "acceleration_limit", "effort_limit"):
+    for key in CAPACITIES:
         written = [getattr(k.part, key, None) for k in ordered]
         known = any(limit is not None for limit in written)
         found[key] = tuple(np.inf if k is None else k for k in written) if known else ()

@@ -72,7 +72,21 @@ _XYZ = ("x", "y", "z")
 _INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 _BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": _INERTIA}
 _STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
-_CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit")
+CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit", "power_limit")
+"""What a joint's motor can do at most, by its name in a robot and in its file."""
+
+
+def capacity_units(unit: str) -> tuple[str, ...]:
+    """SI units of `CAPACITIES` of a joint.
+
+    Args:
+        unit: Unit of the joint's coordinate, "m" or "rad".
+    """
+    return f"{unit}/s", f"{unit}/s^2", "N" if unit == "m" else "N m", "W"
+
+
+COMMANDS = ("amplitude", "offset", "phase")
+"""What is commanded of a joint of a gait; `frequency` is commanded of all together."""
 _NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
@@ -187,6 +201,27 @@ class Cruise:
 
 
 @dataclass(frozen=True)
+class Actuator:
+    """Limits of a command: a gait's frequency, or a joint's amplitude, offset or phase.
+
+    Attributes:
+        unit: SI unit of the command [Hz, rad or m].
+        range: Least and greatest value [unit].
+        rate_limit: Fastest change [unit/s].
+        response_time: Time within which 99 % of a small change is there [s]; None for the default
+            of `SteeredGait`.
+        cost: Weight of the square of the command's departure, over half its range, in the cost
+            of a controller [1].
+    """
+
+    unit: str
+    range: tuple[float, float]
+    rate_limit: float
+    response_time: float | None
+    cost: float
+
+
+@dataclass(frozen=True)
 class Robot:
     """A morphing-wing robot: a tree of bodies, their wings, damping and limits.
 
@@ -206,8 +241,10 @@ class Robot:
         speed_limit: Largest speed of each coordinate [m/s, rad/s]; empty: none has any.
         acceleration_limit: Largest acceleration of each [m/s^2, rad/s^2]; likewise.
         effort_limit: Largest force or torque of its actuator [N, N m]; likewise.
+        power_limit: Largest mechanical power of its actuator [W]; likewise.
         cruise: How it flies where nothing else is asked for, or None.
         joined_wings: Wings that one lifting line runs through, as pairs of names.
+        actuators: Limits of the commands of a gait, by their names in `SteeredGait`.
     """
 
     name: str
@@ -225,8 +262,10 @@ class Robot:
     speed_limit: tuple[float, ...] = field(default=(), repr=False)
     acceleration_limit: tuple[float, ...] = field(default=(), repr=False)
     effort_limit: tuple[float, ...] = field(default=(), repr=False)
+    power_limit: tuple[float, ...] = field(default=(), repr=False)
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
     joined_wings: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def dof(self) -> int:
@@ -393,6 +432,20 @@ class Robot:
         pair = (name, f"left_{name}", f"right_{name}")
         return tuple(self.dof_names[i] for i in self.actuated if self.dof_names[i] in pair)
 
+    def command(self, name: str) -> tuple[str, tuple[str, ...]]:
+        """Kind of a command of a gait, such as `plunge_offset`, and the joints that answer it.
+
+        Args:
+            name: Name of the command.
+
+        Returns:
+            `frequency` or one of `COMMANDS`, and actuated joints, none where nobody answers.
+        """
+        joint, _, kind = name.rpartition("_")
+        if name in ("frequency", "amplitude"):
+            return name, tuple(self.dof_names[i] for i in self.actuated)
+        return kind, self.joints_named(joint) if kind in COMMANDS else ()
+
     def index(self, dof_name: str) -> int:
         """Index of a degree of freedom by name.
 
@@ -514,7 +567,7 @@ def _mounted(
         own = getattr(robot, name)
         return (*getattr(arm, name), *(own[i] for i in kept))
 
-    capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in _CAPACITIES}
+    capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in CAPACITIES}
     composed = Robot(
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
@@ -531,6 +584,7 @@ def _mounted(
             *((prefix + one, prefix + other) for one, other in arm.joined_wings),
             *robot.joined_wings,
         ),
+        actuators=robot.actuators,
         **capacities,
     )
     _check_names(composed, strips)

@@ -23,6 +23,7 @@ from pydantic import (
 )
 
 from patagium.limits import LEAST_MASS
+from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.units import (
     Acceleration,
     Angle,
@@ -217,6 +218,7 @@ class JointPart(_Part):
     speed_limit: float | None = None
     acceleration_limit: float | None = None
     effort_limit: float | None = None
+    power_limit: float | None = None
     damping: float = 0.0
     passive: StrictBool = False
 
@@ -228,8 +230,7 @@ class JointPart(_Part):
             return written
         unit, damping_unit, noun = _joint_unit(written.get("type", "revolute"))
         converted = dict(written)
-        units = (f"{unit}/s", f"{unit}/s^2", "N" if unit == "m" else "N m")
-        for key, limit_unit in zip(_MOST, units, strict=True):
+        for key, limit_unit in zip(CAPACITIES, capacity_units(unit), strict=True):
             if key in written:
                 converted[key] = most = _converted(written[key], limit_unit, "a limit", key)
                 if not most > 0:
@@ -251,9 +252,6 @@ class JointPart(_Part):
         if self.damping < 0:
             raise mismatch("a quantity that is not negative", f"{self.damping:g}", "damping")
         return self
-
-
-_MOST = ("speed_limit", "acceleration_limit", "effort_limit")
 
 
 def _converted(written: object, unit: str, noun: str, key: str) -> float:
@@ -429,6 +427,15 @@ class CruisePart(_Part):
         return self
 
 
+class ActuatorPart(_Part):
+    """Limits of a command; the assembly knows its unit."""
+
+    range: tuple[Any, Any] | None = None
+    rate_limit: Any = None
+    response_time: Annotated[Duration, AfterValidator(_positive)] | None = None
+    cost: Annotated[PureNumber, AfterValidator(_positive)] = 1.0
+
+
 class RobotFile(_Part):
     """All of a robot file."""
 
@@ -439,6 +446,7 @@ class RobotFile(_Part):
     wings: tuple[WingPart, ...] = ()
     mirror: tuple[Mirror, ...] = ()
     cruise: CruisePart | None = None
+    actuators: dict[Name, ActuatorPart] = {}
     parameters: dict[str, PureNumber] = {}
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
+from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.simulation.flight import gait_period, robot_of
 
 Array = NDArray[np.float64]
@@ -52,7 +53,8 @@ def flight_summary(flight: xr.Dataset) -> dict[str, Any]:
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
     facts |= _of_body(robot, flight, chosen)
-    return facts | {"warnings": _warnings(facts) if "speed" in facts else []}
+    warnings = _warnings(facts) if "speed" in facts else []
+    return facts | {"warnings": warnings + _overloads(robot, flight)}
 
 
 def _second_half(time: Array, beat: float | None) -> slice:
@@ -102,4 +104,22 @@ def _warnings(facts: dict[str, Any]) -> list[str]:
         warnings.append(
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
         )
+    return warnings
+
+
+def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:
+    """Sentences about joints that take more than their actuators have."""
+    v, effort = flight["v"].to_numpy(), flight["u1"].to_numpy()
+    taken = dict(zip(CAPACITIES, (v, flight["a"].to_numpy(), effort, effort * v), strict=True))
+    warnings = []
+    for k, (name, values) in enumerate(taken.items()):
+        limits, what = getattr(robot, name), name.removesuffix("_limit")
+        for i in robot.actuated if limits else ():
+            size, unit = np.abs(values[:, i]), capacity_units(robot.dof_units[i])[k]
+            most = int(np.argmax(size))
+            if size[most] > limits[i]:
+                warnings.append(
+                    f"{robot.dof_names[i]} needs {size[most]:.3g} {unit} of {what} at "
+                    f"{float(flight['time'][most]):.3g} s, but has {limits[i]:.3g} {unit}."
+                )
     return warnings

@@ -345,10 +345,11 @@ def _number(path: Path, row: int, cell: str) -> float:
 
 
 def _joint_unit(robot: Robot, name: str) -> str:
-    for dof, unit in zip(robot.dof_names, robot.dof_units, strict=True):
-        if dof in (name, f"left_{name}", f"right_{name}"):
-            return unit
-    raise LogError(f"column {name!r}: no joint of {robot.name!r} ({', '.join(robot.dof_names)})")
+    joints = robot.joints_named(name)
+    if not joints:
+        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+        raise LogError(f"column {name!r}: no actuated joint of {robot.name!r} ({known})")
+    return robot.dof_units[robot.index(joints[0])]
 
 
 def unit_factor(path: Path, name: str, unit: str, si: str) -> float:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from patagium.errors import ParameterError
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import FLOATING_COORDINATES, Axis, axis_of, finite_triple
+from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
 from patagium.simulation.arm import ArmPlan, plan_arm
 from patagium.simulation.paths import Path, check_path
 
@@ -324,6 +324,7 @@ def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:
         return replace(body, joints=joints, floating_dofs=moved)
 
     endless = (float("inf"),) * count
+    capacities: dict[str, Any] = dict.fromkeys(CAPACITIES, ())
     return replace(
         robot,
         bodies=tuple(later(body) for body in robot.bodies),
@@ -333,9 +334,7 @@ def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:
         damping=(0.0,) * count + robot.damping,
         lower=tuple(-x for x in endless) + robot.lower,
         upper=endless + robot.upper,
-        speed_limit=(),
-        acceleration_limit=(),
-        effort_limit=(),
+        **capacities,
     )
 
 

@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any, TypeAlias, TypedDict, Unpack
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -384,11 +385,16 @@ class Simulator:
         if controller is None:
             return self.advance(self.steps, progress)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
-            commands = controller(self.time, self.state)
-            if commands:
-                self.command(commands)
-            self.advance(self._control_steps, progress)
+            self._fly_period(controller(self.time, self.state), progress)
         return self.outcome
+
+    def _fly_period(
+        self, commands: Mapping[str, float] | None, progress: Progress | None = None
+    ) -> Outcome:
+        """Outcome after a command, if there is any, and one control period."""
+        if commands:
+            self.command(commands)
+        return self.advance(self._control_steps, progress)
 
     def step(self, commands: Mapping[str, float] | None = None) -> FlightState:
         """Command, fly on for one control period, and look.
@@ -403,9 +409,7 @@ class Simulator:
             ParameterError: If a name is no command, or a value not possible.
             SimulationFailed: If the run broke; it carries the flight.
         """
-        if commands:
-            self.command(commands)
-        if self.advance(self._control_steps) is not Outcome.COMPLETED:
+        if self._fly_period(commands) is not Outcome.COMPLETED:
             raise SimulationFailed(self.message(), self.flight(), self.outcome)
         return self.state
 
@@ -433,12 +437,11 @@ class Simulator:
 
     def _command_samples(self, count: int) -> tuple[tuple[str, ...], Array]:
         """Names of commands, and what was commanded last at each sample, (N, names)."""
-        names = tuple(self._own_commands)
-        values = np.tile(np.array([self._own_commands[name] for name in names]), (count, 1))
-        for first, commands in self._commands:
-            for name, value in commands.items():
-                values[first:, names.index(name)] = value
-        return names, values
+        changes = [(0, self._own_commands), *self._commands]
+        table = pd.DataFrame([given for _, given in changes]).ffill()
+        firsts = [first for first, _ in changes]
+        rows = np.searchsorted(firsts, np.arange(count), side="right") - 1
+        return tuple(self._own_commands), table.to_numpy()[rows]
 
     def _failure_cause(self) -> StepTooLong | None:
         """Cause of the failure where the step was too long; else None."""

@@ -6,7 +6,9 @@ the gait and m its mean. Rate, amplitude, offset and lead answer a command as th
 row, (s/k + 1)^-3: without overshoot, so that each stays between what it was and what was
 commanded, and twice differentiable, so that q has a continuous acceleration. All is in closed
 form, velocities and accelerations are the derivatives to rounding, and a gait that nobody steers
-is g to the last bit. Neglected: torque and speed limits of motors.
+is g to the last bit. What the robot's file says in `actuators` holds: a command is cut to its
+range, and a command whose rate is limited goes there as a ramp ahead of the lags, so that no
+response is faster. Neglected: torque and power limits of motors, which a flight's summary tells.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import ParameterError
 from patagium.robot import Robot
+from patagium.robot.model import COMMANDS, Actuator
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 
 Array = NDArray[np.float64]
@@ -31,22 +34,25 @@ OFFSET_SHARE = 0.25
 """Response time of an offset over the wingbeat, where none is given."""
 STILL_RESPONSE = 0.05
 """Response time of an offset of a gait that stands still, where none is given [s]."""
-KINDS = ("amplitude", "offset", "phase")
-"""What is commanded of a joint; `frequency` is commanded of all together."""
 _SAMPLES = 2000  # of a period, for mean and extremes
+_MARGIN = 1e-5  # of the end of a range, since extremes are sampled
 
 
 @dataclass(frozen=True)
 class _Responses:
-    """Quantities that go to their targets: x = target + exp(-k t) (c0 + c1 t + c2 t^2).
+    """Quantities that go to their targets, x = u(t - 3/k) + exp(-k t) (c0 + c1 t + c2 t^2).
+
+    Three lags follow a ramp u(t) = target + slope t in the end 3/k later.
 
     Attributes:
-        target: Where they go, (n,) [s of the gait a s, 1, rad or m, s].
+        target: Where they go at first, (n,) [s of the gait a s, 1, rad or m, s].
+        slope: Rate of the target, (n,) [unit of the target, over s].
         sharpness: Of each lag k, (n,) [1/s].
         c: Coefficients c0, c1, c2, (3, n) [unit of the target, over s, over s^2].
     """
 
     target: Array
+    slope: Array
     sharpness: Array
     c: Array
 
@@ -57,21 +63,25 @@ class _Responses:
         p0 = c0 + (c1 + c2 * t) * t
         p1 = (c1 - k * c0) + (2 * c2 - k * c1) * t - k * c2 * t**2
         p2 = (2 * c2 - 2 * k * c1 + k**2 * c0) + (k**2 * c1 - 4 * k * c2) * t + k**2 * c2 * t**2
-        return self.target + fading * p0, fading * p1, fading * p2
+        ahead = self.target + self.slope * (t - 3 / k)
+        return ahead + fading * p0, self.slope + fading * p1, fading * p2
 
     def integral(self, time: Array, place: int) -> Array:
         """Integral of one response from its beginning to t, (N,)."""
         k, (c0, c1, c2) = self.sharpness[place], self.c[:, place]
         whole = c0 / k + c1 / k**2 + 2 * c2 / k**3
         left = whole + (c1 / k + 2 * c2 / k**2) * time + c2 / k * time**2
-        return np.asarray(self.target[place] * time + whole - np.exp(-k * time) * left)
+        ahead = (self.target[place] + self.slope[place] * (time / 2 - 3 / k)) * time
+        return np.asarray(ahead + whole - np.exp(-k * time) * left)
 
-    def toward(self, target: Array, time: float) -> _Responses:
+    def toward(self, target: Array, slope: Array, time: float) -> _Responses:
         """The answer to other targets, from where this one is t after it began."""
         value, rate, bend = (part[0] for part in self.at(np.array([time])))
-        k, gap = self.sharpness, value - target
-        c1 = rate + k * gap
-        return _Responses(target, k, np.array([gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2]))
+        k = self.sharpness
+        gap = value - target + 3 * slope / k
+        c1 = rate - slope + k * gap
+        c = np.array([gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2])
+        return _Responses(target, slope, k, c)
 
 
 @dataclass(frozen=True)
@@ -91,19 +101,17 @@ class SteeredGait:
     `plunge_offset` (added to the mean) [rad, m] and `plunge_phase` (lead) [rad].
 
     Args:
-        robot: The machine; no command takes a joint beyond its limits.
+        robot: The machine; no command takes a joint beyond its limits, nor beyond the range and
+            the rate of its actuators. A response that they do not give takes one wingbeat, that
+            of an offset a quarter of it.
         gait: The gait as it is until somebody steers.
-        response_time: Time within which 99 % of a command is there, by its name [s]. Of what
-            shapes a wingbeat one wingbeat where not given, of offsets a quarter of it.
 
     Raises:
-        ParameterError: If a name of a response time is no command, or its time not positive.
+        ParameterError: If the range of an actuator excludes the gait.
     """
 
-    def __init__(
-        self, robot: Robot, gait: Gait, response_time: Mapping[str, float] | None = None
-    ) -> None:
-        self.gait, self._count = gait, len(gait.joints)
+    def __init__(self, robot: Robot, gait: Gait) -> None:
+        self.gait, self._robot, self._count = gait, robot, len(gait.joints)
         motion = gait.motion((gait.period or 0.0) * np.arange(_SAMPLES) / _SAMPLES).position
         self.mean = motion.mean(axis=0)
         away = motion - self.mean
@@ -113,17 +121,20 @@ class SteeredGait:
         beat, n = gait.period, self._count
         offset = OFFSET_SHARE * beat if beat else STILL_RESPONSE
         times = np.r_[np.full(1 + n, beat or 1.0), np.full(n, offset), np.full(n, beat or 1.0)]
-        for name, value in (response_time or {}).items():
-            if not (np.isfinite(value) and value > 0):
-                raise ParameterError(f"response_time of {name}", "a positive time [s]", value)
-            times[self._places(name)[1]] = value
-        first = _Responses(
-            np.r_[np.ones(1 + n), np.zeros(2 * n)],
-            SHARPNESS / times,
-            np.zeros((3, 1 + 3 * n)),
-        )
+        self._target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
+        none = np.zeros_like(self._target)
+        self._rates = none + np.inf
+        self._range = np.array([none - np.inf, none + np.inf])
+        for name, actuator in robot.actuators.items():
+            kind, places = self._places(name)
+            bounds, rate = self._limits_of(name, kind, places, actuator)
+            self._range[:, places], self._rates[places] = bounds, rate
+            if actuator.response_time is not None:
+                times[places] = actuator.response_time
+        first = _Responses(self._target, none, SHARPNESS / times, np.zeros((3, len(none))))
         self._pieces = [_Piece(0.0, 0.0, first)]
         self._starts = [0.0]
+        self._since = 0.0
         self.limited = 0
 
     @property
@@ -135,7 +146,7 @@ class SteeredGait:
     def period(self) -> float | None:
         """Time of a wingbeat as it was commanded last [s]."""
         own = self.gait.period
-        return own / float(self._pieces[-1].responses.target[0]) if own else None
+        return own / float(self._target[0]) if own else None
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
@@ -151,8 +162,9 @@ class SteeredGait:
     def command(self, time: float, commands: Mapping[str, float]) -> None:
         """Go to other values from a time on; what is not named stays as it was commanded.
 
-        A joint keeps its limits: first its amplitude is lowered as far as that takes, then its
-        offset, and `limited` counts the commands to which this was done.
+        A command keeps the range of its actuator, and a joint its limits: first its amplitude is
+        lowered as far as that takes, then its offset. `limited` counts the commands to which
+        this was done.
 
         Args:
             time: When it is commanded, not before the last time [s].
@@ -161,31 +173,42 @@ class SteeredGait:
         Raises:
             ParameterError: If a name is no command, or a number is not possible.
         """
-        last = self._pieces[-1]
-        if not (np.isfinite(time) and time >= last.time):
-            raise ParameterError("time", f"at {last.time:g} s or later", time)
-        target = last.responses.target.copy()
+        if not (np.isfinite(time) and time >= self._since):
+            raise ParameterError("time", f"at {self._since:g} s or later", time)
+        target = self._target.copy()
         for name, value in commands.items():
-            kind, places = self._places(name)
+            kind, places = self._commanded_places(name)
             lowest = {"frequency": 1e-9, "amplitude": 0.0}.get(kind, -np.inf)
             if not (np.isfinite(value) and value >= lowest):
                 wanted = {"frequency": "a positive number", "amplitude": "zero or more"}
                 raise ParameterError(f"command {name}", wanted.get(kind, "a finite number"), value)
             target[places] = value * self._scale(kind)
-        target = self._within_limits(target)
+        self._since, self._target = time, self._within_limits(target)
+        while self._starts[-1] > time:
+            self._starts.pop()
+            self._pieces.pop()
+        last = self._pieces[-1]
+        now = last.responses.target + last.responses.slope * (time - last.time)
+        gap = self._target - now
+        lasting = np.abs(gap) / self._rates
+        slope = np.sign(gap) * np.where(lasting > 0, self._rates, 0.0)
+        for end in np.unique(np.r_[0.0, lasting]):
+            under_way = lasting > end
+            aim = np.where(under_way, now + slope * end, self._target)
+            self._append(time + end, aim, np.where(under_way, slope, 0.0))
+
+    def _append(self, time: float, target: Array, slope: Array) -> None:
+        """Go on to other targets from a time on, not before the last piece began [s]."""
+        last = self._pieces[-1]
         since = time - last.time
         phase = last.phase + float(last.responses.integral(np.array(since), 0))
-        piece = _Piece(time, phase, last.responses.toward(target, since))
-        if time == last.time and len(self._pieces) > 1:
-            self._pieces[-1] = piece
-        else:
-            self._pieces.append(piece)
-            self._starts.append(time)
+        self._pieces.append(_Piece(time, phase, last.responses.toward(target, slope, since)))
+        self._starts.append(time)
 
     def commanded(self, name: str) -> float:
         """Value of a command as it was given last, in its own unit; that of the first joint."""
-        kind, places = self._places(name)
-        return float(self._pieces[-1].responses.target[places[0]] / self._scale(kind))
+        kind, places = self._commanded_places(name)
+        return float(self._target[places[0]] / self._scale(kind))
 
     def command_at(self, time: float) -> tuple[float, float]:
         """Frequency [Hz] and amplitude over the gait's own, mean of joints, at a time [s]."""
@@ -210,25 +233,54 @@ class SteeredGait:
         }
 
     def _places(self, name: str) -> tuple[str, list[int]]:
-        """Kind of a command, and its places among the responses."""
-        n, joints = self._count, self.joints
-        if name == "frequency" and self.gait.period:
-            return name, [0]
-        joint, _, kind = name.rpartition("_")
-        pair = (joint, f"left_{joint}", f"right_{joint}")
-        found = [k for k, one in enumerate(joints) if one in pair or name == "amplitude"]
-        moving = [k for k in range(n) if np.ptp(self._reach[:, k]) > 0]
-        if kind != "offset":
-            found = [k for k in found if k in moving]
-        if kind in KINDS and found:
-            return kind, [1 + KINDS.index(kind) * n + k for k in found]
-        expected = f"<joint>_offset of {', '.join(joints)}"
-        if moving:
-            flapping = ", ".join(joints[k] for k in moving)
+        """Kind of a command, and its places among the responses, none where nobody answers."""
+        kind, named = self._robot.command(name)
+        if kind == "frequency":
+            return kind, [0] if self.gait.period else []
+        found = [
+            k
+            for k, joint in enumerate(self.joints)
+            if joint in named and (kind == "offset" or np.ptp(self._reach[:, k]) > 0)
+        ]
+        return kind, [1 + COMMANDS.index(kind) * self._count + k for k in found]
+
+    def _commanded_places(self, name: str) -> tuple[str, list[int]]:
+        """Kind of a command that somebody answers, and its places among the responses."""
+        kind, places = self._places(name)
+        if places:
+            return kind, places
+        expected = f"<joint>_offset of {', '.join(self.joints)}"
+        if self.gait.period:
+            moving = np.flatnonzero(np.ptp(self._reach, axis=0) > 0)
+            flapping = ", ".join(self.joints[k] for k in moving)
             expected = (
                 f"frequency, amplitude, {expected}, <joint>_amplitude or _phase of {flapping}"
             )
         raise ParameterError("command", expected, name)
+
+    def _limits_of(
+        self, name: str, kind: str, places: list[int], actuator: Actuator
+    ) -> tuple[Array, Array]:
+        """Range, (2, places), and rate, (places,), of an actuator in the unit of the responses."""
+        joints = [(place - 1) % self._count for place in places]
+        factor: Array = np.full(len(places), self._scale(kind))
+        middle: Array = np.zeros(len(places))
+        if kind == "amplitude":
+            factor = 2.0 / np.ptp(self._reach[:, joints], axis=0)
+        elif kind == "offset":
+            middle = self.mean[joints]
+        bounds = (np.array(actuator.range)[:, None] - middle) * factor
+        own = self._target[places]
+        inside = (bounds[0] <= own + _MARGIN) & (own <= bounds[1] + _MARGIN)
+        if not inside.all():
+            place = int(np.argmin(inside))
+            gait = own[place] / factor[place] + middle[place]
+            low, high = actuator.range
+            expected = f"a range that holds the gait's {gait:.4g} {actuator.unit}"
+            found = f"{low:.4g} to {high:.4g} {actuator.unit}"
+            raise ParameterError(f"actuators.{name}.range", expected, found)
+        held = np.array([np.minimum(bounds[0], own), np.maximum(bounds[1], own)])
+        return held, actuator.rate_limit * factor
 
     def _scale(self, kind: str) -> float:
         """Factor from the unit of a command to that of its response."""
@@ -239,12 +291,14 @@ class SteeredGait:
         """Largest amplitude of each joint about its own mean, (n_a,)."""
         room = self._limits - self.mean
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(self._reach != 0, room / self._reach, np.inf)
-        return np.asarray(np.maximum(ratio, 0.0).min(axis=0))
+            ratio = np.where(np.ptp(self._reach, axis=0) > 0, room / self._reach, np.inf)
+        within = np.maximum(ratio, 0.0).min(axis=0)
+        return np.asarray(np.minimum(within, self._range[1, 1 : 1 + self._count]))
 
     def _within_limits(self, target: Array) -> Array:
         """Targets at which every joint keeps its limits, (1 + 3 n_a,)."""
-        n, kept = self._count, target.copy()
+        n = self._count
+        kept: Array = np.clip(target, *self._range)
         amplitude, offset = kept[1 : 1 + n], kept[1 + n : 1 + 2 * n]  # views
         np.minimum(amplitude, self._largest_amplitudes(), out=amplitude)
         room = self._limits - self.mean - amplitude * self._reach
@@ -273,11 +327,9 @@ class SteeredGait:
 
     def _own_motion(self, own: Array) -> PrescribedMotion:
         """Motion of the gait with each joint at its own time, (N, n_a) [s]."""
-        found = self.gait.motion(own[:, 0])
-        for k in range(1, self._count):
-            if not np.array_equal(own[:, k], own[:, 0]):
-                one = self.gait.motion(own[:, k])
-                found.position[:, k] = one.position[:, k]
-                found.velocity[:, k] = one.velocity[:, k]
-                found.acceleration[:, k] = one.acceleration[:, k]
-        return found
+        if (own == own[:, :1]).all():
+            return self.gait.motion(own[:, 0])
+        found = self.gait.motion(own.T.ravel())
+        each, shape = np.arange(self._count), (self._count, -1, self._count)
+        parts = (found.position, found.velocity, found.acceleration)
+        return PrescribedMotion(*(part.reshape(shape)[each, :, each].T for part in parts))

@@ -10,6 +10,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import ParameterError, RobotFileError
+from patagium.robot import load_robot_text
 from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.state_limits import tidy_step
 
@@ -55,6 +56,26 @@ def test_the_summary_sees_what_is_wrong():
     np.testing.assert_allclose(found["roll"][1], 2.0, atol=0.5)
     half = flight.strip_force.sel(axis="z").sum("strip").values[250:].mean()
     assert found["force_over_weight"] == pytest.approx(half / (0.28 * 9.81), rel=1e-12)
+
+
+def test_the_summary_tells_what_no_actuator_has():
+    robot = pt.load_robot("ornithopter")
+    flight = pt.simulate(
+        robot, pt.QuasiSteady(robot), pt.gaits.cruise(robot), duration=0.5, time_step=1e-3,
+        v=robot.velocities(x=4.5),
+    )  # fmt: skip
+    assert not flight_summary(flight)["warnings"]
+    place = robot.index("left_plunge")
+    torque = np.abs(flight.u1.values[:, place])
+    power = np.abs(flight.u1.values * flight.v.values)[:, place]
+    for limit, values, unit in (("effort", torque, "N m"), ("power", power, "W")):
+        text = robot.source.replace(
+            "60 deg]}", f"60 deg], {limit}_limit: {0.7 * values.max()}}}", 1
+        )
+        weak = flight.assign_attrs(robot=load_robot_text(text).source)
+        (left, right) = flight_summary(weak)["warnings"]
+        assert left.startswith(f"left_plunge needs {values.max():.3g} {unit} of {limit} at ")
+        assert right.startswith("right_plunge") and f"but has {0.7 * values.max():.3g}" in left
 
 
 def test_units_stand_in_every_row(tmp_path, capsys):

@@ -198,7 +198,7 @@ def test_a_table_with_a_mapping_and_a_period_needs_no_closing_row(robot, tmp_pat
         ("time [s],plunge [rad]\n", "no rows"),
         ("time [s],plunge\n0,0\n1,0\n", "no unit"),
         ("time [s],plunge [m]\n0,0\n1,0\n", "plunge"),
-        ("time [s],plung [rad]\n0,0\n1,0\n", "no joint"),
+        ("time [s],plung [rad]\n0,0\n1,0\n", "no actuated joint"),
         ("plunge [rad]\n0\n1\n", "needs time"),
         ("time [s],plunge [rad]\n0,0\n1,x\n", "row 3: expected a finite number, found 'x'"),
         ("time [s],plunge [rad]\n0,0\n1,nan\n", "row 3: expected a finite number"),

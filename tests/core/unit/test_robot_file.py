@@ -5,6 +5,7 @@ import pytest
 
 from patagium.errors import ParameterError, RobotFileError
 from patagium.robot import load_robot, load_robot_text
+from patagium.robot.model import Actuator
 
 GLIDER = """
 name: glider
@@ -275,6 +276,81 @@ FAULTS = {
         "'hull.moss'",
     ),
 }
+
+
+_CRUISE = "cruise: {frequency: 5, amplitude: {slide: 0.01}}\n"
+
+
+def with_actuator(text: str) -> tuple[str, str]:
+    return "mirror:", f"{_CRUISE}actuators:\n  {text}\nmirror:"
+
+
+FAULTS |= {
+    "command that no joint answers": (
+        with_actuator("tail_offset: {range: [0, 1]}"), "actuators.tail_offset",
+        "<joint>_offset, <joint>_phase of an actuated joint (left_slide, right_slide)", "tail",
+    ),
+    "command of a passive joint": (
+        with_actuator("fold_offset: {range: [0, 1]}"), "actuators.fold_offset",
+        "an actuated joint", "fold_offset",
+    ),
+    "unit of another joint": (
+        with_actuator("slide_offset: {range: [-1 cm, 20 deg]}"), "actuators.slide_offset.range.1",
+        "number [m]", "20 deg",
+    ),
+    "rate without its time": (
+        with_actuator("slide_offset: {rate_limit: 3 cm}"), "actuators.slide_offset.rate_limit",
+        "number [m/s]", "3 cm",
+    ),
+    "range the wrong way": (
+        with_actuator("frequency: {range: [6, 4]}"), "actuators.frequency.range",
+        "the lower before the upper", "6 to 4 Hz",
+    ),
+    "frequency below zero": (
+        with_actuator("frequency: {range: [-6, 14]}"), "actuators.frequency.range",
+        "none below 0", "-6 to 14 Hz",
+    ),
+    "rate of zero": (
+        with_actuator("frequency: {rate_limit: 0}"), "actuators.frequency.rate_limit",
+        "a positive quantity", "0 Hz/s",
+    ),
+    "response without time": (
+        with_actuator("frequency: {response_time: 0 s}"), "actuators.frequency.response_time",
+        "positive", "0",
+    ),
+    "limits that exclude the gait": (
+        with_actuator("frequency: {range: [6, 8]}"), "actuators.frequency.range",
+        "holds the cruise's 5 Hz", "6 to 8 Hz",
+    ),
+    "stroke that excludes the gait": (
+        with_actuator("left_slide_amplitude: {range: [0, 5 mm]}"),
+        "actuators.left_slide_amplitude.range", "holds the cruise's 0.01 m", "0 to 0.005 m",
+    ),
+    "a joint limited twice": (
+        with_actuator("slide_phase: {}\n  left_slide_phase: {}"),
+        "actuators.left_slide_phase", "the phase of left_slide limited once", "slide_phase",
+    ),
+    "power in newtons": (
+        ("damping: 0.1 N s/m", "power_limit: 3 N"), "bodies.left_tip.joints.0.power_limit",
+        "number [W]", "3 N",
+    ),
+}  # fmt: skip
+
+
+def test_actuators_are_in_si():
+    robot = load_robot_text(
+        GLIDER.replace(
+            *with_actuator(
+                "slide_offset: {range: [-5 mm, 2 cm], rate_limit: 3 cm/s, response_time: 20 ms,"
+                " cost: 2}\n  frequency: {range: [4, 6]}"
+            )
+        ).replace("damping: 0.1 N s/m", "damping: 0.1 N s/m\n        power_limit: 3 kW")
+    )
+    slide, frequency = robot.actuators["slide_offset"], robot.actuators["frequency"]
+    assert slide == Actuator("m", (-0.005, 0.02), pytest.approx(0.03), 0.02, 2.0)
+    assert frequency == Actuator("Hz", (4.0, 6.0), np.inf, None, 1.0)
+    assert robot.power_limit[robot.index("right_slide")] == 3000.0
+    assert robot.structure == load_robot_text(GLIDER).structure  # nothing is compiled anew
 
 
 @pytest.mark.parametrize("fault", FAULTS)

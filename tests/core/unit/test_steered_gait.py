@@ -11,10 +11,24 @@ from numpy.polynomial import Polynomial
 
 import patagium as pt
 from patagium.errors import ParameterError
+from patagium.robot import preset_names
+from patagium.robot.model import Actuator
 from patagium.simulation.gaits import check_gait
 from patagium.simulation.steered_gait import SteeredGait
 
-ROBOT = pt.load_robot("aerobat")
+PRESET = pt.load_robot("aerobat")
+ROBOT = replace(PRESET, actuators={})  # answers as gaits do where no file says more
+FREE = (-np.inf, np.inf)
+
+
+def with_actuators(robot=ROBOT, **limits):
+    """The robot with ranges, rates and response times of commands, by their names."""
+    names = ("range", "rate_limit", "response_time")
+    free = dict(zip(names, (FREE, np.inf, None), strict=True))
+    return replace(
+        robot,
+        actuators={name: Actuator("", cost=1.0, **free | given) for name, given in limits.items()},
+    )
 
 
 def a_gait():
@@ -26,7 +40,11 @@ def a_gait():
 
 def on_its_way():
     """Asked for while the last answer is still under way."""
-    gait = SteeredGait(ROBOT, a_gait(), {"elbow_offset": 0.1})
+    robot = with_actuators(
+        elbow_offset={"response_time": 0.1}, frequency={"rate_limit": 20.0},
+        plunge_amplitude={"rate_limit": 3.0},
+    )  # fmt: skip
+    gait = SteeredGait(robot, a_gait())
     gait.command(0.2, {"frequency": 8.0, "amplitude": 1.3, "left_plunge_phase": 0.4})
     gait.command(0.31, {"frequency": 3.0, "right_plunge_amplitude": 0.2, "elbow_offset": -0.2})
     gait.command(0.35, {"frequency": 6.0, "amplitude": 1.0, "left_plunge_offset": 0.1})
@@ -139,10 +157,61 @@ def test_what_cannot_be_is_refused():
         still.command(0.0, {"frequency": 3.0})
     still.command(0.0, {"feather_offset": 0.1})
     assert still.motion([1.0]).position[0, list(still.joints).index("left_feather")] == 0.1
-    with pytest.raises(ParameterError, match="a positive time"):
-        SteeredGait(ROBOT, a_gait(), {"plunge_offset": 0.0})
     check_gait(ROBOT, gait)
     json.dumps(gait.describe())
+
+
+def test_a_rate_limit_holds_and_the_command_arrives():
+    robot = with_actuators(frequency={"rate_limit": 4.0}, plunge_offset={"rate_limit": 0.5})
+    gait = SteeredGait(robot, a_gait())
+    gait.command(0.1, {"frequency": 9.0, "plunge_offset": 0.3})
+    gait.command(0.3, {"frequency": 7.0})  # turned back while the ramp is under way
+    times = np.linspace(0.0, 3.0, 30001)
+    frequency = np.array([gait.command_at(float(t))[0] for t in times])
+    assert np.abs(np.diff(frequency) / np.diff(times)).max() <= 4.0 + 1e-6  # rounding over 1e-4 s
+    assert np.abs(np.diff(frequency) / np.diff(times)).max() > 3.9
+    assert frequency.max() <= 7.0 + 1e-12 and frequency[-1] == pytest.approx(7.0, abs=1e-9)
+    other = SteeredGait(robot, a_gait())
+    other.command(0.1, {"plunge_offset": 0.3})
+    away = other.motion(times).position - a_gait().motion(times).position
+    drift = np.abs(np.diff(away[:, list(gait.joints).index("left_plunge")])) / np.diff(times)
+    assert 0.45 < drift.max() <= 0.5 + 1e-6
+    assert gait.commanded("plunge_offset") == 0.3 and gait.period == pytest.approx(1 / 7)
+
+
+def test_a_range_holds_in_the_units_of_the_joint():
+    robot = with_actuators(
+        frequency={"range": (4.0, 7.0)}, plunge_amplitude={"range": (0.4, 0.6)},
+        elbow_offset={"range": (-0.1, 0.2)}, plunge_offset={"range": (0.0, 0.15)},
+    )  # fmt: skip
+    gait = SteeredGait(robot, a_gait())
+    assert gait.largest_amplitude() == pytest.approx(1.2, rel=1e-5)  # extremes of 2000 samples
+    gait.command(0.0, {"frequency": 9.0, "amplitude": 2.0, "plunge_offset": 1.0})
+    assert gait.limited == 1 and gait.commanded("frequency") == 7.0
+    assert gait.commanded("plunge_amplitude") == pytest.approx(1.2, rel=1e-5)
+    assert gait.commanded("elbow_amplitude") == 2.0
+    assert gait.commanded("plunge_offset") == pytest.approx(0.05, abs=1e-9)  # over its mean of .1
+    for name, limits, own in (
+        ("frequency", (6.0, 9.0), "5 "),
+        ("left_plunge_amplitude", (0.6, 0.9), "0.5 "),
+        ("plunge_offset", (-0.2, 0.0), "0.1 "),
+        ("elbow_phase", (0.1, 0.5), "0 "),
+    ):
+        with pytest.raises(ParameterError, match=rf"actuators.{name}.range.*the gait's {own}"):
+            SteeredGait(with_actuators(**{name: {"range": limits}}), a_gait())
+    still = with_actuators(frequency={"range": (4.0, 7.0)}, plunge_amplitude={"range": (0.4, 0.6)})
+    SteeredGait(still, pt.gaits.still(still))  # nothing flaps that could be out of range
+
+
+def test_actuators_of_the_presets_hold_their_cruise():
+    for name in preset_names():
+        robot = pt.load_robot(name)
+        if robot.actuators:
+            gait = SteeredGait(robot, pt.gaits.cruise(robot))
+            for command in robot.actuators:
+                gait.command(0.0, {command: gait.commanded(command)})
+            assert gait.limited == 0
+            assert gait.describe()["response_time"][0] == robot.actuators["frequency"].response_time
 
 
 AERO, START = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)
