@@ -40,7 +40,7 @@ $(STAMP): requirements.lock pyproject.toml lab/pyproject.toml
 
 demo: $(STAMP)
 	@mkdir -p $(OUT)
-	@$(BIN)/patagium reproduce --out $(OUT)/demo
+	@$(BIN)/patagium study reproduce --out $(OUT)/demo
 
 test: $(STAMP)
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(TESTS)
@@ -67,20 +67,20 @@ docs: $(STAMP)
 
 bench: $(STAMP)
 	@mkdir -p $(OUT)
-	@$(BIN)/patagium bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
+	@$(BIN)/patagium study bench -o $(OUT)/benchmarks.md --json $(OUT)/bench.json
 
 attack: $(STAMP)
-	@$(BIN)/patagium attack --results $(OUT)/attack.json -o docs/robustness.md $(if $(LOG),--log $(LOG))
+	@$(BIN)/patagium study attack --results $(OUT)/attack.json -o docs/robustness.md $(if $(LOG),--log $(LOG))
 
 pages: $(STAMP)
 	@mkdir -p $(OUT)
 	@$(BIN)/python docs/draw_architecture.py
-	@$(BIN)/patagium validate -o docs/validation.md
-	@$(BIN)/patagium bench -o docs/benchmarks.md --json $(OUT)/bench.json
-	@$(BIN)/patagium reproduce --out $(OUT)/demo --page docs/results.md
-	@$(BIN)/patagium rig --out $(OUT)/rig --page docs/rig.md
-	@$(BIN)/patagium foreign --out $(OUT)/foreign --page docs/foreign.md $(if $(LOG),--log $(LOG))
-	@$(if $(LOG),$(BIN)/patagium bench learners -o docs/learners.md --log $(LOG), \
+	@$(BIN)/patagium study validate -o docs/validation.md
+	@$(BIN)/patagium study bench -o docs/benchmarks.md --json $(OUT)/bench.json
+	@$(BIN)/patagium study reproduce --out $(OUT)/demo --page docs/results.md
+	@$(BIN)/patagium study rig --out $(OUT)/rig --page docs/rig.md
+	@$(BIN)/patagium study foreign --out $(OUT)/foreign --page docs/foreign.md $(if $(LOG),--log $(LOG))
+	@$(if $(LOG),$(BIN)/patagium study bench learners -o docs/learners.md --log $(LOG), \
 	  echo "docs/learners.md is left as it is: LOG=log16.csv.gz makes it anew")
 	@echo "docs/robustness.md is left as it is: make attack makes it anew"
 

@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 VERBS = "patagium.verbs"
-"""Modules of the command line: `NAME = module`; see `patagium.cli.main`."""
+"""Modules of verbs of `patagium study`: `NAME = module`; see `patagium.cli.main`."""
 AIR_MODELS = "patagium.air_models"
 """Functions `(robot, air, description) -> Aerodynamics` by the model's name."""
 STEPPINGS = "patagium.steppings"

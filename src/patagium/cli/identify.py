@@ -45,8 +45,12 @@ EXAMPLES = (
     'patagium identify flight.nc --estimate "section.lift_slope=0.5,lags.rate[0]=0.02" '
     "--aero lifting-line --report report.html",
 )
-
-
+PANELS = {
+    "Numbers of the air and the robot": "estimate aero refine",
+    "Logs and forecasts": "mapping horizon",
+    "State, settings, predictions": "state settings predictions",
+}
+"""Options of each panel of the help; the usual ones come before, in none."""
 _FIRST = 0.01
 _START = 1 << 18  # samples of a long log that a network is made from
 """Span that scales a dense network where nothing repeats itself [s]."""
@@ -64,8 +68,7 @@ def identify(
         typer.Option(
             min=1,
             help="Use one sample in so many; by default 100 a second, or 20 a wingbeat, of a table "
-            "all, as far as the network's size allows. Each prediction sees the inputs of its own "
-            "sample: it is no forecast; see --horizon.",
+            "all, as far as the network's size allows.",
         ),
     ] = None,
     horizon: Annotated[
@@ -85,7 +88,8 @@ def identify(
         Path | None,
         typer.Option(
             help="File of the learner's state: it is resumed if it is there, and written at the "
-            "end and on Ctrl-C. A state, unlike a model, learns on."
+            "end and on Ctrl-C. A state, unlike a model, learns on, with the centers and scales it "
+            "began with; that of a learner that diverged is not written."
         ),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="File for an HTML page.")] = None,
@@ -100,10 +104,7 @@ def identify(
     these predictions over the variance of the output, compared with holding the last
     used sample. These predictions see the measured inputs of their sample; --horizon scores a
     true forecast. Nothing has to be set: what was chosen, and from what, is printed, and an option
-    overrides it, one by one.
-
-    With --state the learner goes on where it stopped, with the centers and scales it began
-    with; all other options must be the same as before. A learner that diverged is not kept.
+    overrides it, one by one. With --state the other options must be the same as before.
     """
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user

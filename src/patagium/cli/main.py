@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 import typer
+from typer.core import TyperCommand
 
 from patagium.cli import (
     cache,
@@ -52,10 +53,29 @@ app = typer.Typer(
 )
 
 
-def _add(verb: ModuleType) -> None:
+def _add(verb: ModuleType, where: typer.Typer = app, *, hidden: bool = False) -> None:
     name = verb.__name__.rpartition(".")[2]
     word = getattr(verb, "NAME", name)  # `import` names no function
-    app.command(word, epilog="\n\n".join(("Examples:", *verb.EXAMPLES)))(getattr(verb, name))
+    epilog = "\n\n".join(("Examples:", *verb.EXAMPLES))
+    where.command(word, epilog=epilog, hidden=hidden, cls=_command(verb))(getattr(verb, name))
+
+
+def _command(verb: ModuleType) -> type[TyperCommand]:
+    """Command whose help shows the usual options first, and the others of a verb in panels."""
+    places = {
+        name: panel
+        for panel, names in getattr(verb, "PANELS", {}).items()
+        for name in names.split()
+    }
+
+    class Command(TyperCommand):
+        def __init__(self, *words: Any, **options: Any) -> None:
+            super().__init__(*words, **options)
+            for one in self.params:
+                if one.name in places:
+                    one.rich_help_panel = places[one.name]  # type: ignore[attr-defined]
+
+    return Command
 
 
 for _verb in (
@@ -63,8 +83,13 @@ for _verb in (
     stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
+_study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 for _point in plugins(VERBS).values():
-    _add(_point.load())
+    _module = _point.load()
+    _add(_module, _study, hidden=getattr(_module, "HIDDEN", False))
+    _add(_module, hidden=True)  # the word of 0.1
+if _study.registered_commands:
+    app.add_typer(_study, name="study", help="Studies of the authors: the paper, rigs, benches.")
 
 
 def _say_version(wanted: bool) -> None:

@@ -63,6 +63,15 @@ EXAMPLES = (
     'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
     '--duration "60 s" --time-step 5e-4 --live',
 )
+PANELS = {
+    "Gait": "gait plunge elbow feather amplitude phase offset",
+    "Air and start": "aero added_mass density wind pitch attitude",
+    "Mount": "mount load_cell arm arm_at arm_turn arm_shift",
+    "Path of the mount": "path path_center path_size path_speed path_frequency path_along "
+    "path_across path_attitude path_amplitude",
+    "Live view and comparison": "live_address settings stepping",
+}
+"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 @with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")

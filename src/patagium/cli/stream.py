@@ -42,6 +42,12 @@ EXAMPLES = (
     "--covariance node --prior-std 0.5 --measurement-std 1e-3 --idle 5",
     "sensors | patagium stream - --robot robot.yaml --live",
 )
+PANELS = {
+    "Packets": "key_file room samples idle",
+    "Learner": "settings scale_by memory autosave",
+    "Live view": "live_address",
+}
+"""Options of each panel of the help; the usual ones come before, in none."""
 _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
 
@@ -83,7 +89,7 @@ def stream(
     model: Annotated[Path | None, typer.Option(help="File for the learned model (.json).")] = None,
     state: Annotated[
         Path | None,
-        typer.Option(help="File of the learner's state: resumed if it is there, and written."),
+        typer.Option(help="File of the learner's state: resumed, and written."),
     ] = None,
     autosave: Annotated[
         float, typer.Option(min=0.1, help="Time between two writes of the state [s].")
@@ -97,9 +103,8 @@ def stream(
     A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
     time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
-    is counted and shown. Ctrl-C ends the stream, and its files are written; so do SIGTERM and
-    SIGHUP. An output that fails is told and costs no other; the exit code is then 2. With --state
-    the learner goes on where it stopped, with the centers and scales it began with.
+    is counted and shown. Ctrl-C, SIGTERM and SIGHUP end the stream, and its files are written. An
+    output that fails is told and costs no other; the exit code is then 2.
     """
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.cli.words import answer

@@ -26,6 +26,8 @@ EXAMPLES = (
     "patagium tune log.csv --mapping columns.yaml --every 1 --cluster tcp://10.0.0.1:8786",
     "patagium identify flight.nc --settings settings.yaml",
 )
+PANELS = {"Trials": "horizon jobs cluster mapping"}
+"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 @with_learner_options(several=True)

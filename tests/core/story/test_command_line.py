@@ -23,6 +23,8 @@ VERBS = (
     *("simulate", "cycles", "figures", "view", "inspect", "import", "motion", "identify", "tune"),
     *("evaluate", "stream", "send", "robots", "check", "cache"),
 )
+SCREEN = 30
+"""Lines of a terminal, and of the first screen of help."""
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
 LEARN = ("--prior-std", "0.3", "--measurement-std", "3e-4", "--spread", "1.7")
@@ -60,7 +62,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_verb_is_there() -> None:
-    assert tuple(command.name for command in app.registered_commands)[: len(VERBS)] == VERBS
+    shown = tuple(one.name for one in app.registered_commands if not one.hidden)
+    assert shown == VERBS
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -69,6 +72,17 @@ def test_every_verb_explains_itself_with_examples(verb: str, speak: Speak) -> No
     assert answer.code == 0
     assert "Examples:" in answer.out
     assert f"patagium {verb}" in answer.out.partition("Examples:")[2]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_first_screen_of_help_is_enough_for_the_usual_work(
+    verb: str, speak: Speak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "90")
+    lines = speak(verb, "--help").out.splitlines()
+    start = next(k for k, line in enumerate(lines) if "─ Options ─" in line)
+    end = next(k for k, line in enumerate(lines) if k > start and line.startswith("╰"))
+    assert end < SCREEN, "\n".join(lines[: end + 1])
 
 
 def test_help_is_quick() -> None:

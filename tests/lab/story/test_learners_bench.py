@@ -1,4 +1,4 @@
-"""`patagium bench learners`: the search, the race, the page and what it says of who is missing."""
+"""`patagium study bench learners`: the search, the race, the page, and who is missing on it."""
 
 from __future__ import annotations
 

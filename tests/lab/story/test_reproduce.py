@@ -103,7 +103,7 @@ def test_the_page_of_results_has_the_targets_and_what_was_found(outcome: dict[st
         found = math.nan if row["found"] is None else row["found"]
         cells = [row["target"], row["limit"], cell_text(found)]
         assert f"| {' | '.join(cells)} |" in text and verdict(row["met"]) in text
-    assert "`patagium reproduce`, flights of 0.2 s" in text
+    assert "`patagium study reproduce`, flights of 0.2 s" in text
     assert "> Short flights of 0.2 s were asked for; targets are those of 2 s." in text
     shown = re.findall(r"\]\(results/([^)]+\.svg)\)", text)
     assert len(shown) > 8 and {p.name for p in (outcome["out"] / "results").iterdir()} == {*shown}

@@ -66,7 +66,7 @@ def test_the_page_of_results_has_the_targets_and_what_was_found(
     for row in metrics["targets"]:
         cells = [row["target"], row["limit"], cell_text(row["found"]), verdict(row["met"])]
         assert f"| {' | '.join(cells)} |" in text
-    assert "`patagium rig`, 0.3 eights" in text
+    assert "`patagium study rig`, 0.3 eights" in text
 
 
 def test_a_log_teaches_what_the_truth_is(metrics: dict[str, Any]) -> None:

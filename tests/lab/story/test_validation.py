@@ -1,4 +1,4 @@
-"""`patagium validate`: the page, and the errors it promises."""
+"""`patagium study validate`: the page, and the errors it promises."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_page_of_the_documentation_is_of_these_models(errors):
         case = part.split("\n")[0]
         for model, value in re.findall(r"^\| ([^|]+) \| ([−\d.×⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \|", part, re.M):
             shown[case, model] = cell_number(value)
-    old = "stale: patagium validate -o docs/validation.md"
+    old = "stale: patagium study validate -o docs/validation.md"
     assert [key for key in errors if key not in shown] == [], old
     for key, error in errors.items():
         # three digits are printed; tiny ones are rounding

@@ -22,7 +22,7 @@ FORMATS = (
     *("MCAP", "ULog", "DataFlash"),
 )
 CASES = 12
-"""Cases of each format; an attack has thousands (`patagium attack`)."""
+"""Cases of each format; an attack has thousands (`patagium study attack`)."""
 
 
 @pytest.fixture(scope="module")

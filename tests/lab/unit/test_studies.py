@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import patagium_lab
+from patagium.cli.main import run as run_program
 from patagium.errors import OutputError
 from patagium.report import PageSection
 from patagium_lab.gallery import Gallery
@@ -44,6 +45,27 @@ def test_a_study_is_a_plan_a_run_and_a_page(name: str) -> None:
 def test_the_studies_are_those_that_verbs_run() -> None:
     names = ["attack", "bench", "foreign", "learners", "reproduction", "rig", "validation"]
     assert STUDIES == names
+
+
+def help_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What the program prints of some words and `--help`."""
+    with pytest.raises(SystemExit) as left:
+        run_program([*words, "--help"])
+    assert not left.value.code
+    return capsys.readouterr().out
+
+
+def test_studies_are_one_verb_and_their_old_words_are_hidden(capsys) -> None:
+    shown, study = help_of([], capsys), help_of(["study"], capsys)
+    verbs = ("reproduce", "rig", "bench", "latency", "validate", "attack", "foreign")
+    for verb in verbs:
+        assert f"│ {verb} " in study and f"│ {verb} " not in shown
+        text = help_of(["study", verb], capsys)
+        assert f"patagium study {verb}" in text.partition("Examples:")[2]
+        same = text.replace(f"study {verb} [OPT", f"{verb} [OPT").split()
+        assert help_of([verb], capsys).split() == same
+    assert "│ study " in shown and "│ stress " not in study + shown
+    assert "Former name" in help_of(["stress"], capsys)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -69,7 +69,7 @@ def page(results: AttackResults) -> Page:
     Args:
         results: Results of `run`.
     """
-    facts = {"made by": "`patagium attack`", "seed": str(results.seed), **conditions()}
+    facts = {"made by": "`patagium study attack`", "seed": str(results.seed), **conditions()}
     areas = results.areas
     sections = [PageSection("Hostile cases", _hostile(results))] if results.tallies() else []
     if "poison" in areas:

@@ -43,7 +43,7 @@ def page(rows: Sequence[Row]) -> Page:
         rows: Results of `run`.
     """
     loads = {row["name"]: row["note"] for row in rows if row["name"].startswith("load average")}
-    facts = {"made by": "`patagium bench`", **loads, **conditions()}
+    facts = {"made by": "`patagium study bench`", **loads, **conditions()}
     parts = (
         (title, text, [row for row in rows if row["group"] in groups])
         for title, groups, text in PARTS

@@ -90,7 +90,7 @@ def page(results: Results) -> Page:
         PageSection("What was kept apart", _split(metrics)),
         PageSection("How it is scored", [Note(text) for text in _notes(metrics, rows)]),
     ]
-    facts = {"made by": "`patagium foreign`", **metrics["environment"]}
+    facts = {"made by": "`patagium study foreign`", **metrics["environment"]}
     return Page(TITLE, f"{SUMMARY} {_found(rows)}", facts, sections)
 
 

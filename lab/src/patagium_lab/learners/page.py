@@ -45,7 +45,7 @@ def page(results: Row) -> Page:
         *(_course(course, plan) for course in courses),
         PageSection("What was chosen", [_settings(courses)]),
     ]
-    facts = {"made by": "`patagium bench learners`", **results["conditions"]}
+    facts = {"made by": "`patagium study bench learners`", **results["conditions"]}
     return Page(TITLE, SUMMARY, facts, sections)
 
 

@@ -47,7 +47,7 @@ def page(results: Results) -> Page:
         results: Results of `run`.
     """
     metrics, gallery = results.metrics, results.gallery
-    made = f"`patagium reproduce`, flights of {metrics['plan']['duration']:g} s"
+    made = f"`patagium study reproduce`, flights of {metrics['plan']['duration']:g} s"
     sections = [
         _experiments(metrics, gallery),
         PageSection("The claims of the paper", [_CLAIMS, claims_table(metrics)]),

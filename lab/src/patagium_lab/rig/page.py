@@ -33,7 +33,7 @@ def page(results: Results) -> Page:
         results: Results of `run`.
     """
     metrics, gallery = results.metrics, results.gallery
-    made = f"`patagium rig`, {metrics['plan']['eights']:g} eights of the arm"
+    made = f"`patagium study rig`, {metrics['plan']['eights']:g} eights of the arm"
     sections = [
         _rig(metrics, gallery),
         PageSection("Targets", [count_met(metrics["targets"]), _targets(metrics)]),

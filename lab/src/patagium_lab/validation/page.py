@@ -48,7 +48,7 @@ def page(results: Sequence[CaseResult]) -> Page:
         PageSection("What fails, and why", [*_failures(results), NOT_COMPARED]),
         *map(_case, results),
     ]
-    return Page(TITLE, SUMMARY, {"made by": "`patagium validate`", **conditions()}, sections)
+    return Page(TITLE, SUMMARY, {"made by": "`patagium study validate`", **conditions()}, sections)
 
 
 def _failures(results: Sequence[CaseResult]) -> list[Block]:

@@ -1,4 +1,4 @@
-"""`patagium attack`: hostile files, packets, programs and samples, and one page of what came."""
+"""`patagium study attack`: hostile files, packets, programs, samples, and one page of what came."""
 
 from __future__ import annotations
 
@@ -9,17 +9,26 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium attack --results attack.json -o docs/robustness.md",
-    "patagium attack --only files --only packets --cases 2000 --seed 3 -o page.html",
+    "patagium study attack --results attack.json -o docs/robustness.md",
+    "patagium study attack --only files --only packets --cases 2000 --seed 3 -o page.html",
 )
+Runs = Annotated[int, typer.Option(help="Number of runs of the fault campaign.")]
+Seed = Annotated[int, typer.Option(help="Seed of cases, faults and learners.")]
+Jobs = Annotated[int, typer.Option(help="Number of processes.")]
+Log = Annotated[Path | None, typer.Option(help="Crazyflie log (log16.csv.gz) to calibrate on too.")]
+Updates = Annotated[
+    int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
+]
+Captures = Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")]
 
 
 def attack(
     cases: Annotated[
         int, typer.Option(help="Number of hostile cases in all areas together.")
     ] = 100_000,
-    runs: Annotated[int, typer.Option(help="Number of runs of the fault campaign.")] = 1000,
-    seed: Annotated[int, typer.Option(help="Seed of cases, faults and learners.")] = 0,
+    runs: Runs = 1000,
+    seed: Seed = 0,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -27,17 +36,11 @@ def attack(
             "calibration, endurance or captures; the option may be repeated."
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Number of processes.")] = 2,
-    log: Annotated[
-        Path | None, typer.Option(help="Crazyflie log (log16.csv.gz) to calibrate on too.")
-    ] = None,
-    updates: Annotated[
-        int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
-    ] = 10_000_000,
-    captures: Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")] = 200,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
-    ] = Path("robustness.html"),
+    jobs: Jobs = 2,
+    log: Log = None,
+    updates: Updates = 10_000_000,
+    captures: Captures = 200,
+    output: Output = Path("robustness.html"),
     results: Annotated[
         Path | None,
         typer.Option(

@@ -1,4 +1,4 @@
-"""`patagium bench`: compiled functions and learners beside their rivals."""
+"""`patagium study bench`: compiled functions and learners beside their rivals."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium bench",
-    "patagium bench -o docs/benchmarks.md --json bench.json",
-    "patagium bench --quick",
-    "patagium bench --only update --only simulation",
-    "patagium bench learners -o docs/learners.md --log log16.csv.gz",
-    "patagium bench learners --quick --only node --only filterpy",
+    "patagium study bench",
+    "patagium study bench -o docs/benchmarks.md --json bench.json",
+    "patagium study bench --quick",
+    "patagium study bench --only update --only simulation",
+    "patagium study bench learners -o docs/learners.md --log log16.csv.gz",
+    "patagium study bench learners --quick --only node --only filterpy",
 )
 
 

@@ -1,4 +1,4 @@
-"""`patagium foreign`: every learner in air that other programs made."""
+"""`patagium study foreign`: every learner in air that other programs made."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium foreign --out foreign --quick",
-    "patagium foreign --out foreign --search 64 --log log16.csv.gz --page docs/foreign.md",
+    "patagium study foreign --out foreign --quick",
+    "patagium study foreign --out foreign --search 64 --log log16.csv.gz --page docs/foreign.md",
 )
 
 

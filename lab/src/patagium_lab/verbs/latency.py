@@ -1,4 +1,4 @@
-"""`patagium latency`: time of a sample from packet to prediction, median and tail."""
+"""`patagium study latency`: time of a sample from packet to prediction, median and tail."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium latency",
-    "patagium latency --samples 100000 --json latency.json",
-    'patagium latency --load alone --load "all cores busy"',
+    "patagium study latency",
+    "patagium study latency --samples 100000 --json latency.json",
+    'patagium study latency --load alone --load "all cores busy"',
 )
 
 

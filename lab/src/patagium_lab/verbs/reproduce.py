@@ -1,4 +1,4 @@
-"""`patagium reproduce`: the paper's experiment, corrected and as published."""
+"""`patagium study reproduce`: the paper's experiment, corrected and as published."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium reproduce --out demo",
-    "patagium reproduce --out quick --quick",
-    "patagium reproduce --out demo --page docs/results.md",
+    "patagium study reproduce --out demo",
+    "patagium study reproduce --out quick --quick",
+    "patagium study reproduce --out demo --page docs/results.md",
 )
 
 

@@ -1,4 +1,4 @@
-"""`patagium rig`: arm, robot and sensors; then a model of the air, learned from logs alone."""
+"""`patagium study rig`: arm, robot and sensors; a model of the air, learned from logs alone."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import typer
 from patagium.cli.words import quantity
 
 EXAMPLES = (
-    "patagium rig --out rig",
-    "patagium rig --out rig --page docs/rig.md",
-    'patagium rig --out slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
+    "patagium study rig --out rig",
+    "patagium study rig --out rig --page docs/rig.md",
+    'patagium study rig --out slow --noise 1 --frequency "4 Hz" --speed "1.5 m/s" --quick',
 )
 
 

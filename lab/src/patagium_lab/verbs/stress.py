@@ -1,4 +1,4 @@
-"""`patagium stress`: former name of the areas of learners of `patagium attack`."""
+"""`patagium study stress`: former name of the areas of learners of `patagium study attack`."""
 
 from __future__ import annotations
 
@@ -8,26 +8,23 @@ from typing import Annotated
 
 import typer
 
-EXAMPLES = ("patagium attack --only faults --only damage",)
+from patagium_lab.verbs.attack import Captures, Jobs, Log, Output, Runs, Seed, Updates
+
+EXAMPLES = ("patagium study attack --only faults --only damage",)
+HIDDEN = True
 
 
 def stress(
-    runs: Annotated[int, typer.Option(help="Number of runs of the fault campaign.")] = 1000,
-    seed: Annotated[int, typer.Option(help="Seed of the faults and learners.")] = 0,
-    jobs: Annotated[int, typer.Option(help="Number of processes.")] = 2,
-    log: Annotated[
-        Path | None, typer.Option(help="Crazyflie log (log16.csv.gz) to calibrate on too.")
-    ] = None,
-    updates: Annotated[
-        int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
-    ] = 10_000_000,
-    captures: Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")] = 200,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
-    ] = Path("stress.html"),
+    runs: Runs = 1000,
+    seed: Seed = 0,
+    jobs: Jobs = 2,
+    log: Log = None,
+    updates: Updates = 10_000_000,
+    captures: Captures = 200,
+    output: Output = Path("stress.html"),
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
-    """Former name of `patagium attack` without its hostile cases."""
+    """Former name of `patagium study attack` without its hostile cases."""
     from patagium.cli.words import existing, say_json, show_table, stage_bar
     from patagium_lab.attack import run as study
     from patagium_lab.attack.page import fault_table, page
@@ -35,7 +32,7 @@ def stress(
     from patagium_lab.study import Stages
 
     warnings.warn(
-        "patagium stress is now patagium attack; its areas are named by --only",
+        "patagium study stress is now patagium study attack; its areas are named by --only",
         DeprecationWarning,
         stacklevel=2,
     )

@@ -1,4 +1,4 @@
-"""`patagium validate`: models of the air beside theory and measurement."""
+"""`patagium study validate`: models of the air beside theory and measurement."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 EXAMPLES = (
-    "patagium validate",
-    "patagium validate --only wagner --only theodorsen -o page.html --json",
-    "patagium validate -o docs/validation.md",
+    "patagium study validate",
+    "patagium study validate --only wagner --only theodorsen -o page.html --json",
+    "patagium study validate -o docs/validation.md",
 )
 
 
