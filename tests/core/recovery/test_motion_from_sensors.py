@@ -210,3 +210,53 @@ def test_sensors_without_any_noise_are_believed_to_their_floors(
     assert np.linalg.eigvalsh(correlation).min() > -1e-12  # rounding of the product of its roots
     error, _ = errors(found, flight)
     assert np.abs(error[:, : flight.sizes["dof"]]).max() < 1e-3  # m, rad; noisy sensors: 1e-2
+
+
+def arriving(log: pt.sensing.SensorLog) -> list[tuple[float, str, np.ndarray]]:
+    """Samples of a log as they come in."""
+    found = []
+    for name, reading in log.readings.items():
+        rows = np.hstack([reading[part].values for part in reading.data_vars])
+        found += [(t, name, row) for t, row in zip(reading["time"].values, rows, strict=True)]
+    return sorted(found, key=lambda sample: sample[0])
+
+
+def test_a_tracker_smooths_what_lies_a_little_behind(flight: xr.Dataset) -> None:
+    log = pt.sense(flight.isel(time=slice(0, 751)), SENSORS)  # 150 ms
+    # as lively in its attitude as a fit of flapping flight finds it
+    density = np.concatenate([np.full(3, 1e8), np.full(3, 1e11), np.full(8, 1e10)])
+    tracker = pt.sensing.MotionTracker(pt.load_robot("aerobat"), log.sensors, density)
+    for stamp, name, row in arriving(log):
+        tracker.push(name, stamp, row)
+    last = tracker.now()
+    np.testing.assert_allclose(tracker.past([last.time])[0], [last.q, last.v, last.a], rtol=1e-9)
+    times = np.arange(100, 126) * 1e-3  # 25 to 50 ms behind
+    found = tracker.past(times)
+    true = flight.sel(time=times, method="nearest")
+    online = pt.estimate_motion(log, filtered=True, density=density, times=times)
+    squares = {"past": np.zeros(3), "now": np.zeros(3)}
+    for level, part in enumerate("qva"):
+        for name, values in (("past", found[:, level]), ("now", online[part].values)):
+            error = values - true[part].values
+            if part == "q":
+                error = (error + np.pi) % (2 * np.pi) - np.pi
+                assert np.abs(error[:, 3:6]).max() < 0.02  # 5 mrad to be expected: never lost
+            squares[name][level] = (error[:, 6:] ** 2).mean()
+    assert (squares["past"] < 0.3 * squares["now"]).all()  # the samples since tell more
+    with pytest.raises(LogError, match="times: expected times from"):
+        tracker.past([0.0])
+
+
+def test_a_tracker_raises_noise_that_is_too_small_for_the_motion(flight: xr.Dataset) -> None:
+    fast = replace(SENSORS[1], rate=4000.0)
+    log = pt.sense(flight, [SENSORS[0], fast, SENSORS[2]])
+    robot = pt.load_robot("aerobat")
+    density = np.concatenate([np.full(3, 1e8), np.full(3, 1e11), np.full(8, 1.0)])
+    tracker = pt.sensing.MotionTracker(robot, log.sensors, density)
+    for stamp, name, row in arriving(log):
+        tracker.push(name, stamp, row)
+    assert tracker.raised > 3
+    time = tracker.now().time - 0.02
+    k = robot.index("left_plunge")
+    true = float(flight["a"].sel(time=time, method="nearest")[k])
+    assert tracker.past([time])[0, 2, k] == pytest.approx(true, abs=20.0)  # of 490 rad/s^2

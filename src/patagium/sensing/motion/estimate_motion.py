@@ -56,8 +56,8 @@ Array = NDArray[np.float64]
 
 UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
-_MEMORY = 0.5
-"""Time over which driving noise may have built up the initial motion [s]."""
+_MEMORY = 0.02
+"""Time over which driving noise may have built up the initial rates [s]."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def fit_motion(
     checked = _checked(streams)
     guess = first_motion(robot, checked.streams, checked.used)
     groups = [columns] if columns else []
-    groups += [alone for s in checked.streams if (alone := _alone(s, columns))]
+    groups += [own for s in checked.streams if (own := alone(s, columns))]
     fits, stretches = [], list(checked.stretches)
     for group in groups:
         found = [_samples(s, group, checked.used[s.name], order) for s in checked.streams]
@@ -244,7 +244,7 @@ def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
     return begin, last if wanted[-1] <= last else min(float(wanted[-1]), last + 2 * step)
 
 
-def _alone(stream: Stream, columns: Sequence[int]) -> list[int]:
+def alone(stream: Stream, columns: Sequence[int]) -> list[int]:
     """Coordinates that this encoder alone sees, not among `columns`."""
     model = stream.model
     if not isinstance(model, EncoderModel):
@@ -357,7 +357,7 @@ def _filtered(
         if k:
             estimate = motion_filter.predict(estimate, float(grid[k] - grid[k - 1]))
         if observations:
-            estimate, _ = motion_filter.update(estimate, observations)
+            estimate = motion_filter.update(estimate, observations).estimate
         if k in kept:
             found[k] = estimate
     return [found[k] for k in wanted.tolist()]
@@ -382,6 +382,7 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
     owed = [
         np.sqrt(motion_filter.density * _MEMORY ** (2 * (order - 1 - k) + 1)) for k in range(order)
     ]
+    owed[0] = np.zeros(len(owed[0]))  # the first samples show where the robot is
     least = np.zeros((order, 1))
     least[:3, 0] = UNKNOWN
     std = np.concatenate([np.maximum(owed, least).ravel(), *biases])

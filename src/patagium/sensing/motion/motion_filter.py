@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dgeqrf, dtrtrs
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.robot import Robot
@@ -34,7 +36,7 @@ from patagium.sensing.motion.smoothers import added_covariance, transition
 Array = NDArray[np.float64]
 
 _MOST_ITERATIONS = 5
-_NEAR = np.array([1e-2, 1.0, 1.0])
+_NEAR = np.array([1e-2, 1.0, 10.0])
 """Changes of the levels within which slopes stay the same [m or rad, per s, per s^2]."""
 
 
@@ -57,6 +59,20 @@ class MotionEstimate:
     def covariance(self) -> Array:
         """Covariance S S^T of the error-state, (s, s), in products of its units."""
         return np.asarray(self.root @ self.root.T)
+
+
+class Corrected(NamedTuple):
+    """Estimate after the measurements of one time.
+
+    Attributes:
+        estimate: The estimate.
+        change: Error-state by which it moved, (s,) [units of the state].
+        nis: Normalized innovation squared for each measured value; about 1.
+    """
+
+    estimate: MotionEstimate
+    change: Array
+    nis: float
 
 
 class MotionFilter:
@@ -110,36 +126,33 @@ class MotionFilter:
             estimate: Estimate at the beginning.
             span: Length of the span, zero or more [s].
         """
-        motion, turned = self._predicted_motion(estimate.motion, span)
+        motion, turned = self.predicted_motion(estimate.motion, span)
         root = _lower_triangle(self._predicted_root(estimate.root, span, turned))
         return MotionEstimate(motion, estimate.biases, root)
 
-    def update(
-        self, estimate: MotionEstimate, observations: Sequence[Observation]
-    ) -> tuple[MotionEstimate, float]:
+    def update(self, estimate: MotionEstimate, observations: Sequence[Observation]) -> Corrected:
         """Estimate given the measurements of one time.
 
         Args:
             estimate: Estimate before the measurements.
             observations: All measurements of this time.
 
-        Returns:
-            Estimate after the measurements, and the normalized innovation squared.
-
         Raises:
             FilterDiverged: If the estimate or its covariance is not finite.
         """
         now, change = estimate, np.zeros(self.size)
-        for _ in range(_MOST_ITERATIONS):
+        linear = all(self._models[one.name].linear for one in observations)
+        for _ in range(1 if linear else _MOST_ITERATIONS):
             residual, slope, variance = self._residuals(now, observations)
             m = len(residual)
             # [R^1/2, H S; 0, S] made triangular: roots of the innovation's and the new covariance
-            rows = [np.hstack([np.diag(np.sqrt(variance)), slope @ estimate.root])]
-            rows.append(np.hstack([np.zeros((self.size, m)), estimate.root]))
-            corner = _lower_triangle(np.vstack(rows))
+            wide = np.zeros((m + self.size, m + self.size))
+            wide[np.arange(m), np.arange(m)] = np.sqrt(variance)
+            wide[:m, m:], wide[m:, m:] = slope @ estimate.root, estimate.root
+            corner = _lower_triangle(wide)
             innovation = residual + slope @ change
             before = change
-            scaled = solve_triangular(corner[:m, :m], innovation, lower=True, check_finite=False)
+            scaled = _solved(corner[:m, :m], innovation)
             change = corner[m:, :m] @ scaled
             if not np.isfinite(change).all():
                 raise FilterDiverged(
@@ -150,7 +163,28 @@ class MotionFilter:
             now = self.corrected(estimate, change)
             if not self._is_far(change - before):
                 break
-        return replace(now, root=corner[m:, m:]), float(scaled @ scaled)
+        after = replace(now, root=corner[m:, m:])
+        return Corrected(after, change, float(scaled @ scaled) / m)
+
+    def smoother_gain(
+        self, before: MotionEstimate, span: float, predicted: MotionEstimate
+    ) -> Array:
+        """Gain of the Rauch-Tung-Striebel smoother over a span, (s, s) [units of the state].
+
+        Args:
+            before: Estimate at the beginning.
+            span: Length of the span, above zero [s].
+            predicted: What `predict` makes of it.
+        """
+        _, turned = self.predicted_motion(before.motion, span)
+        moved, root = self._advanced(before.root, span, turned), predicted.root
+        back = _solved(root, _solved(root, moved), transposed=True)
+        return np.asarray(before.root @ back.T)
+
+    def enliven(self, factor: float) -> None:
+        """Multiply the density of the driving noise by a factor."""
+        self.density = self.density * factor
+        self._cached.clear()
 
     def _is_far(self, change: Array) -> bool:
         """Whether a change is so large that the measurements must be linearized again."""
@@ -209,8 +243,13 @@ class MotionFilter:
         added[rows, rows] = np.sqrt(self._walk * span)
         return np.hstack([self._advanced(root, span, turned), added])
 
-    def _predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Array]:
-        """Motion after a span, and the rotation vector of the attitude over it, body axes."""
+    def predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Array]:
+        """Motion after a span, and the rotation vector of the attitude over it, body axes.
+
+        Args:
+            motion: Motion at the beginning.
+            span: Length of the span, zero or more [s].
+        """
         move, _ = self._blocks(span)
         levels = move @ motion.levels
         turned, attitude = np.zeros(3), motion.attitude
@@ -219,7 +258,8 @@ class MotionFilter:
             turned = levels[0, columns].copy()
             if self.order > 2:  # body axes turn while they turn
                 spin, spin_rate = motion.levels[1, columns], motion.levels[2, columns]
-                turned += span**3 / 12 * np.cross(spin, spin_rate)
+                (a, b, c), (d, e, f) = spin.tolist(), spin_rate.tolist()
+                turned += span**3 / 12 * np.array([b * f - c * e, c * d - a * f, a * e - b * d])
             attitude = attitude @ rotation_matrix(turned)
             levels[0, columns] = 0.0
         return Motion(levels, attitude), turned
@@ -250,4 +290,18 @@ class MotionFilter:
 
 def _lower_triangle(wide: Array) -> Array:
     """Lower triangular T, (k, k), with T T^T = A A^T for a wide A, (k, l >= k)."""
-    return np.asarray(np.linalg.qr(wide.T, mode="r")).T
+    size = len(wide)
+    factored, *_ = dgeqrf(wide.T)
+    return np.asarray(factored[:size].T * _below(size))
+
+
+@lru_cache(maxsize=64)
+def _below(size: int) -> Array:
+    """Ones on and below the diagonal, (size, size)."""
+    return np.tri(size)
+
+
+def _solved(lower: Array, right: Array, *, transposed: bool = False) -> Array:
+    """Solution x of L x = b, or of L^T x = b, for a lower triangular L."""
+    found, _ = dtrtrs(lower, right, lower=1, trans=int(transposed))
+    return np.asarray(found)

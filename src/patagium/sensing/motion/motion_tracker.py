@@ -1,8 +1,13 @@
 """Online tracker of a robot's motion from samples that may come late.
 
-The tracker is the filter of `estimate_motion` beside a running robot. A late sample is inserted
-at its time, and the later samples are processed again. Samples later than the memory are counted
-and left out.
+The tracker is the filter of `estimate_motion` beside a running robot, one filter for all
+coordinates that sensors link and one for each encoder with coordinates of its own. A late sample
+is inserted at its time, and the later samples are processed again. Samples later than the memory
+are counted and left out. A little behind the last sample, a fixed-lag smoother gives the motion
+with the samples since. Where innovations stay larger than expected, the driving noise is raised.
+
+References:
+    Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems.
 """
 
 from __future__ import annotations
@@ -17,14 +22,34 @@ from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
-from patagium.sensing.motion.estimate_motion import SmoothedMotion, in_coordinates, initial_estimate
-from patagium.sensing.motion.frame_model import with_euler_angles
+from patagium.sensing.motion.estimate_motion import (
+    SmoothedMotion,
+    alone,
+    coupled,
+    in_coordinates,
+    initial_estimate,
+)
+from patagium.sensing.motion.frame_model import Motion, with_euler_angles
 from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
-from patagium.sensing.motion.sensor_streams import Observation, Stream, measurement_models
+from patagium.sensing.motion.sensor_streams import (
+    EncoderModel,
+    MeasurementModel,
+    Observation,
+    Stream,
+    given_density,
+    measurement_models,
+)
 from patagium.sensing.motion.smoothers import MOTION_ORDERS
 from patagium.sensing.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
+
+_LOUD = 3.0
+"""Normalized innovation squared of a value above which the driving noise is too small, ..."""
+_LATELY = 100
+"""... in most of so many samples; ..."""
+_ENLIVENED = 30.0
+"""... it is then multiplied by this."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +71,15 @@ class MotionNow:
     covariance: Array
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Event:
+    """Sample, with the estimate after it, its correction, and the smoother's gain to the next."""
+
     time: float
     observation: Observation
     after: MotionEstimate
+    change: Array
+    gain: Array | None = None
 
 
 class MotionTracker:
@@ -62,15 +91,21 @@ class MotionTracker:
         robot: The machine; a quaternion is replaced by roll, pitch and yaw.
         sensors: Encoders, inertial units and cameras by name; other sensors are left out.
         density: Density of the white noise that drives each coordinate, (n,)
-            [unit^2/s^(2 order - 1)].
+            [unit^2/s^(2 order - 1)]; raised where innovations show that it is too small.
         order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
         shifts: Shift of late stamps by name of the sensor [s].
-        memory: Longest delay of a sample that is still used [s].
+        memory: Longest delay of a sample that is still used, and longest lag of `past` [s].
+        variances: Variance of the noise of each value by name of the sensor, where a log tells it
+            better than the sensor's data, (k,) [square of its unit].
+
+    Attributes:
+        late: Number of samples that came later than the memory.
+        raised: Number of times that the driving noise was raised.
 
     Raises:
         ParameterError: If an argument is out of its range.
         ShapeError: If `density` is not (n,).
-        LogError: If no sensor sees motion.
+        LogError: If no sensor sees motion, or a coordinate is seen by none.
     """
 
     def __init__(
@@ -82,29 +117,46 @@ class MotionTracker:
         order: int = 4,
         shifts: Mapping[str, float] | None = None,
         memory: float = 0.1,
+        variances: Mapping[str, Array] | None = None,
     ) -> None:
-        robot, drive = with_euler_angles(robot), np.array(density, float)
-        if drive.shape != (robot.dof,):
-            raise ShapeError("density", (robot.dof,), drive.shape)
-        if not (np.isfinite(drive).all() and (drive > 0).all()):
-            raise ParameterError("density", "positive numbers", drive.tolist())
+        self.robot = with_euler_angles(robot)
+        drive = given_density(self.robot, density)
+        if drive is None:
+            raise ShapeError("density", (self.robot.dof,), ())
         if order not in MOTION_ORDERS:
             raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
         self.memory = positive("memory", memory)
-        self._models = measurement_models(sensors, robot)
-        if not self._models:
+        models = measurement_models(sensors, self.robot)
+        if not models:
             raise LogError("sensors: expected encoders, inertial units or cameras, found none")
+        for name, values in (variances or {}).items():
+            models[name].variances = values
+        self._names = {name: model.biases for name, model in models.items()}
         self._shifts = dict(shifts or {})
-        self._filter = MotionFilter(robot, range(robot.dof), drive, order, self._models)
-        self._waiting: dict[str, tuple[float, Array]] = {}
-        self._needed = {name for name, c in self._models.items() if not c.biases}
-        self._events: list[_Event] = []
-        self.late = 0
+        streams = [Stream(name, m, np.zeros(0), np.zeros((0, 0))) for name, m in models.items()]
+        linked = coupled(self.robot, streams)
+        groups = [(linked, models)]
+        groups += [(alone(one, linked), {one.name: models[one.name]}) for one in streams]
+        self._parts = [
+            _Part(self.robot, group, drive[group], order, seeing)
+            for group, seeing in groups
+            if group
+        ]
 
     @property
     def started(self) -> bool:
         """Whether every encoder and camera has given a sample."""
-        return bool(self._events)
+        return all(part.events for part in self._parts)
+
+    @property
+    def late(self) -> int:
+        """Number of samples that came later than the memory."""
+        return sum(part.late for part in self._parts)
+
+    @property
+    def raised(self) -> int:
+        """Number of times that the driving noise was raised."""
+        return sum(part.raised for part in self._parts)
 
     def push(self, name: str, stamp: float, values: ArrayLike) -> None:
         """Update with one sample.
@@ -119,18 +171,12 @@ class MotionTracker:
             ParameterError: If there is no such sensor.
             FilterDiverged: If the estimate is no longer finite.
         """
-        if name not in self._models:
-            raise ParameterError("name", f"one of {', '.join(self._models)}", name)
+        if name not in self._names:
+            raise ParameterError("name", f"one of {', '.join(self._names)}", name)
         row, time = np.asarray(values, float), stamp - self._shifts.get(name, 0.0)
-        whole = name not in self._needed or len(row) == 7
-        if not (np.isfinite(row).all() if whole else np.isfinite(row).any()):
-            return
-        if not self.started:
-            self._waiting[name] = (time, row)
-            if self._needed <= set(self._waiting):
-                self._begin()
-            return
-        self._place(time, Observation(name, row))
+        for part in self._parts:
+            if name in part.models:
+                part.push(name, time, row, self.memory)
 
     def now(self, time: float | None = None) -> MotionNow:
         """Motion after all samples so far.
@@ -141,54 +187,174 @@ class MotionTracker:
         Raises:
             LogError: If tracking has not started, or the time is before the last sample.
         """
-        if not self.started:
-            missing = ", ".join(sorted(self._needed - set(self._waiting)))
-            raise LogError(f"motion: expected a sample of {missing} first")
-        last = self._events[-1]
-        span = 0.0 if time is None else time - last.time
-        if span < 0:
-            raise LogError(f"time: expected {last.time:.6g} s or later, found {time:.6g} s")
-        estimate = self._filter.predict(last.after, span)
-        n = self._filter.robot.dof
-        found = SmoothedMotion(
-            estimate.motion.levels[None, :3],
-            Rotation.from_matrix(estimate.motion.attitude[None]),
-            estimate.covariance[None, : 3 * n, : 3 * n],
-        )
-        levels, covariance = in_coordinates(self._filter.robot, found)
+        self._require_started()
+        last = max(part.events[-1].time for part in self._parts)
+        moment = last if time is None else time
+        if moment < last:
+            raise LogError(f"time: expected {last:.6g} s or later, found {moment:.6g} s")
+        n = self.robot.dof
+        levels, covariance = np.zeros((1, 3, n)), np.zeros((1, 3 * n, 3 * n))
+        attitude = np.eye(3)
+        for part in self._parts:
+            estimate = part.filter.predict(part.events[-1].after, moment - part.events[-1].time)
+            columns = part.filter.columns
+            levels[0][:, columns] = estimate.motion.levels[:3, columns]
+            place = (columns + n * np.arange(3)[:, None]).ravel()
+            covariance[0][np.ix_(place, place)] = estimate.covariance[: len(place), : len(place)]
+            attitude = attitude @ estimate.motion.attitude  # the identity but for one part
+        found = SmoothedMotion(levels, Rotation.from_matrix(attitude[None]), covariance)
+        levels, covariance = in_coordinates(self.robot, found)
         q, v, a = levels[0]
-        return MotionNow(last.time + span, q, v, a, covariance[0])
+        return MotionNow(moment, q, v, a, covariance[0])
+
+    def past(self, times: ArrayLike) -> Array:
+        """Motion a little ago, given all samples so far: a smoother of fixed lag.
+
+        Args:
+            times: Increasing times between the memory's begin and the last sample, (M,) [s].
+
+        Returns:
+            q, v and a at each time, (M, 3, n) [m, rad, per s, per s^2].
+
+        Raises:
+            LogError: If tracking has not started, or a time is out of the memory.
+        """
+        self._require_started()
+        moments, n = np.asarray(times, float), self.robot.dof
+        levels, attitude = np.zeros((len(moments), 3, n)), np.tile(np.eye(3), (len(moments), 1, 1))
+        for part in self._parts:
+            for k, motion in enumerate(part.past(moments)):
+                levels[k][:, part.filter.columns] = motion.levels[:3, part.filter.columns]
+                attitude[k] = attitude[k] @ motion.attitude
+        nothing = np.zeros((len(moments), 3 * n, 3 * n))
+        found = SmoothedMotion(levels, Rotation.from_matrix(attitude), nothing)
+        return in_coordinates(self.robot, found)[0]
+
+    def _require_started(self) -> None:
+        if not self.started:
+            missing = ", ".join(sorted({name for one in self._parts for name in one.missing}))
+            raise LogError(f"motion: expected a sample of {missing} first")
+
+
+class _Part:
+    """Filter of coordinates that sensors link, with its samples of late.
+
+    Args:
+        robot: The machine.
+        group: Coordinates of the filter.
+        density: Density of the noise that drives each of them.
+        order: Number of levels of each.
+        models: Measurement models of the sensors; encoders that see none of them are left out.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        group: list[int],
+        density: Array,
+        order: int,
+        models: Mapping[str, MeasurementModel],
+    ) -> None:
+        encoders = {name: m for name, m in models.items() if isinstance(m, EncoderModel)}
+        blind = {n for n, m in encoders.items() if set(group).isdisjoint(m.columns)}
+        self.models = {name: m for name, m in models.items() if name not in blind}
+        self.filter = MotionFilter(robot, group, density, order, self.models)
+        self.events: list[_Event] = []
+        self.late, self.raised = 0, 0
+        self._others = {
+            name: [k for k, i in enumerate(m.columns) if i not in group]
+            for name, m in encoders.items()
+        }
+        self._waiting: dict[str, tuple[float, Array]] = {}
+        self._loud = self._seen = 0
+
+    @property
+    def missing(self) -> set[str]:
+        """Encoders and cameras that have not given a sample."""
+        return {name for name, m in self.models.items() if not m.biases} - set(self._waiting)
+
+    def push(self, name: str, time: float, row: Array, memory: float) -> None:
+        """Update with one sample, as `MotionTracker.push`."""
+        if name in self._others:
+            row = row.copy()
+            row[self._others[name]] = np.nan
+            if not np.isfinite(row).any():
+                return
+        elif not np.isfinite(row).all():
+            return
+        if self.events:
+            self._place(time, Observation(name, row), memory)
+            return
+        self._waiting[name] = (time, row)
+        if not self.missing:
+            self._begin()
+
+    def past(self, times: Array) -> list[Motion]:
+        """Motion at increasing times given all samples so far."""
+        stamps = [event.time for event in self.events]
+        places = [bisect_right(stamps, moment + 1e-9) - 1 for moment in times.tolist()]
+        if places[0] < 0 or times[-1] > stamps[-1] + 1e-9:
+            expected = f"times from {stamps[0]:.6g} to {stamps[-1]:.6g} s"
+            raise LogError(f"times: expected {expected}, found {times[0]:.6g} to {times[-1]:.6g} s")
+        wanted, changes = set(places), {}
+        change = np.zeros(self.filter.size)
+        for k in range(len(stamps) - 1, places[0] - 1, -1):
+            if k in wanted:
+                changes[k] = change
+            gain = self.events[k - 1].gain if k > places[0] else None
+            change = change + self.events[k].change
+            change = change if gain is None else gain @ change
+        found = []
+        for moment, k in zip(times.tolist(), places, strict=True):
+            motion = self.filter.corrected(self.events[k].after, changes[k]).motion
+            span = moment - stamps[k]
+            found.append(self.filter.predicted_motion(motion, span)[0] if span > 1e-9 else motion)
+        return found
 
     def _begin(self) -> None:
         streams = [
             Stream(name, model, np.array([time]), row[None])
-            for name, model in self._models.items()
+            for name, model in self.models.items()
             for time, row in [self._waiting.get(name, (np.inf, np.full(0, np.nan)))]
             if name in self._waiting or model.biases
         ]
-        estimate = initial_estimate(self._filter, streams)
-        ordered = sorted(self._waiting.items(), key=lambda item: item[1][0])
-        first = ordered[0][1][0]
-        for name, (time, row) in ordered:
-            past = self._events[-1].time if self._events else first
-            estimate = self._filter.predict(estimate, time - past)
-            observation = Observation(name, row)
-            estimate, _ = self._filter.update(estimate, [observation])
-            self._events.append(_Event(time, observation, estimate))
+        estimate = initial_estimate(self.filter, streams)
+        for name, (time, row) in sorted(self._waiting.items(), key=lambda item: item[1][0]):
+            if self.events:
+                estimate = self._predicted(time)
+            self._append(time, Observation(name, row), estimate)
 
-    def _place(self, time: float, observation: Observation) -> None:
-        place = bisect_right([event.time for event in self._events], time)
+    def _predicted(self, time: float) -> MotionEstimate:
+        """Estimate at a time at or after the last sample, before the sample of that time."""
+        last = self.events[-1]
+        if time <= last.time:
+            return last.after
+        estimate = self.filter.predict(last.after, time - last.time)
+        last.gain = self.filter.smoother_gain(last.after, time - last.time, estimate)
+        return estimate
+
+    def _append(self, time: float, observation: Observation, estimate: MotionEstimate) -> None:
+        """Add the sample of a time to the estimate before it."""
+        after, change, nis = self.filter.update(estimate, [observation])
+        self.events.append(_Event(time, observation, after, change))
+        self._loud += 1 if nis > _LOUD else -1  # above zero where the median is
+        self._seen += 1
+        if self._seen == _LATELY:
+            if self._loud > 0:
+                self.filter.enliven(_ENLIVENED)
+                self.raised += 1
+            self._loud = self._seen = 0
+
+    def _place(self, time: float, observation: Observation, memory: float) -> None:
+        place = bisect_right(self.events, time, key=lambda event: event.time)
         if place == 0:
             self.late += 1
             return
-        again = [(time, observation)]
-        again += [(event.time, event.observation) for event in self._events[place:]]
-        del self._events[place:]
-        for moment, seen in again:
-            before = self._events[-1]
-            estimate = self._filter.predict(before.after, moment - before.time)
-            estimate, _ = self._filter.update(estimate, [seen])
-            self._events.append(_Event(moment, seen, estimate))
-        oldest = self._events[-1].time - self.memory
-        while len(self._events) > 1 and self._events[1].time < oldest:
-            del self._events[0]
+        again = [(event.time, event.observation) for event in self.events[place:]]
+        del self.events[place:]
+        self.events[-1].gain = None
+        for moment, seen in [(time, observation), *again]:
+            self._append(moment, seen, self._predicted(moment))
+        oldest = self.events[-1].time - memory
+        while len(self.events) > 1 and self.events[1].time < oldest:
+            del self.events[0]

@@ -45,13 +45,16 @@ class MeasurementModel(Protocol):
     """Model of a sensor for the motion filter.
 
     Attributes:
+        linear: Whether it is linear in the coordinates.
         biases: Whether the sensor has biases that the filter estimates.
         bias_walk: Random walk of the biases, (6,) [m/s^2/sqrt(s), rad/s/sqrt(s)].
         bias_std: Initial standard deviation of the biases, (6,) [m/s^2, rad/s].
-        variances: Stated variance of the noise of each value, (k,) [square of its unit].
+        variances: Variance of the noise of each value, (k,) [square of its unit]; stated, until
+            a log tells better.
         parts: Values that are measured alike, one after the other.
     """
 
+    linear: bool
     biases: bool
     bias_walk: Array
     bias_std: Array
@@ -88,6 +91,7 @@ class Part(NamedTuple):
 
 
 class _NoBias:
+    linear = False
     biases = False
     bias_walk: Array = np.zeros(0)
     bias_std: Array = np.zeros(0)
@@ -102,6 +106,7 @@ class EncoderModel(_NoBias):
     """
 
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
+        self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
@@ -119,8 +124,7 @@ class EncoderModel(_NoBias):
         """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
         seen = np.isfinite(observation.values)
         residual = observation.values - motion.levels[0, self.columns]
-        variance = np.full(int(seen.sum()), self.std**2)
-        return residual[seen], self._slope[seen], variance
+        return residual[seen], self._slope[seen], self.variances[seen]
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
@@ -136,6 +140,7 @@ class ImuModel:
         robot: The machine.
     """
 
+    linear = False
     biases = True
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
@@ -171,7 +176,7 @@ class ImuModel:
         """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
         expected, slope = self.frame.inertial(motion)
         residual = observation.values - expected - (0.0 if bias is None else bias)
-        return residual, slope, self.variance
+        return residual, slope, self.variances
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
@@ -207,7 +212,7 @@ class CaptureModel(_NoBias):
         shown = from_quaternion(observation.values[3:]).as_matrix()
         turned = rotation_vector(attitude.T @ shown)
         residual = np.concatenate([observation.values[:3] - position, turned])
-        return residual, slope[:, None, :], self.variance
+        return residual, slope[:, None, :], self.variances
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
