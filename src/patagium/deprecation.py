@@ -9,11 +9,10 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, TypeVar
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, similar
 from patagium.plugins import OLD_NAMES, plugin
 
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -158,18 +157,8 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
         found = None if name.startswith("_") else plugin(OLD_NAMES, name)
         home, attribute = getattr(found, "__module__", ""), name
     if found is None:
-        raise AttributeError(_unknown(module, name, present))
+        known = {word: FORMER[module].get(word, word) for word in [*FORMER[module], *present]}
+        unknown = f"module {module!r} has no attribute {name!r}"
+        raise AttributeError(unknown + similar(name, known))
     warnings.warn(f"{module}.{name} is now {home}.{attribute}", DeprecationWarning, stacklevel=3)
     return found
-
-
-def _unknown(module: str, name: str, present: Iterable[str]) -> str:
-    """Sentence for an unknown name, with the most similar name that exists."""
-    former = FORMER[module]
-    known = {word.lower(): word for word in [*former, *present]}
-    similar = get_close_matches(name.lower(), known, n=1)
-    hint = ""
-    if similar:
-        word = known[similar[0]]
-        hint = f"; did you mean {former.get(word, word)}?"
-    return f"module {module!r} has no attribute {name!r}{hint}"

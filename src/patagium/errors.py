@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from enum import IntEnum
 from math import isfinite
 from numbers import Real
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from patagium.limits import PROBLEMS, SHOWN
@@ -61,10 +64,12 @@ class ParameterError(PatagiumError, ValueError):
         name: The argument.
         expected: What it may be, in words.
         found: What it was.
+        known: Words it may be; one that is similar to what was found is suggested.
     """
 
-    def __init__(self, name: str, expected: str, found: object) -> None:
-        super().__init__(f"{name}: expected {expected}, found {shown(_plain(found), 400)}")
+    def __init__(self, name: str, expected: str, found: object, known: Iterable[str] = ()) -> None:
+        seen = shown(_plain(found), 400) + similar(found, known)
+        super().__init__(f"{name}: expected {expected}, found {seen}")
         self.name, self.expected, self.found = name, expected, found
 
 
@@ -80,6 +85,36 @@ def shown(value: object, most: int = SHOWN) -> str:
     except (RecursionError, ValueError):  # a number of thousands of digits
         text = type(value).__name__
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def similar(word: object, known: Iterable[str]) -> str:
+    """Hint such as "; did you mean mass?", or nothing where no known word is similar.
+
+    Args:
+        word: What was written.
+        known: What may be written, or a mapping from that to what to write today.
+    """
+    today = known if isinstance(known, Mapping) else {name: name for name in known}
+    names = {name.lower(): name for name in today}
+    near = get_close_matches(word.lower()[:SHOWN], names, 1) if isinstance(word, str) else []
+    return f"; did you mean {today[names[near[0]]]}?" if near else ""
+
+
+def problem_lines(
+    file: str, problems: Iterable[tuple[str, str, str]], lines: Mapping[str, int]
+) -> list[str]:
+    """Line of a message for each problem of a file.
+
+    Args:
+        file: The file.
+        problems: One `(path in the file, expected, found)` a problem.
+        lines: Number of the line of a path, where it is known.
+    """
+    return [
+        f"{file}: {f'line {lines[where]}, ' if where in lines else ''}{where[:300] or 'file'}: "
+        f"expected {want[:1000]}, found {got[:300]}"
+        for where, want, got in problems
+    ]
 
 
 def first_few(lines: list[str]) -> str:
@@ -104,19 +139,21 @@ class RobotFileError(PatagiumError, ValueError):
     Args:
         file: The file.
         problems: One `(path in the file, expected, found)` a problem.
+        lines: Number of the line of a path, where it is known.
     """
 
-    def __init__(self, file: str, problems: list[tuple[str, str, str]]) -> None:
-        lines = [
-            f"{file}: {where[:300] or 'file'}: expected {want[:1000]}, found {got[:300]}"
-            for where, want, got in problems
-        ]
-        super().__init__(first_few(lines))
+    def __init__(
+        self,
+        file: str,
+        problems: list[tuple[str, str, str]],
+        lines: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:
+        super().__init__(first_few(problem_lines(file, problems, lines)))
         self.file, self.problems = file, problems
 
 
 class RobotFileWarning(UserWarning):
-    """Warning: a robot file has something that a robot cannot represent."""
+    """Warning: a robot file has what a robot cannot represent, or what is likely a slip."""
 
 
 class PathError(PatagiumError, ValueError):

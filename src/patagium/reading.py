@@ -9,14 +9,22 @@ from __future__ import annotations
 import json
 import re
 import stat
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 
-from patagium.errors import LogError, PatagiumError, Unreadable, first_few, shown
+from patagium.errors import (
+    LogError,
+    PatagiumError,
+    Unreadable,
+    first_few,
+    problem_lines,
+    shown,
+    similar,
+)
 from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT
 
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
@@ -231,23 +239,134 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
         raise Unreadable(name, "", "readable YAML", found) from None
 
 
-def refused(source: str, errors: Sequence[Any]) -> LogError:
+def refused(source: str, errors: Sequence[Any], model: Any, text: str = "") -> LogError:
     """Error of a file whose values pydantic refused, one line for each problem.
 
     Args:
         source: Name of the file.
         errors: Problems, from `ValidationError.errors()`.
+        model: Class of the file's content.
+        text: Text of the file, for the numbers of lines.
     """
-    return LogError(first_few([_line(source, error) for error in errors]))
+    problems = faults(errors, model)
+    lines = lines_of(text, [where for where, *_ in problems])
+    return LogError(first_few(problem_lines(source, problems, lines)))
 
 
-def _line(source: str, error: Any) -> str:
-    where = ".".join(str(part)[:SHOWN] for part in error["loc"]) or "file"
-    words = error["msg"].removeprefix("Value error, ")
-    if error["type"] == "extra_forbidden":
-        return f"{source}: {where}: unknown key"
-    if error["type"] == "missing":
-        return f"{source}: {where}: expected, but not there"
-    if error["type"] == "value_error":
-        return f"{source}: {where}: {words}"
-    return f"{source}: {where}: {words}, found {shown(error['input'])}"
+def faults(errors: Sequence[Any], model: Any) -> list[tuple[str, str, str]]:
+    """Place, what is expected there and what was found, of each value that pydantic refused.
+
+    A misspelled key is told once, not as a missing key too.
+
+    Args:
+        errors: Problems, from `ValidationError.errors()`.
+        model: Class of the file's content.
+    """
+    inner = {error["loc"][:k] for error in errors for k in range(len(error["loc"]))}
+    found = [
+        _fault(error, model)
+        for error in errors
+        if error["type"] != "too_short" or error["loc"] not in inner
+    ]
+    meant = {
+        (where.rpartition(".")[0], seen.rpartition("did you mean ")[2].removesuffix("?"))
+        for where, _, seen in found
+    }
+    return [k for k in found if k[2] != "nothing" or k[0].rpartition(".")[::2] not in meant]
+
+
+def _fault(error: Any, model: Any) -> tuple[str, str, str]:
+    kind, context = error["type"], error.get("ctx", {})
+    loc = [k for k in error["loc"] if k != "[key]"]
+    where = ".".join(k if len(k) <= SHOWN else k[: SHOWN - 3] + "..." for k in map(str, loc))
+    if kind == "mismatch":
+        return ".".join(filter(None, (where, context["at"]))), context["expected"], context["found"]
+    parts = _parts_at(model, loc[:-1])
+    if kind == "extra_forbidden":
+        known = sorted({field.alias or name for k in parts for name, field in _fields(k)})
+        expected = f"one of the keys {', '.join(known)}" if known else "no such key"
+        return where, expected, shown(loc[-1]) + similar(loc[-1], known)
+    tags = str(context.get("expected_tags") or context.get("expected", "")).replace(" or ", ", ")
+    if kind in ("union_tag_invalid", "literal_error"):
+        names = tags.replace("'", "").split(", ")
+        seen = context.get("tag", error["input"])
+        where = f"{where}.type" if "tag" in context else where
+        return where, f"one of {', '.join(names)}", shown(seen) + similar(seen, names)
+    said = _SENTENCE.fullmatch(error["msg"].removeprefix("Value error, "))
+    if said:  # of a validator of our own
+        return ".".join(filter(None, (where, said[1]))), said[2], said[3]
+    words = _EXPECTED.get(kind, error["msg"].removeprefix("Value error, "))
+    words = words.removeprefix("Input should be ").replace("greater", "a number greater", 1)
+    found = [f for k in parts for name, f in _fields(k) if loc and loc[-1] in (name, f.alias)]
+    example = next((str(one) for f in found for one in f.examples or ()), "")
+    if kind == "missing":
+        return where, f"`{loc[-1]}: {example}`" if example else "a value here", "nothing"
+    return where, f"{words} such as {example}" if example else words, shown(error["input"])
+
+
+_SENTENCE = re.compile(r"(?:([^:]+): )?expected (.*), found (.*)", re.DOTALL)
+_EXPECTED = {
+    "model_type": "a mapping of keys to values",
+    "dict_type": "a mapping of names to values",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "too_short": "a list that is not empty,",
+    "union_tag_not_found": "its `type`",
+    "string_pattern_mismatch": "a name: a letter, then letters, digits and _ (lower case)",
+}
+
+
+def _fields(part: Any) -> Iterable[tuple[str, Any]]:
+    return part.model_fields.items()  # type: ignore[no-any-return]
+
+
+def _parts_at(model: Any, loc: Sequence[Any]) -> list[Any]:
+    """Classes that may stand at a place of a file, found from the annotations of their fields."""
+    parts = [model]
+    for key in loc:
+        fields = [f for k in parts for name, f in _fields(k) if key in (name, f.alias)]
+        tagged = [k for k in parts if key in _tags(k)]
+        parts = (
+            [one for f in fields for one in _models(f.annotation)] if fields else tagged or parts
+        )
+    return parts
+
+
+def _tags(part: Any) -> tuple[Any, ...]:
+    kind = part.model_fields.get("type")
+    return get_args(kind.annotation) if kind else ()
+
+
+def _models(annotation: Any) -> list[Any]:
+    if isinstance(annotation, type) and hasattr(annotation, "model_fields"):
+        return [annotation]
+    return [one for argument in get_args(annotation) for one in _models(argument)]
+
+
+def lines_of(text: str, places: Iterable[str]) -> dict[str, int]:
+    """Numbers of the lines of places such as "wings.0.name" in a YAML text, as far as found.
+
+    Args:
+        text: Valid YAML; empty for none.
+        places: Keys and indices, joined by dots; of what is missing the part that misses it.
+    """
+    root = yaml.compose(text, Loader=_Loader) if text else None
+    return {place: _line(root, place) for place in places if place} if root else {}
+
+
+def _line(node: Any, place: str) -> int:
+    line: int = node.start_mark.line
+    while place:
+        below = node.value if isinstance(node, yaml.MappingNode) else ()
+        if isinstance(node, yaml.SequenceNode):
+            below = [
+                (yaml.ScalarNode("", str(i), k.start_mark), k) for i, k in enumerate(node.value)
+            ]
+        keys = [k for k in below if f"{place}.".startswith(f"{k[0].value}.")]
+        if not keys:
+            break
+        key, node = keys[0]
+        line, place = key.start_mark.line, place[len(str(key.value)) + 1 :]
+    return line + 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -353,23 +353,41 @@ _ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the p
 _Group: TypeAlias = tuple[str, str, dict[str, NDArray[np.float64]]]
 
 
+class Hinge(NamedTuple):
+    """A joint in a drawing.
+
+    Attributes:
+        place: Where it is, (3,) [m].
+        axis: Its axis, a unit vector, (3,) [-].
+        sweep: Way of a far point of its body between the limits, (n, 3) [m]; n = 0 without any.
+        words: Line of the list below the drawing; empty where it is not in the list.
+    """
+
+    place: Array
+    axis: Array
+    sweep: Array
+    words: str
+
+
 @styled
 def machine(
     title: str,
     *,
     strips: Mapping[str, ArrayLike],
-    joints: Mapping[str, ArrayLike],
+    joints: Mapping[str, Hinge],
     centers: Mapping[str, ArrayLike],
-    links: Sequence[ArrayLike] = (),
+    outlines: Sequence[Array] = (),
+    lines: Sequence[Array] = (),
 ) -> Figure:
-    """A robot from above and from behind: wings cut in strips, joints, centers of mass.
+    """A robot from above and from behind: bodies, wings, joints with limits, centers of mass.
 
     Args:
         title: Name of the machine.
         strips: Wing -> corners of its strips, (n_strips, 4, 3) [m], world axes.
-        joints: Name -> position, (3,) [m].
+        joints: Name -> joint; those with words are numbered.
         centers: Body -> center of mass, (3,) [m].
-        links: Ends of the lines that join the joints, each (2, 3) [m].
+        outlines: Points around each body, (n, 3) [m]; the first body has the nose.
+        lines: Quarter chords of the strips of each lifting line, (n, 3) [m].
 
     Raises:
         ShapeError: If strips are not (n_strips, 4, 3), or there is nothing to draw.
@@ -378,26 +396,39 @@ def machine(
     for wing, value in corners.items():
         if value.ndim != 3 or value.shape[1:] != (4, 3):
             raise ShapeError(f"strips of {wing}", "(n_strips, 4, 3)", value.shape)
-    points = _points(corners, joints, centers)
-    if not len(points):
+    spots = [np.asarray(center, float).reshape(1, 3) for center in centers.values()]
+    wings = [value.reshape(-1, 3) for value in corners.values()]
+    points = [*wings, *spots, *(np.array([k.place, *k.sweep]) for k in joints.values()), *outlines]
+    if not points:
         raise ShapeError("strips, joints and centers", "one point at least", "none")
-    low, high = points.min(axis=0), points.max(axis=0)
+    seen = np.concatenate(points)
+    low, high = seen.min(axis=0), seen.max(axis=0)
     room = 0.06 * (high - low).max()
-    low, high = low - room, high + room
+    low, high = low - room, high + room * np.array([2.2, 1.0, 1.0])  # the nose's arrow
     heights = (high - low)[[0, 2]]
-    tall = 0.82 * width() * heights.sum() / (high - low)[1] + 1.2
+    listed = [hinge.words for hinge in joints.values() if hinge.words]
+    tall = 0.82 * width() * heights.sum() / (high - low)[1] + 1.2 + 0.16 * len(listed)
     figure = Figure(figsize=(width(), float(np.clip(tall, 3.0, 12.0))), layout="compressed")
     above, behind = figure.subplots(2, 1, height_ratios=heights.tolist())
     for panel, view in ((above, _ABOVE), (behind, _BEHIND)):
-        _draw_machine(panel, view, corners, joints, centers, links)
+        for outline in outlines:
+            _draw_hull(panel, outline[:, list(view)])
+        _draw_wings(panel, view, corners, lines)
+        _draw_joints(panel, view, list(joints.values()), 2.0 * room)
+        masses = np.concatenate([np.zeros((0, 3)), *spots])[:, list(view)]
+        panel.plot(*masses.T, "P", color=color(3), markersize=6, label="center of mass")
+        panel.set_aspect("equal")
         panel.set_xlim(high[view[0]], low[view[0]])  # y, to the left
         panel.set_ylim(low[view[1]], high[view[1]])
+    _draw_nose(above, (*outlines, seen)[0] if corners else None, 2.0 * room)
     above.set_title(f"{title}, from above")
     above.set_ylabel("x, forward [m]")
     behind.set_title("from behind")
     behind.set_ylabel("z, up [m]")
     behind.set_xlabel("y, to the left [m]")
     legend_above(figure, above)
+    words = "\n".join(f"{i}  {line}" for i, line in enumerate(listed, 1))
+    figure.supxlabel(words, x=0.02, ha="left", fontsize="small")
     return figure
 
 
@@ -498,39 +529,55 @@ def _moving(q: Any, names: Sequence[str]) -> list[str]:
     return kept
 
 
-def _draw_machine(
-    panel: Axes,
-    view: tuple[int, int],
-    corners: Mapping[str, Array],
-    joints: Mapping[str, ArrayLike],
-    centers: Mapping[str, ArrayLike],
-    links: Sequence[ArrayLike],
+def _draw_hull(panel: Axes, points: Array) -> None:
+    """Outline of a body, as the hull of its points."""
+    from scipy.spatial import ConvexHull
+
+    outline = points[ConvexHull(points).vertices]
+    panel.fill(outline[:, 0], outline[:, 1], facecolor="0.85", edgecolor="0.5", linewidth=0.8)
+
+
+def _draw_wings(
+    panel: Axes, view: tuple[int, int], corners: Mapping[str, Array], lines: Sequence[Array]
 ) -> None:
-    across, up = view
     for i, (wing, value) in enumerate(corners.items()):
-        outlines = list(value[:, :, [across, up]])
+        outlines = list(value[:, :, list(view)])
         panel.add_collection(
             PolyCollection(outlines, facecolor=color(i), edgecolor=color(i), alpha=0.35, label=wing)
         )
-    for link in links:
-        ends = np.asarray(link, float)
-        panel.plot(ends[:, across], ends[:, up], color=TRUTH, linewidth=1.6)
-    spots = np.array([np.asarray(p, float) for p in joints.values()]).reshape(-1, 3)
-    panel.plot(spots[:, across], spots[:, up], "o", color=TRUTH, markersize=5, label="joint")
-    masses = np.array([np.asarray(p, float) for p in centers.values()]).reshape(-1, 3)
-    panel.plot(
-        masses[:, across], masses[:, up], "P", color=color(3), markersize=6, label="center of mass"
-    )
-    panel.set_aspect("equal")
+    for i, line in enumerate(lines):
+        label = "lifting line" if i == 0 else None
+        panel.plot(*line[:, list(view)].T, color=TRUTH, lw=0.8, ls=(0, (1, 1)), label=label)
 
 
-def _points(
-    corners: Mapping[str, Array],
-    joints: Mapping[str, ArrayLike],
-    centers: Mapping[str, ArrayLike],
-) -> Array:
-    """All points to be seen, (N, 3) [m]."""
-    spots = [np.asarray(p, float) for p in (*joints.values(), *centers.values())]
-    return np.concatenate(
-        [np.zeros((0, 3)), *(p.reshape(-1, 3) for p in (*spots, *corners.values()))]
-    )
+def _draw_joints(
+    panel: Axes, view: tuple[int, int], joints: Sequence[Hinge], length: float
+) -> None:
+    """Places, ways between limits, and the axes that lie in the plane of the view."""
+    swept = [k.sweep[:, list(view)] for k in joints if len(k.sweep)]
+    for i, way in enumerate(swept):
+        label = "way between limits" if i == 0 else None
+        panel.plot(*way.T, color=color(1), linewidth=1.0, label=label)
+    places = np.array([k.place for k in joints]).reshape(-1, 3)[:, list(view)]
+    panel.plot(*places.T, "o", color=TRUTH, markersize=4, label="joint")
+    numbered = [k for k in joints if k.words]
+    for number, joint in enumerate(numbered, 1):
+        start, way = joint.place[list(view)], joint.axis[list(view)]
+        if np.linalg.norm(way) > _IN_PLANE:
+            look = {"arrowstyle": "<-", "color": TRUTH, "shrinkA": 1, "shrinkB": 0}
+            tip = start + length * way
+            panel.annotate(
+                str(number), (*start,), (*tip,), arrowprops=look, ha="center", va="center"
+            )
+
+
+_IN_PLANE = 0.5  # of an axis' unit length, for its arrow to be drawn in a view
+
+
+def _draw_nose(panel: Axes, outline: Array | None, length: float) -> None:
+    if outline is None:  # of an arm
+        return
+    front = (float(np.ptp(outline[:, 1]) / 2 + outline[:, 1].min()), float(outline[:, 0].max()))
+    look = {"arrowstyle": "<-", "color": TRUTH, "linewidth": 1.6}
+    tip = (front[0], front[1] + length)
+    panel.annotate("nose", front, tip, arrowprops=look, ha="center", va="bottom")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, similar
 from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import (
@@ -43,6 +43,11 @@ from patagium.robot.strip_chains import joined_images
 from patagium.robot.units import UnitMismatch, in_si
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
+
+
+def _unknown(path: str, known: list[str], found: str) -> tuple[str, str, str]:
+    """Problem of a name that stands for nothing, with a similar one that does."""
+    return path, f"one of {', '.join(known)}", found + similar(found, known)
 
 
 class AssemblyError(ValueError):
@@ -124,8 +129,8 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
             images += [(wing.name, _renamed(wing.name, k.source, k.target)) for k in mirrors]
         for other in wing.joins or ():
             if other not in wings or other == wing.name:
-                path, known = f"wings.{i}.joins", ", ".join(k for k in wings if k != wing.name)
-                raise AssemblyError((path, f"names of other wings ({known})", other))
+                known = [k for k in wings if k != wing.name]
+                raise AssemblyError(_unknown(f"wings.{i}.joins", known, other))
             pair = (wing.name, other)
             sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
             said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
@@ -140,9 +145,11 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
     for key in ("amplitude", "phase", "offset"):
         for name in getattr(part, key):
             if not robot.joints_named(name):
-                known = ", ".join(robot.dof_names[i] for i in robot.actuated)
-                path = f"cruise.{key}.{name}"
-                raise AssemblyError((path, f"an actuated joint ({known}) or a pair", name))
+                known = [robot.dof_names[i] for i in robot.actuated]
+                pairs = [k.removeprefix("left_") for k in known]
+                expected = f"an actuated joint ({', '.join(known)}) or a pair"
+                found = name + similar(name, [*pairs, *known])
+                raise AssemblyError((f"cruise.{key}.{name}", expected, found))
     return Cruise(**dict(part))
 
 
@@ -264,9 +271,7 @@ def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
     names = {draft.name for draft in drafts}
     for draft in drafts:
         if draft.parent is not None and draft.parent not in names:
-            raise AssemblyError(
-                (f"{draft.path}.parent", f"one of {', '.join(sorted(names))}", draft.parent)
-            )
+            raise AssemblyError(_unknown(f"{draft.path}.parent", sorted(names), draft.parent))
     ordered: list[_Draft] = []
     placed: set[str | None] = {None}
     waiting = drafts
@@ -427,13 +432,8 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
             raise AssemblyError((f"wings.{i}.name", "a name that is not taken yet", wing.name))
         for j, segment in enumerate(wing.segments):
             if segment.body not in index:
-                raise AssemblyError(
-                    (
-                        f"wings.{i}.segments.{j}.body",
-                        f"one of {', '.join(index)}",
-                        segment.body,
-                    )
-                )
+                path = f"wings.{i}.segments.{j}.body"
+                raise AssemblyError(_unknown(path, list(index), segment.body))
         strips.extend(cut_wing(wing, index))
     _check_wing_names(file)
     bodies = list(index)

@@ -1,18 +1,21 @@
-"""A robot on paper: planform, joints, strips, centers of mass; and its facts in words.
+"""A robot on paper: bodies, joints with axes and limits, strips; and its facts in words.
 
-Strips are drawn as the rectangles the aerodynamics sees. The solid
-shapes of the bodies are not drawn.
+Strips are drawn as the rectangles the aerodynamics sees, bodies as the outlines of their solids.
 """
 
 from __future__ import annotations
+
+from math import degrees
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.report.figures import machine
-from patagium.robot.model import Robot
-from patagium.robot.planform import placed, poses, strip_corners
+from patagium.report.figures import Hinge, machine
+from patagium.robot.model import Joint, Robot
+from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners, wing_span
+from patagium.robot.solids import solids, surface_points
+from patagium.robot.strip_chains import strip_chains
 
 Array = NDArray[np.float64]
 
@@ -32,21 +35,68 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
     strips: dict[str, list[Array]] = {}
     for strip in robot.strips:
         strips.setdefault(strip.wing, []).append(placed(places[strip.body], strip_corners(strip)))
-    jointed = [(b, pose) for b, pose in zip(robot.bodies, places, strict=True) if b.joints]
+    middles = [placed(places[s.body], np.array(s.quarter_chord, float)) for s in robot.strips]
     return machine(
         robot.name,
         strips={wing: np.array(corners) for wing, corners in strips.items()},
-        joints={b.name: position for b, (position, _) in jointed},
+        joints=_hinges(robot, robot.coordinates() if q is None else np.asarray(q, float)),
         centers={
             b.name: placed(pose, np.array(b.center_of_mass, float))
             for b, pose in zip(robot.bodies, places, strict=True)
         },
-        links=[
-            np.array([places[b.parent][0], position])
-            for b, (position, _) in jointed
-            if b.parent >= 0
+        outlines=[
+            placed(places[solid.body], surface_points(solid))
+            for solid in solids(robot)
+            if solid.body not in {strip.body for strip in robot.strips}
         ],
+        lines=[np.array([middles[i] for i in chain.strips]) for chain in strip_chains(robot)],
     )
+
+
+def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
+    """Joints of the robot by name; those of mirrored wings are not listed."""
+    images = mirrored_bodies(robot)
+    hinges: dict[str, Hinge] = {}
+    places = poses(robot, q)
+    for index, body in enumerate(robot.bodies):
+        own = [strip_corners(s) for s in robot.strips if s.body == index]
+        points = np.concatenate([[body.center_of_mass], *own]).astype(float)
+        for joint in body.joints:
+            axis = np.array(joint.axis)
+            far = points[np.linalg.norm(np.cross(points, axis), axis=1).argmax()]
+            limits = (robot.lower[joint.dof], robot.upper[joint.dof])
+            sweep, ways = np.zeros((0, 3)), "no limits"
+            if np.isfinite(limits).all():
+                sweep, ways = _sweep(robot, q, index, far, joint.dof), _way(joint, limits)
+            words = "" if index in images else f"{joint.name}: about {_letter(axis)}, {ways}"
+            if joint.kind == "prismatic":
+                words = words.replace("about", "along")
+            hinges[joint.name] = Hinge(places[index][0], places[index][1] @ axis, sweep, words)
+    return hinges
+
+
+def _sweep(robot: Robot, q: Array, body: int, point: Array, dof: int) -> Array:
+    """Way of a point of a body while one joint goes from limit to limit, (n, 3) [m]."""
+    at, way = robot.coordinate_indices[dof], []
+    for value in np.linspace(robot.lower[dof], robot.upper[dof], 33):
+        turned = np.array(q)
+        turned[at] = value
+        way.append(placed(poses(robot, turned)[body], point))
+    return np.array(way)
+
+
+def _way(joint: Joint, limits: tuple[float, float]) -> str:
+    turns = joint.kind == "revolute"
+    low, high = (degrees(k) if turns else 100 * k for k in limits)
+    return f"{low:.0f} to {high:.0f} {'deg' if turns else 'cm'}"
+
+
+def _letter(axis: Array) -> str:
+    """Axis as a letter with its sign, or as three numbers."""
+    along = int(np.abs(axis).argmax())
+    if abs(axis[along]) > 1 - 1e-9:
+        return ("" if axis[along] > 0 else "-") + "xyz"[along]
+    return "[" + ", ".join(f"{k:.2g}" for k in axis) + "]"
 
 
 def describe_robot(robot: Robot) -> dict[str, str | int | float]:
@@ -74,10 +124,3 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
         "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
         "parameters": len(robot.parameter_names),
     }
-
-
-def wing_span(robot: Robot) -> float:
-    """Tip to tip distance of the strips along y, at zero coordinates [m]."""
-    places = poses(robot)
-    sides = [placed(places[s.body], strip_corners(s))[:, 1] for s in robot.strips]
-    return float(np.ptp(np.concatenate(sides))) if sides else 0.0

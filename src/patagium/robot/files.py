@@ -15,17 +15,22 @@ from typing import Any, Literal
 
 import yaml
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
-from patagium.errors import ParameterError, RobotFileError, RobotFileWarning, Unreadable, shown
-from patagium.limits import ROBOT_FILE, SHOWN
-from patagium.reading import parsed_yaml, text_of
+from patagium.errors import (
+    ParameterError,
+    RobotFileError,
+    RobotFileWarning,
+    Unreadable,
+    shown,
+    similar,
+)
+from patagium.limits import ROBOT_FILE
+from patagium.reading import faults, lines_of, parsed_yaml, text_of
 from patagium.robot.assembly import AssemblyError, assemble, with_file_parameters
 from patagium.robot.model import Robot
+from patagium.robot.review import robot_warnings
 from patagium.robot.schema import CompositionFile, RobotFile
 from patagium.robot.urdf import read_urdf
-
-Problem = tuple[str, str, str]
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -48,14 +53,26 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return load_robot_text(preset_text(name), name)
     path = Path(name_or_path)
     if path.suffix.lower() == ".urdf":
-        return load_urdf(path)
+        return _reviewed(load_urdf(path), name)
     if path.suffix not in (".yaml", ".yml") and not path.exists():
         known = ", ".join(preset_names())
         raise RobotFileError(
             name,
-            [("", f"a preset ({known}) or the path of a robot file (.yaml, .urdf)", repr(name))],
+            [
+                (
+                    "",
+                    f"a preset ({known}) or the path of a robot file (.yaml, .urdf)",
+                    shown(name) + similar(name, preset_names()),
+                )
+            ],
         )
-    return load_robot_text(_text(path), str(path))
+    return _reviewed(load_robot_text(_text(path), name), name)
+
+
+def _reviewed(robot: Robot, name: str) -> Robot:
+    for sentence in robot_warnings(robot):
+        warnings.warn(f"{name}: {sentence}", RobotFileWarning, stacklevel=3)
+    return robot
 
 
 def load_urdf(path: str | Path, *, base: Literal["fixed", "floating"] = "fixed") -> Robot:
@@ -92,7 +109,7 @@ def load_urdf_text(
     if base not in ("fixed", "floating"):
         raise ParameterError("base", "fixed or floating", base)
     reading = read_urdf(text, name, base == "floating")
-    robot = load_robot_text(reading.text, name)
+    robot = _robot(_parsed(reading.text, name), reading.text, name, numbered=False)
     for where, what in reading.left_out:
         warnings.warn(f"{name}: {where}: {what}", RobotFileWarning, stacklevel=2)
     return robot
@@ -111,20 +128,22 @@ def load_robot_text(text: str, name: str = "robot text") -> Robot:
     return _robot(_parsed(text, name), text, name)
 
 
-def _robot(described: Any, text: str, name: str) -> Robot:
+def _robot(described: Any, text: str, name: str, numbered: bool = True) -> Robot:
+    mounted = isinstance(described, dict) and "mounted_on" in described
+    model = CompositionFile if mounted else RobotFile
     try:
-        if isinstance(described, dict) and "mounted_on" in described:
-            return _composed(described, text)
-        return assemble(RobotFile.model_validate(described), text)
+        file = model.model_validate(described)
+        return _composed(file, text) if isinstance(file, CompositionFile) else assemble(file, text)
     except ValidationError as error:
-        raise RobotFileError(name, [_problem(k) for k in error.errors()]) from None
+        problems = faults(error.errors(), model)
     except AssemblyError as error:
-        raise RobotFileError(name, error.problems) from None
+        problems = error.problems
+    lines = lines_of(text, [where for where, *_ in problems]) if numbered else {}
+    raise RobotFileError(name, problems, lines)
 
 
-def _composed(described: Any, text: str) -> Robot:
+def _composed(file: CompositionFile, text: str) -> Robot:
     """A robot mounted on another, each a preset or written out in place."""
-    file = CompositionFile.model_validate(described)
     robot, arm = (_part(getattr(file, key), key) for key in ("robot", "mounted_on"))
     try:
         composed = robot.mounted_on(
@@ -140,7 +159,8 @@ def _part(described: Any, key: str) -> Robot:
     if isinstance(described, str):
         if described not in preset_names():
             expected = f"a preset ({', '.join(preset_names())}) or a robot written out"
-            raise AssemblyError((key, expected, repr(described)))
+            found = repr(described) + similar(described, preset_names())
+            raise AssemblyError((key, expected, found))
         return load_robot(described)
     try:
         return _robot(described, yaml.safe_dump(described, sort_keys=False), key)
@@ -177,33 +197,3 @@ def _parsed(text: str, name: str) -> Any:
 
 def _refusal(error: Unreadable) -> RobotFileError:
     return RobotFileError(error.file, [(error.where, error.expected, error.found)])
-
-
-def _problem(error: ErrorDetails) -> Problem:
-    context = error.get("ctx", {})
-    where = [str(k) for k in error["loc"] if k != "[key]"]
-    if error["type"] == "mismatch":
-        if context["at"]:
-            where.append(context["at"])
-        return _place(where), context["expected"], context["found"]
-    path = _place(where)
-    if error["type"] == "missing":
-        return path, "a value here", "nothing"
-    if error["type"] == "extra_forbidden":
-        return path, "no such key (is it misspelled?)", shown(where[-1])
-    return path, _EXPECTED.get(error["type"], error["msg"]), shown(error["input"])
-
-
-def _place(where: list[str]) -> str:
-    return ".".join(k if len(k) <= SHOWN else k[: SHOWN - 3] + "..." for k in where)
-
-
-_EXPECTED = {
-    "model_type": "a mapping of keys to values",
-    "dict_type": "a mapping of names to values",
-    "tuple_type": "a list",
-    "string_type": "text",
-    "bool_type": "true or false",
-    "int_type": "a whole number",
-    "string_pattern_mismatch": "a name: a letter, then letters, digits and _ (lower case)",
-}

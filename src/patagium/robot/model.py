@@ -363,7 +363,7 @@ class Robot:
         known = set(self.parameter_names)
         for name, value in values.items():
             if name not in known:
-                raise ParameterError(name, f"a parameter of robot {self.name!r}", name)
+                raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)
             if not np.isfinite(value):
                 raise ParameterError(name, "a finite number", value)
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
@@ -453,7 +453,8 @@ class Robot:
             ParameterError: If there is none of that name.
         """
         if dof_name not in self.dof_names:
-            raise ParameterError("coordinate", f"one of {', '.join(self.dof_names)}", dof_name)
+            known = self.dof_names
+            raise ParameterError("coordinate", f"one of {', '.join(known)}", dof_name, known)
         return self.dof_names.index(dof_name)
 
     def body_index(self, name: str) -> int:
@@ -464,7 +465,7 @@ class Robot:
         """
         names = [body.name for body in self.bodies]
         if name not in names:
-            raise ParameterError("body", f"one of {', '.join(names)}", name)
+            raise ParameterError("body", f"one of {', '.join(names)}", name, names)
         return names.index(name)
 
     def mounted_on(

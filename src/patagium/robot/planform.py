@@ -86,3 +86,21 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
     """
     position, rotation = pose
     return np.asarray(position + points @ rotation.T)
+
+
+def wing_span(robot: Robot) -> float:
+    """Tip to tip distance of the strips along y, at zero coordinates [m]."""
+    places = poses(robot)
+    sides = [placed(places[s.body], strip_corners(s))[:, 1] for s in robot.strips]
+    return float(np.ptp(np.concatenate(sides))) if sides else 0.0
+
+
+def mirrored_bodies(robot: Robot) -> set[int]:
+    """Indices of the bodies that carry wings made by mirroring, and no others."""
+    carried: list[set[bool]] = [set() for _ in robot.bodies]
+    for strip in robot.strips:
+        index = strip.body
+        while index >= 0:
+            carried[index].add(strip.mirrored)
+            index = robot.bodies[index].parent
+    return {index for index, sides in enumerate(carried) if sides == {True}}

@@ -75,9 +75,11 @@ def _unit_vector(written: object) -> object:
     return tuple(float(k) for k in vector / length)
 
 
-Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Point: TypeAlias = tuple[Length, Length, Length]
-Direction: TypeAlias = Annotated[tuple[float, float, float], BeforeValidator(_unit_vector)]
+Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$", examples=["left_wing"])]
+Point: TypeAlias = Annotated[tuple[Length, Length, Length], Field(examples=["[1 cm, 0, 2 mm]"])]
+Direction: TypeAlias = Annotated[
+    tuple[float, float, float], BeforeValidator(_unit_vector), Field(examples=["y"])
+]
 PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
 Tensor: TypeAlias = NDArray[np.float64]
 _ORIGIN = (0.0, 0.0, 0.0)
@@ -248,7 +250,9 @@ class JointPart(_Part):
     @model_validator(mode="after")
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
-            raise mismatch("the lower before the upper", str(list(self.limits)), "limits")
+            unit, *_ = _joint_unit(self.type)
+            found = f"[{self.limits[0]:.4g}, {self.limits[1]:.4g}] {unit}"
+            raise mismatch("the lower before the upper", found, "limits")
         if self.damping < 0:
             raise mismatch("a quantity that is not negative", f"{self.damping:g}", "damping")
         return self
@@ -299,7 +303,9 @@ class BodyPart(_Part):
     orientation: tuple[Angle, Angle, Angle] = _ORIGIN
     floating: StrictBool = False
     attitude: Literal["euler", "quaternion"] | None = None
-    joints: tuple[JointPart, ...] = ()
+    joints: Annotated[
+        tuple[JointPart, ...], Field(examples=["[{name: left_plunge, axis: x}]"])
+    ] = ()
     damping: FloatingDamping | None = None
     massless: StrictBool = False
     mass: Mass
@@ -322,7 +328,7 @@ class BodyPart(_Part):
     def _consistent(self) -> BodyPart:
         if not (self.massless or self.mass >= LEAST_MASS):
             expected = f"a positive quantity, {LEAST_MASS:g} kg at least"
-            raise mismatch(expected, f"{self.mass:g}", "mass")
+            raise mismatch(expected, f"{self.mass:g} kg", "mass")
         if (self.inertia is None) == (self.shape is None):
             both = "both" if self.shape is not None else "neither"
             raise mismatch("either inertia or shape", both)
@@ -361,14 +367,17 @@ class Station(_Part):
         return self
 
 
+_STATIONS = "[{span: 0, leading: 2 cm, trailing: -4 cm}, {span: 9 cm, leading: 0, trailing: -2 cm}]"
+
+
 class Segment(_Part):
     """The part of a wing that one body carries, cut into strips of equal width."""
 
     body: Name
-    strips: Annotated[int, Field(ge=1, le=200, strict=True)]
+    strips: Annotated[int, Field(ge=1, le=200, strict=True, examples=[6])]
     at: Point = _ORIGIN
     span_axis: Direction = (0.0, 1.0, 0.0)
-    stations: Annotated[tuple[Station, ...], Field(min_length=2)]
+    stations: Annotated[tuple[Station, ...], Field(min_length=2, examples=[_STATIONS])]
 
     @model_validator(mode="after")
     def _outline(self) -> Segment:
@@ -390,7 +399,10 @@ class WingPart(_Part):
 
     name: Name
     joins: tuple[Name, ...] | None = None
-    segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
+    segments: Annotated[
+        tuple[Segment, ...],
+        Field(min_length=1, examples=["[{body: left_wing, strips: 6, stations: [...]}]"]),
+    ]
 
 
 class Mirror(_Part):
@@ -439,12 +451,17 @@ class ActuatorPart(_Part):
 class RobotFile(_Part):
     """All of a robot file."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", examples=["my_robot"])]
     gravity: Annotated[Acceleration, AfterValidator(_not_negative)]
     coordinates: tuple[Name, ...] | None = None
-    bodies: Annotated[dict[Name, BodyPart], Field(min_length=1)]
-    wings: tuple[WingPart, ...] = ()
-    mirror: tuple[Mirror, ...] = ()
+    bodies: Annotated[
+        dict[Name, BodyPart],
+        Field(min_length=1, examples=["{body: {floating: true, mass: 20 g, shape: ...}}"]),
+    ]
+    wings: Annotated[
+        tuple[WingPart, ...], Field(examples=["[{name: left_wing, segments: [...]}]"])
+    ] = ()
+    mirror: Annotated[tuple[Mirror, ...], Field(examples=["[{from: left, to: right}]"])] = ()
     cruise: CruisePart | None = None
     actuators: dict[Name, ActuatorPart] = {}
     parameters: dict[str, PureNumber] = {}

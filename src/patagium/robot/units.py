@@ -12,7 +12,7 @@ import re
 from functools import cache
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from patagium.errors import shown
@@ -140,7 +140,9 @@ def quantity_type(unit: str, noun: str) -> Any:
         except UnitMismatch as error:
             raise mismatch(error.expected, error.found) from None
 
-    return Annotated[float, BeforeValidator(convert)]
+    return Annotated[
+        float, BeforeValidator(convert), Field(examples=[_EXAMPLES.get(unit, f"1 {unit}")])
+    ]
 
 
 def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:

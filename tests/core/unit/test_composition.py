@@ -54,7 +54,7 @@ def test_a_file_may_say_it_with_presets():
     [
         ("robot: aerobat\nmounted_on: ur5e\nat: hand\n", "at", "one of shoulder"),
         ("robot: bird\nmounted_on: ur5e\nat: tool\n", "robot", "a preset"),
-        ("robot: aerobat\nmounted_on: {name: a}\nat: tool\n", "mounted_on.gravity", "a value here"),
+        ("robot: aerobat\nmounted_on: {name: a}\nat: tool\n", "mounted_on.gravity", "gravity: 9.8"),
         ("robot: aerobat\nmounted_on: ur5e\n", "at", "a value here"),
         ("robot: ur5e\nmounted_on: ur5e\nat: tool\nprefix: ''\n", "prefix", "apart"),
         (

@@ -193,10 +193,20 @@ def test_machine_shows_every_strip_in_both_views() -> None:
     figure = figures.machine(
         "wing",
         strips={"left": [square, square + [0, 1, 0]]},
-        joints={"plunge": (0, 0, 0)},
+        joints={
+            "plunge": figures.Hinge(
+                np.zeros(3), np.array([1.0, 0, 0]), np.eye(3), "plunge: about x, -45 to 60 deg"
+            )
+        },
         centers={"body": (0.1, 0, 0)},
-        links=[((0, 0, 0), (0, 1, 0))],
+        outlines=[np.vstack([np.eye(3), -np.eye(3)])],
+        lines=[square.mean(0) + np.array([[0.0, 0, 0], [0, 1, 0]])],
     )
+    above, behind = figure.axes
+    words = [[k.get_text() for k in panel.texts] for panel in (above, behind)]
+    assert words == [["1", "nose"], []]  # the axis points at who looks from behind
+    assert figure.get_supxlabel() == "1  plunge: about x, -45 to 60 deg"
+    assert "way between limits" in above.get_legend_handles_labels()[1]
     assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2]
     with pytest.raises(ShapeError, match="left"):
         figures.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})

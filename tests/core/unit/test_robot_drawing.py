@@ -32,6 +32,23 @@ def test_a_figure_shows_every_strip_in_both_views(name):
         assert drawn == [wings.count(wing) for wing in dict.fromkeys(wings)]
 
 
+def test_a_figure_shows_nose_axes_limits_and_lifting_lines():
+    figure = draw_robot(load_robot("ornithopter"))
+    above, behind = figure.axes
+    assert "nose" in [k.get_text() for k in above.texts]
+    assert (
+        figure.get_supxlabel().splitlines()[0].startswith("1  left_plunge: about x, -45 to 60 deg")
+    )
+    assert "right" not in figure.get_supxlabel()  # the other side is its image
+    labels = above.get_legend_handles_labels()[1]
+    assert {"lifting line", "way between limits", "center of mass"} <= {*labels}
+    (line,) = [k for k in above.lines if k.get_label() == "lifting line"]
+    assert len(line.get_xdata()) == 16  # the strips of both wings
+    plunge = [k for k in behind.lines if k.get_label() == "way between limits"]
+    heights = plunge[0].get_ydata()
+    assert heights.max() > 0.6 and heights.min() < -0.4  # an arc, upwards and downwards
+
+
 def test_a_drawing_refuses_coordinates_of_another_robot():
     with pytest.raises(ShapeError, match=r"q: expected shape \(14,\), found \(3,\)"):
         draw_robot(load_robot("aerobat"), np.zeros(3))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from patagium.errors import ParameterError, RobotFileError
-from patagium.robot import load_robot, load_robot_text
+from patagium.errors import ParameterError, RobotFileError, RobotFileWarning
+from patagium.robot import load_robot, load_robot_text, preset_text
 from patagium.robot.model import Actuator
 
 GLIDER = """
@@ -163,8 +163,13 @@ FAULTS = {
         "a mass such as '20 g'",
         "of dimension [length]",
     ),
-    "misspelled key": (("mass: 5 g", "mas: 5 g"), "bodies.left_tip.mas", "no such key", "'mas'"),
-    "missing key": (("mass: 5 g", ""), "bodies.left_tip.mass", "a value here", "nothing"),
+    "misspelled key": (
+        ("mass: 5 g", "mas: 5 g"),
+        "bodies.left_tip.mas",
+        "one of the keys at,",
+        "'mas'; did you mean mass?",
+    ),
+    "missing key": (("mass: 5 g", ""), "bodies.left_tip.mass", "`mass: 20 g`", "nothing"),
     "number of words": (("9.81", "strong"), "gravity", "an acceleration", "'strong'"),
     "negative mass": (("mass: 5 g", "mass: -5 g"), "bodies.left_tip.mass", "positive", "-0.005"),
     "length for an angle": (
@@ -177,7 +182,7 @@ FAULTS = {
         ("limits: [-30 deg, 1]", "limits: [2, 1]"),
         "bodies.left_tip.joints.1.limits",
         "the lower before the upper",
-        "[2.0, 1.0]",
+        "[2, 1] rad",
     ),
     "damping of a slide": (
         ("0.1 N s/m", "0.1 N m s"),
@@ -194,8 +199,8 @@ FAULTS = {
     "unknown coordinate of damping": (
         ("yaw: 0.01", "jaw: 0.01"),
         "bodies.hull.damping.jaw",
-        "no such key",
-        "'jaw'",
+        "one of the keys pitch, roll, x, y, yaw, z",
+        "'jaw'; did you mean yaw?",
     ),
     "impossible inertia": (
         ("zz: 4e-6", "zz: 4e-5"),
@@ -203,7 +208,12 @@ FAULTS = {
         "principal moments of a real body",
         "zz 4e-05",
     ),
-    "unknown shape": (("type: box", "type: bax"), "bodies.left_wing.shape", "'box'", "bax"),
+    "unknown shape": (
+        ("type: box", "type: bax"),
+        "bodies.left_wing.shape.type",
+        "one of cylinder, box",
+        "'bax'; did you mean box?",
+    ),
     "two inertias": (
         ("    shape: {type: box", "    inertia: {xx: 1, yy: 1, zz: 1}\n    shape: {type: box"),
         "bodies.left_wing",
@@ -216,7 +226,7 @@ FAULTS = {
         ("parent: left_wing", "parent: left_wink"),
         "bodies.left_tip.parent",
         "one of fin, hull",
-        "left_wink",
+        "left_wink; did you mean left_wing?",
     ),
     "loop of parents": (
         ("  hull:\n    floating: true", "  hull:\n    parent: left_tip"),
@@ -363,6 +373,60 @@ def test_a_fault_is_named_with_its_place(fault):
     assert problems, caught.value.problems
     assert any(expected in want and found in got for _, want, got in problems), problems
     assert str(caught.value).startswith("glider.yaml: ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass: 5 g", "mas: 5 g", "line 16, bodies.left_tip.mas: expected one of the keys"),
+        ("axis: -z", "axis: w", "line 15, bodies.left_tip.joints.1.axis: expected an axis"),
+        ("strips: 2", "strip: 2", "line 38, wings.0.segments.0.strip: expected one of the keys"),
+        ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected `mass: 20 g`, found nothing"),
+        ("from: left", "form: left", "line 56, mirror.0.form: expected one of the keys from, to"),
+        ("parent: hull", "parent: hul", "line 25, bodies.fin.parent: expected one of fin, hull"),
+    ],
+)
+def test_a_fault_is_told_once_with_its_line(old, new, message):
+    with pytest.raises(RobotFileError) as caught:
+        load_robot_text(GLIDER.replace(old, new, 1), "glider.yaml")
+    (said,) = str(caught.value).splitlines()
+    assert said.startswith(f"glider.yaml: {message}")
+
+
+SLIPS = {
+    "radians meant as degrees": (
+        "limits: [-45 deg, 60 deg]",
+        "limits: [-45, 60]",
+        "joint left_plunge: limits: -45 rad are -2578 deg, .*Write '-45 deg'$",
+    ),
+    "mass at the hinge": (
+        "    center_of_mass: [-2 cm, 28 cm, 0]\n",
+        "",
+        r"body left_wing: center_of_mass: .*write center_of_mass: \[-0.612 cm, 31.6 cm, 0 cm\]",
+    ),
+    "a strip of nothing": (
+        "{span: 16 cm, leading: -5 cm, trailing: -12 cm}",
+        "{span: 1e-9, leading: -5 cm, trailing: -12 cm}",
+        r"strip fin\[0\]: its area of .* does nothing; give it a chord",
+    ),
+    "a wing twice": (
+        "  - name: tailplane\n",
+        "  - name: left_again\n    segments: [{body: left_wing, strips: 2, stations: [{span: 0, "
+        "leading: 6 cm, trailing: -6 cm, incidence: 6 deg}, {span: 20 cm, leading: 6 cm, "
+        "trailing: -6 cm, incidence: 6 deg}]}]\n  - name: tailplane\n",
+        r"strips left_wing\[0\] and left_again\[0\] lie on each other",
+    ),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_likely_slip_is_told_with_what_to_write(slip, tmp_path):
+    old, new, sentence = SLIPS[slip]
+    text, path = preset_text("ornithopter"), tmp_path / "own.yaml"
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.warns(RobotFileWarning, match=sentence):
+        load_robot(path)
 
 
 def test_a_loop_of_parents_is_named():

@@ -7,7 +7,7 @@ import pytest
 
 from patagium.errors import RobotFileError
 from patagium.robot import load_robot, load_robot_text, preset_names, preset_text
-from patagium.robot.drawing import wing_span
+from patagium.robot.planform import wing_span
 
 SHARED = Path(__file__).parents[3].parent / "shared" / "data"
 

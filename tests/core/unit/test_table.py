@@ -105,13 +105,13 @@ def test_a_header_with_a_unit_must_agree() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gaps": 3}, "gaps: unknown key"),
+        ({"gaps": 3}, "gaps: expected one of the keys .*, found 'gaps'; did you mean gap\\?"),
         ({"outputs": []}, "outputs: "),
         ({"time": {"column": "stamp", "unit": "m"}}, "time .*expected a unit of"),
         ({"time": {"column": "stamp", "unit": "blinks"}}, "expected a unit such as"),
         ({"outputs": [{"column": "acc", "unit": "g_0", "as": "rad"}]}, "acc: expected a unit of"),
         ({"outputs": [{"column": "acc", "unit": "degC"}]}, "expected a unit that only scales"),
-        ({"outputs": [{"column": "acc"}]}, "outputs.0.unit: expected, but not there"),
+        ({"outputs": [{"column": "acc"}]}, "outputs.0.unit: expected a value here, found nothing"),
         ({"outputs": [{"column": "turn", "unit": "1", "name": "rate"}]}, "rate twice"),
         ({"outputs": [{"column": "acc", "unit": "1", "range": [2, 1]}]}, "low < high"),
         ({"gap": 0.5}, "gap: .*greater than 1"),

@@ -266,20 +266,20 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("every: 10", "every: 0", "every: Input should be greater than 0, found 0"),
-        ("every: 10", "", "every: expected, but not there"),
+        ("every: 10", "every: 0", "every: expected a number greater than 0, found 0"),
+        ("every: 10", "", "every: expected a value here, found nothing"),
         (
             "kind: dense",
             "kind: deep",
-            "network.kind: Input should be 'linear_strip', 'strip', 'hidden_strip' or 'dense'",
+            "network.kind: expected one of linear_strip, strip, hidden_strip, dense, found 'deep'",
         ),
         (
             "kind: dense",
             "kind: flow",
             "kind of the network: expected linear_strip, the default, ",
         ),
-        ("[3]}", "[3], color: red}", "network.color: unknown key"),
-        ("covariance", "covarance", "learner: covarance: expected one of prior_std, "),
+        ("[3]}", "[3], color: red}", "line 2, network.color: expected one of the keys"),
+        ("covariance", "covarance", "learner.covarance: expected one of prior_std, "),
         (": 0.5", ": wide", "prior_std: expected "),
         ("layer", "square", 'covariance: expected one of "full", "layer", "node"'),
         ("layer", "{rank: 2}", "covariance: expected layer, which errs less (low rank was"),

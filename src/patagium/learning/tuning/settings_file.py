@@ -23,6 +23,7 @@ from pydantic import (
 )
 
 from patagium.deprecation import refuse_removed
+from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.settings import renamed, settings_from, settings_of
@@ -82,7 +83,7 @@ class LearnerSettings(BaseModel):
         known = {one.name: one.metadata["meaning"] for one in settings_of(self.kind)}
         for name in self.values:
             if name not in known:
-                raise ValueError(f"{name}: expected one of {', '.join(known)}")
+                raise ParameterError(name, f"one of {', '.join(known)}", name, known)
         settings_from(self.kind, self.values)
         return self
 
@@ -151,8 +152,9 @@ def load_settings(path: str | Path) -> Settings:
             was expected, what was found.
     """
     file = Path(path)
-    words = parsed_yaml(text_of(file, YAML_TEXT), str(file))
+    text = text_of(file, YAML_TEXT)
+    words = parsed_yaml(text, str(file))
     try:
         return Settings.model_validate(words)
     except ValidationError as problem:
-        raise refused(str(file), problem.errors()) from None
+        raise refused(str(file), problem.errors(), Settings, text) from None

@@ -251,18 +251,19 @@ def load_mapping(path: str | Path) -> TableMapping:
         LogError: If the file cannot be read, or is no mapping.
     """
     file = Path(path)
-    words = parsed_yaml(text_of(file, YAML_TEXT), str(file))
-    mapping = parse_mapping(words, str(file))
+    text = text_of(file, YAML_TEXT)
+    mapping = parse_mapping(parsed_yaml(text, str(file)), str(file), text)
     beside = file.parent / (mapping.robot or "")
     return mapping.model_copy(update={"robot": str(beside)}) if beside.is_file() else mapping
 
 
-def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
+def parse_mapping(words: Any, source: str = "mapping", text: str = "") -> TableMapping:
     """Validated mapping from the content of a YAML file.
 
     Args:
         words: Content of the file.
         source: Name of the file in messages.
+        text: Text of the file, for the numbers of lines in messages.
 
     Raises:
         LogError: If the content is no mapping; the message has one line for each problem.
@@ -270,7 +271,7 @@ def parse_mapping(words: Any, source: str = "mapping") -> TableMapping:
     try:
         mapping = TableMapping.model_validate(words)
     except ValidationError as problem:
-        raise refused(source, problem.errors()) from None
+        raise refused(source, problem.errors(), TableMapping, text) from None
     conversion(mapping.time.unit, "s", f"{source}: time ({mapping.time.column})")
     for column in mapping.columns:
         conversion(column.unit, column.as_unit, f"{source}: {column.label}")

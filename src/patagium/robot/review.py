@@ -1,0 +1,96 @@
+"""Likely slips in a robot: what is valid and yet hardly meant.
+
+Looked at with all coordinates at zero. Neglected: whether the robot can fly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees, isfinite, pi
+
+import numpy as np
+
+from patagium.robot.model import Robot
+from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners
+
+_SMALL = 1e-6
+"""Area of a strip that does nothing, over that of the largest."""
+
+_HINGE = 0.05
+"""Distance of a center of mass that is at the hinge, over that of the wing's middle."""
+
+_OVERLAP = 0.1
+"""Share of its chord and its width that a strip may lie on another one."""
+
+
+def robot_warnings(robot: Robot) -> list[str]:
+    """Sentences on likely slips, each with what to write; none for a robot without.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
+    images = mirrored_bodies(robot)  # the other side is told
+    checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
+    return [sentence for check in (*checks, _overlaps(robot)) for sentence in check]
+
+
+def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:
+    for joint in (k for i, b in enumerate(robot.bodies) if i not in images for k in b.joints):
+        limits = (robot.lower[joint.dof], robot.upper[joint.dof])
+        far = [k for k in limits if isfinite(k) and abs(k) > 2 * pi]
+        if joint.kind == "revolute" and far:
+            turns = f"{far[0]:g} rad are {degrees(far[0]):.0f} deg, more than a turn"
+            yield f"joint {joint.name}: limits: {turns}; are degrees meant? Write '{far[0]:g} deg'"
+
+
+def _masses_at_hinges(robot: Robot, images: set[int]) -> Iterator[str]:
+    for index, body in enumerate(robot.bodies):
+        strips = [strip for strip in robot.strips if strip.body == index]
+        if index in images or not strips or not body.joints or body.mass == 0.0:
+            continue
+        areas = [float(s.chord * s.width) for s in strips]
+        middle = np.average([s.quarter_chord for s in strips], axis=0, weights=areas)
+        if np.linalg.norm(body.center_of_mass) < _HINGE * np.linalg.norm(middle):
+            place = ", ".join(f"{100 * x:.3g} cm" for x in middle)
+            yield (
+                f"body {body.name}: center_of_mass: it is at the hinge, its wing's middle is not; "
+                f"write center_of_mass: [{place}] if its mass is spread over the wing"
+            )
+
+
+def _small_strips(robot: Robot) -> Iterator[str]:
+    areas = [float(strip.chord * strip.width) for strip in robot.strips]
+    told: set[str] = set()
+    for strip, area in zip(robot.strips, areas, strict=True):
+        if area <= _SMALL * max(areas) and strip.wing not in told:
+            told.add(strip.wing)
+            yield f"strip {strip.name}: its area of {area:.3g} m^2 does nothing; give it a chord"
+
+
+def _overlaps(robot: Robot) -> Iterator[str]:
+    """A strip in the plane of another one, chord and span of both in common."""
+    places = poses(robot)
+    corners = [placed(places[s.body], strip_corners(s)) for s in robot.strips]
+    told: set[tuple[str, str]] = set()
+    for i, strip in enumerate(robot.strips):
+        turn = places[strip.body][1]
+        ahead, up = turn @ np.array(strip.forward), turn @ np.array(strip.normal)
+        axes = np.array([ahead, np.cross(up, ahead), up])
+        own = corners[i] @ axes.T
+        for j, other in enumerate(robot.strips[:i]):
+            seen = corners[j] @ axes.T
+            shared = np.minimum(own.max(0), seen.max(0)) - np.maximum(own.min(0), seen.min(0))
+            level = np.abs(seen[:, 2] - own[:, 2].mean()).max() < _OVERLAP * strip.chord
+            size = np.minimum(np.ptp(own, axis=0), np.ptp(seen, axis=0))[:2]
+            pair = (other.wing, strip.wing)
+            if (
+                level
+                and not strip.mirrored
+                and (shared[:2] > _OVERLAP * size).all()
+                and pair not in told
+            ):
+                told.add(pair)
+                yield (
+                    f"strips {other.name} and {strip.name} lie on each other, so that the air "
+                    "pushes twice there; move one wing or segment"
+                )
