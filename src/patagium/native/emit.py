@@ -11,6 +11,7 @@ in these things only; the operations and their order are CasADi's.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -23,6 +24,10 @@ SHARED_SUFFIX = "parameters"
 KERNELS = {"horseshoes": "horseshoes", "fwd1_horseshoes": "horseshoes", "table": "table"}
 """Inner calls and the header of `kernels/` that holds them: functions named
 `<kernel>_<size>_<size>...`, a first derivative `fwd1_<kernel>_<size>...` as CasADi names it."""
+
+LONG_BODY = 1500
+"""Statements in one C function of many states; a longer body is cut into parts."""
+_VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
@@ -228,27 +233,18 @@ def emit_batch(function: ca.Function) -> str:
     name, graph = function.name(), _dense_graph(function)
     shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
-    lines = [
-        *_header(function),
-        " /* arguments state by state, results entry by entry (rows of `stride` states) */",
-        *_includes(graph),
-        f"void {name}_batch(const double *const *arg, double *const *res, long count,"
-        " long stride) {",
-        *_pointers(function),
-        "  for (long k = 0; k < count; k += LANES) {",
-        *[
-            f"  double x{k}[{max(size, 1)} * LANES]; gather(a{k}, {size}, k, count, x{k});"
-            for k, size in enumerate(sizes)
-            if not shared[k]
-        ],
+    tiles = [
+        f"  double x{k}[{max(size, 1)} * LANES]; gather(a{k}, {size}, k, count, x{k});"
+        for k, size in enumerate(sizes)
+        if not shared[k]
     ]
 
     def angle_block(group: list[int], number: int) -> list[str]:
         block = []
         for position, angle in enumerate(group):
             sine, cosine = f"sine{number}_{position}", f"cosine{number}_{position}"
-            block.append(f"  lanes {sine}, {cosine};")
-            block.append(f"  lanes_sincos({_operand(graph, angle)}, &{sine}, &{cosine});")
+            call = f"  lanes_sincos({_operand(graph, angle)}, &{sine}, &{cosine});"
+            block.append(f"  lanes {sine}, {cosine};\n{call}")
         return block
 
     def load(argument: int, entry: int) -> str:
@@ -260,8 +256,54 @@ def emit_batch(function: ca.Function) -> str:
         return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
 
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
-    lines += _Writer(graph, dialect).statements()
+    statements, parts = _Writer(graph, dialect).statements(), list[str]()
+    if len(statements) > LONG_BODY and not graph.callees:
+        given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
+        parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
+        held = ", ".join("0" if common else f"x{k}" for k, common in enumerate(shared))
+        statements.insert(0, f"  const double *const tile[] = {{{held}}};")
+    lines = [
+        *_header(function),
+        " /* arguments state by state, results entry by entry (rows of `stride` states) */",
+        *_includes(graph),
+        *parts,
+        f"void {name}_batch(const double *const *arg, double *const *res, long count,"
+        " long stride) {",
+        *_pointers(function),
+        "  for (long k = 0; k < count; k += LANES) {",
+        *tiles,
+        *statements,
+    ]
     return "\n".join([*lines, "  }", "}", ""])
+
+
+def _in_parts(name: str, pointers: list[str], statements: list[str]) -> tuple[list[str], list[str]]:
+    """Long body as functions of some statements each, and the statements that call them.
+
+    Compilers hand out registers in a time that grows with the square of a function's length.
+    What a part computes for later ones goes through memory, in places used again when free.
+    """
+    pieces = [statements[k : k + LONG_BODY] for k in range(0, len(statements), LONG_BODY)]
+    words = [set(_VALUES.findall("\n".join(piece))) for piece in pieces]
+    last = {word: k for k, found in enumerate(words) for word in found}
+    takes = "const double *const *arg, double *const *res, const double *const *tile"
+    places: dict[str, int] = {}
+    free: list[int] = []
+    parts, most = [], 0
+    for k, piece in enumerate(pieces):
+        kept = sorted(words[k] & places.keys())
+        lines = [f"  const lanes {word} = held[{places[word]}];" for word in kept]
+        free += [places.pop(word) for word in kept if last[word] == k]
+        lines += piece
+        for word in sorted(word for word in words[k] - set(kept) if last[word] > k):
+            places[word] = free.pop() if free else most
+            most = max(most, places[word] + 1)
+            lines.append(f"  held[{places[word]}] = {word};")
+        head = f"static __attribute__((noinline)) void {name}_part{k}({takes},"
+        rest = "  lanes *held, long k, long stride) {"
+        parts += [head, rest, *pointers, "  (void)held; (void)k; (void)stride;", *lines, "}"]
+    calls = [f"  {name}_part{k}(arg, res, tile, held, k, stride);" for k in range(len(pieces))]
+    return parts, [f"  lanes held[{max(most, 1)}];", *calls]
 
 
 def _header(function: ca.Function) -> list[str]:

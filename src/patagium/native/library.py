@@ -42,7 +42,7 @@ and GCC's search for either takes a time that grows with the square of the text 
 both: it takes both flags to be rid of it). Registers are handed out for the text as a whole."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
-    *("simulation", "sensing", "learning", "live"),
+    *("simulation", "sensing", "learning", "live", "control"),
 )
 
 
