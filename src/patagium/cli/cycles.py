@@ -39,7 +39,7 @@ def cycles(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Lift, thrust and power over a wingbeat: means, spread, cost of transport."""
-    from patagium.cli.words import answer, existing
+    from patagium.cli.words import answer, existing, say_next
     from patagium.simulation import cycle_statistics, load_flight
 
     statistics = cycle_statistics(
@@ -55,6 +55,23 @@ def cycles(
 
         rows = statistics.drop_dims("cycle").to_dataframe().reset_index()
         outputs.attempt("table", lambda: write_whole(table, rows.to_csv(index=False).encode()))
-    title = "Over a wingbeat, SI units"
-    outputs.attempt("means on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    shown = facts if as_json else {_LABELS.get(name, name): facts[name] for name in facts}
+    title = "Over a wingbeat"
+    outputs.attempt("means on stdout", lambda: answer(shown, as_json=as_json, title=title))
     outputs.check()
+    if not as_json:
+        say_next(f"patagium figures {flight}")
+
+
+_LABELS = {
+    "cycles": "wingbeats [1]",
+    "period": "period [s]",
+    "mean_lift": "mean lift [N]",
+    "mean_lift_gram_force": "mean lift [gram-force]",
+    "mean_thrust": "mean thrust [N]",
+    "mean_thrust_gram_force": "mean thrust [gram-force]",
+    "mean_power": "mean power of the joints [W]",
+    "mean_positive_power": "mean power of the joints where positive [W]",
+    "airspeed": "airspeed [m/s]",
+    "cost_of_transport": "cost of transport [1]",
+}

@@ -55,7 +55,7 @@ def figures(
 
     One style, colors told apart by every eye and alike in every figure, units on every axis.
     """
-    from patagium.cli.words import answer, existing
+    from patagium.cli.words import answer, existing, say_next
     from patagium.learning.model_file import load_model
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
@@ -73,3 +73,5 @@ def figures(
     title = f"Figures for {look.value}"
     outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
     outputs.check()
+    if not as_json:
+        say_next(f"patagium view {flight}", "patagium robots --new my_robot")

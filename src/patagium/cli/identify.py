@@ -82,7 +82,10 @@ def identify(
     aero: AeroOption = None,
     refine: RefineOption = False,
     model: Annotated[
-        Path | None, typer.Option(help="File for the learned model (.json), which predicts.")
+        Path | None,
+        typer.Option(
+            help="File for the learned model (.json), which predicts; model.json beside a flight."
+        ),
     ] = None,
     state: Annotated[
         Path | None,
@@ -108,7 +111,7 @@ def identify(
     """
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
-    from patagium.cli.words import progress_bar
+    from patagium.cli.words import progress_bar, say_next
     from patagium.errors import Outcome
     from patagium.learning.default_learner import learner_choices
 
@@ -142,6 +145,7 @@ def identify(
         with progress_bar(f"Refining what {file.name} taught"):
             result = refined(result, flight, result.scores["every"])
     names = None if table is None else table.input_names
+    model = model or (None if flight is None else file.with_name("model.json"))
     outputs.attempt("model", lambda: keep_model(model, result.learner, names, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
@@ -153,6 +157,8 @@ def identify(
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
     outputs.check()
+    if flight is not None and not as_json:
+        say_next(f"patagium view {file} --model {model}", f"patagium cycles {file}")
 
 
 def _learned(

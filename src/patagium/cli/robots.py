@@ -14,6 +14,7 @@ EXAMPLES = (
     "patagium robots",
     "patagium robots aerobat --draw aerobat.png",
     "patagium robots my-robot.yaml --json",
+    "patagium robots --new my_robot",
     "patagium robots --gallery gallery",
 )
 
@@ -25,19 +26,32 @@ def robots(
     draw: Annotated[
         Path | None, typer.Option(help="Draw it from above and behind, as .png or .svg.")
     ] = None,
+    new: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of a robot to be written as NAME.yaml, a commented file to change."
+        ),
+    ] = None,
     gallery: Annotated[
         Path | None,
         typer.Option(help="Fly all presets, and draw a moment of each in this folder."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """List the robots that come along, or describe and draw one."""
-    from patagium.cli.words import answer, say_json, show_table
+    """List the robots that come along, describe and draw one, or write the file of a new one."""
+    from patagium.cli.words import answer, say_json, say_next, show_table
     from patagium.errors import ParameterError
     from patagium.report import Table
-    from patagium.robot import load_robot, preset_names
+    from patagium.robot import load_robot, preset_names, write_template
     from patagium.robot.drawing import describe_robot, draw_robot
 
+    if new is not None:
+        if robot or draw or gallery:
+            raise ParameterError("--new", "nothing else beside it", str(robot or draw or gallery))
+        file = write_template(new)
+        typer.echo(f"Written: {file}, a robot of two wings and a tail that flies; change it")
+        say_next(f"patagium robots {file} --draw {file.stem}.png", f"patagium simulate {file}")
+        return
     if gallery is not None:
         from patagium.viewer.gallery import draw_gallery
 

@@ -484,7 +484,7 @@ def _published(
 
 
 def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
-    from patagium.cli.words import answer
+    from patagium.cli.words import answer, say_next
     from patagium.simulation import save_flight
 
     broken = str(flight.attrs["outcome"]) != "COMPLETED"
@@ -506,4 +506,4 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
         raise typer.Exit(2)
     if not as_json:
-        typer.echo(f"Next: patagium view {output}, or patagium identify {output}")
+        say_next(f"patagium view {output}", f"patagium identify {output}")

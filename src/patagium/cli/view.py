@@ -58,7 +58,7 @@ def view(
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
     """
-    from patagium.cli.words import existing
+    from patagium.cli.words import existing, say_next
     from patagium.errors import ParameterError
     from patagium.simulation import load_flight
     from patagium.viewer import replay
@@ -78,6 +78,7 @@ def view(
         recorded, page, predicted=_predicted(model, predictions), title=title, start=start, end=end
     )
     typer.echo(f"The page is in {page}", err=True)
+    say_next(f"open {page} in a browser", f"patagium cycles {flight}")
 
 
 def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:

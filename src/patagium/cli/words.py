@@ -198,6 +198,15 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
     show_table(key_value_table(flat, title))
 
 
+def say_next(*commands: str) -> None:
+    """Line on stdout with the commands that come next.
+
+    Args:
+        commands: Commands, as they are typed.
+    """
+    typer.echo(f"Next: {', or '.join(commands)}")
+
+
 def say_json(value: Any) -> None:
     """A value as JSON on stdout."""
     typer.echo(json_text(value))

@@ -7,6 +7,7 @@ from patagium.robot.files import (
     load_urdf_text,
     preset_names,
     preset_text,
+    write_template,
 )
 from patagium.robot.linkage import Linkage, LinkageMotion
 from patagium.robot.model import Body, Joint, Robot, Strip
@@ -24,4 +25,5 @@ __all__ = [
     "load_urdf_text",
     "preset_names",
     "preset_text",
+    "write_template",
 ]

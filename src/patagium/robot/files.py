@@ -31,6 +31,7 @@ from patagium.robot.model import Robot
 from patagium.robot.review import robot_warnings
 from patagium.robot.schema import CompositionFile, RobotFile
 from patagium.robot.urdf import read_urdf
+from patagium.whole_file import write_whole
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -179,6 +180,34 @@ def preset_names() -> tuple[str, ...]:
 def preset_text(name: str) -> str:
     """Text of a preset's robot file."""
     return (resources.files("patagium.robot") / "presets" / f"{name}.yaml").read_text("utf-8")
+
+
+def write_template(name: str) -> Path:
+    """Commented robot file of a new robot, which flies as it is.
+
+    Args:
+        name: Name of the robot, or of its file (.yaml).
+
+    Returns:
+        The file, named as the robot.
+
+    Raises:
+        ParameterError: If there is such a file or preset, or it cannot be a robot's name.
+        OutputError: If it cannot be written.
+    """
+    path = Path(name if name.endswith((".yaml", ".yml")) else f"{name}.yaml")
+    if path.exists():
+        raise ParameterError("--new", "a file that is not there yet", str(path))
+    if path.stem in preset_names():
+        raise ParameterError("--new", "a name that no preset has", path.stem)
+    text = (resources.files("patagium.robot") / "template.yaml").read_text("utf-8")
+    text = text.replace("my_robot", path.stem)
+    try:
+        load_robot_text(text)
+    except RobotFileError:
+        expected = "a name of at most 40 letters, digits, _ and - that begins with a letter"
+        raise ParameterError("--new", expected, path.stem) from None
+    return write_whole(path, text)
 
 
 def _text(path: Path) -> str:

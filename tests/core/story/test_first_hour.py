@@ -1,0 +1,75 @@
+"""The first hour: commands without options, an own robot, each at the first try."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from patagium.cli.main import run
+from patagium.robot import load_robot, write_template
+
+SIX = (
+    "simulate aerobat",
+    "identify flight.nc",
+    "view flight.nc --model model.json",
+    "cycles flight.nc",
+    "figures flight.nc",
+    "robots --new my_robot",
+)
+WRITTEN = ("flight.nc", "model.json", "flight.html", None, "flight/robot.pdf", "my_robot.yaml")
+
+
+def _said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as left:
+        run(words.split())
+    said = capsys.readouterr()
+    assert not left.value.code, said.err
+    return said.out
+
+
+def test_six_commands_work_at_the_first_try(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words, file in zip(SIX, WRITTEN, strict=True):
+        began = time.monotonic()
+        said = _said(words, capsys)
+        assert time.monotonic() - began < 60.0, words  # 15 s warm, and the compiler when cold
+        assert said.splitlines()[-1].startswith("Next: "), said
+        assert file is None or (tmp_path / file).stat().st_size > 1_000
+
+
+def test_every_command_that_comes_next_is_one_of_those_that_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = _said("robots --new own", capsys)
+    (draw, fly) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])
+    assert "own" in _said(draw, capsys) and (tmp_path / "own.png").is_file()
+    assert "lifting lines" in _said("check own.yaml", capsys)
+    assert "COMPLETED" in _said(fly, capsys)
+    assert "Intervals about right" in _said("identify flight.nc", capsys)
+
+
+def test_the_file_of_a_new_robot_flies_and_is_never_written_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = write_template("swift")
+    robot = load_robot(file)  # a RobotFileWarning would be an error
+    assert robot.name == "swift" and robot.cruise is not None
+    file.write_text("mine")
+    for name, expected in (
+        ("swift", "a file that is not there yet"),
+        ("swift.yaml", "a file that is not there yet"),
+        ("hawk", "a name that no preset has"),
+        ("7up", "a name of at most 40 letters"),
+    ):
+        with pytest.raises(SystemExit):
+            run(["robots", "--new", name])
+        assert f"--new: expected {expected}" in capsys.readouterr().err
+    assert file.read_text() == "mine"
+    assert not Path("hawk.yaml").exists()
