@@ -45,7 +45,7 @@ def cycles(
     statistics = cycle_statistics(
         load_flight(existing(flight)), period=period, skip=skip, phases=phases
     )
-    outputs, facts = Outputs(), dict(statistics.attrs)
+    outputs, facts = Outputs(), {str(name): value for name, value in statistics.attrs.items()}
     if figure is not None:
         from patagium.report.figures import save_figure, wingbeat
 
