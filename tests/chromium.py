@@ -34,6 +34,22 @@ os.dup2(int(write), 4)
 os.execv(words[0], words)
 """
 
+_MISFITS = """(() => {
+  const scrolls = (e) => e && (["auto", "scroll"].includes(getComputedStyle(e).overflowX)
+    || scrolls(e.parentElement));
+  const name = (e) => `${e.tagName} ${e.className} ${(e.innerText ?? "").slice(0, 60)}`;
+  const shown = [...document.querySelectorAll("body, body *")].filter((e) => e.clientWidth > 0);
+  const wide = shown.filter((e) => (e.scrollWidth > e.clientWidth + 1
+    || e.getBoundingClientRect().right > innerWidth + 1) && !scrolls(e));
+  const texts = shown.filter((e) => [...e.childNodes].some((n) => n.nodeType === 3
+    && n.data.trim()) && parseFloat(getComputedStyle(e).fontSize) < 11);
+  const letters = (e) => 8.5 / 72 * 160 * e.clientWidth / e.naturalWidth;
+  const blurred = [...document.images].filter((e) => letters(e) < 11);
+  return [...wide.map((e) => "wide: " + name(e)), ...texts.map((e) => "small: " + name(e)),
+    ...blurred.map((e) => `small letters: ${e.alt}, ${letters(e)} px`)];
+})()"""
+"""A figure has 160 dots an inch, and no letters below 8.5 points."""
+
 
 def found() -> str | None:
     """Path of a Chromium, or None."""
@@ -138,6 +154,12 @@ class Chromium:
         shot = self.send("Page.captureScreenshot", format="png")
         path.write_bytes(base64.b64decode(shot["data"]))
         return path
+
+    def misfits(self) -> list[str]:
+        """Elements wider than their box, and text, also that of figures, below 11 pixels."""
+        self.ask("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+        found: list[str] = self.ask(_MISFITS)
+        return found
 
     def send(self, method: str, **parameters: Any) -> dict[str, Any]:
         """One command of the protocol, and its answer."""

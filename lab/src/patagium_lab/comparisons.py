@@ -1,4 +1,7 @@
-"""Figures that compare methods: bars of scores and of times, and learning curves."""
+"""Figures that compare methods: scores and times as points, and learning curves.
+
+Points stand on logarithmic axes, where a bar would begin nowhere.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,13 @@ Vectors = NDArray[np.float64]
 
 
 @styled
-def score_bars(
+def score_points(
     names: Sequence[str],
     scores: Mapping[str, ArrayLike],
     *,
     label: str = "normalized mean square error [1]",
 ) -> Figure:
-    """A score per quantity and method as groups of horizontal bars, logarithmic.
+    """A score per quantity and method as points on a logarithmic axis, one line each.
 
     Args:
         names: Names of the k quantities.
@@ -32,12 +35,12 @@ def score_bars(
     Raises:
         ShapeError: If a method has another number of scores.
     """
-    return _bars(names, {m: _row(m, s, len(names)) for m, s in scores.items()}, label)
+    return _points(names, {m: _row(m, s, len(names)) for m, s in scores.items()}, label)
 
 
 @styled
-def overhead_bars(times: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Time of a call as horizontal bars on a logarithmic axis, with the times written out.
+def time_points(times: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Time of a call as points on a logarithmic axis, with the times written out.
 
     Args:
         times: Function -> way of computing it -> time of a call [s]; a way that does
@@ -45,7 +48,7 @@ def overhead_bars(times: Mapping[str, Mapping[str, float]]) -> Figure:
     """
     ways = list(dict.fromkeys(way for one in times.values() for way in one))
     values = {way: np.array([times[f].get(way, np.nan) for f in times]) for way in ways}
-    return _bars(list(times), values, "time of a call [s]", texts=seconds_text)
+    return _points(list(times), values, "time of a call [s]", texts=seconds_text)
 
 
 @styled
@@ -90,7 +93,7 @@ def seconds_text(seconds: float) -> str:
     return f"{seconds / 60.0:.3g} min"
 
 
-def _bars(
+def _points(
     names: Sequence[str],
     values: Mapping[str, Vectors],
     label: str,
@@ -103,11 +106,11 @@ def _bars(
     for i, (way, row) in enumerate(values.items()):
         place = base + (i - (len(values) - 1) / 2) * thick
         shown = np.where(row > 0, row, np.nan)
-        panel.barh(place, shown, height=0.92 * thick, color=color(i), label=way)
+        panel.plot(shown, place, "o", color=color(i), markersize=5, label=way)
         for y, value in zip(place, shown, strict=True):
             if np.isfinite(value):
                 panel.annotate(
-                    texts(value), (value, y), (3, 0), textcoords="offset points", va="center",
+                    texts(value), (value, y), (6, 0), textcoords="offset points", va="center",
                     fontsize="small",
                 )  # fmt: skip
     panel.set_yticks(base, names)
@@ -115,6 +118,8 @@ def _bars(
     panel.set_xscale("log")
     panel.set_xlabel(label)
     panel.grid(axis="y", visible=False)
+    for y in base[:-1] + 0.5:
+        panel.axhline(y, color="#e3e6e9", linewidth=0.6)
     panel.margins(x=0.12)
     legend_above(figure, panel)
     return figure

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from patagium.learning.scores import json_ready
-from patagium.report import PageSection, Table, write_page
+from patagium.report import Block, PageSection, Table, write_page
 from patagium.report.page import Cell
 from patagium.whole_file import make_folder, write_whole
 from patagium_lab.gallery import Gallery
@@ -42,12 +42,14 @@ class Page:
         summary: Findings in a few sentences.
         facts: Program, machine and settings behind the figures, for the foot of the page.
         sections: Sections in reading order.
+        opening: First screen: pictures, numbers and sentences; the sections are folded then.
     """
 
     title: str
     summary: str
     facts: Mapping[str, str]
     sections: Sequence[PageSection]
+    opening: Sequence[Block] = ()
 
     def only(self, titles: Sequence[str]) -> Page:
         """Page with some of its sections.
@@ -64,7 +66,8 @@ class Page:
         Args:
             path: File to write; a name that ends in .md makes Markdown, any other name HTML.
         """
-        return write_page(path, self.title, self.sections, summary=self.summary, facts=self.facts)
+        more = {"summary": self.summary, "facts": self.facts, "opening": self.opening}
+        return write_page(path, self.title, self.sections, **more)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

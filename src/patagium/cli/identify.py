@@ -51,6 +51,7 @@ PANELS = {
     "State, settings, predictions": "state settings predictions",
 }
 """Options of each panel of the help; the usual ones come before, in none."""
+_MOMENT = "The force on each strip, the predicted one as a halo; a click plays the flight."
 _FIRST = 0.01
 _START = 1 << 18  # samples of a long log that a network is made from
 """Span that scales a dense network where nothing repeats itself [s]."""
@@ -305,13 +306,18 @@ def _report(
 
     moving = None
     if flight is not None and result.outcome is Outcome.COMPLETED:
-        from patagium.viewer import replay
+        from patagium.report import picture
+        from patagium.report.style import figures_for
+        from patagium.viewer import replay, still
 
         title = f"Flight {file.stem}, as it was learned"
         page = report.with_name(f"{report.stem}-replay.html")
         show = partial(replay, flight, page, predicted=result, title=title)
-        moving = page.name if outputs.attempt(page.name, show) else None
+        if outputs.attempt(page.name, show):
+            with figures_for("phone"):
+                figure = still(flight, predicted=result)
+            moving = replace(picture(figure, _MOMENT, "png"), address=page.name)
     title = f"Identification of {file.name}"
     if outputs.attempt("report", lambda: result.report(report, title, moving)):
-        where = "" if moving is None else f"; the flight in three dimensions is in {moving}"
+        where = "" if moving is None else f"; the flight in three dimensions is in {moving.address}"
         typer.echo(f"The report is in {report}{where}", err=True)

@@ -10,9 +10,23 @@ import numpy as np
 import xarray as xr
 
 from patagium.learning.parameter_paths import parameter_table
-from patagium.report import Link, Note, PageSection, Table, picture, write_page
+from patagium.report import (
+    Block,
+    KeyNumber,
+    Link,
+    Note,
+    PageSection,
+    Picture,
+    Table,
+    cell_text,
+    picture,
+    write_page,
+)
 from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
+from patagium.report.style import figures_for
 
+_SHOWN = 10
+"""The last of so many parts of a run is drawn on the first screen."""
 DRAWN = 6
 """Most outputs drawn; the others are in the table."""
 
@@ -22,7 +36,7 @@ def write_identification(
     record: xr.Dataset,
     path: str | Path,
     title: str,
-    replay: str | None = None,
+    replay: str | Picture | None = None,
 ) -> Path:
     """Self-contained HTML page of an identification.
 
@@ -31,12 +45,14 @@ def write_identification(
         record: Its predictions and updates, see `record_of`.
         path: File to write.
         title: Heading of the page.
-        replay: Address of the flight's replay, relative to the page, or None.
+        replay: Address of the flight's replay, relative to the page, or a picture that leads
+            there, or None.
     """
-    moving = [] if replay is None else [Link("The flight in three dimensions", replay)]
-    forecasts = forecast_tables(scores)
+    address = replay.address if isinstance(replay, Picture) else replay
+    moving = [Link("The flight in three dimensions", address)] if address else []
+    tables = [_score_table(scores), *forecast_tables(scores)]
     sections = [
-        PageSection("Scores", [*moving, _score_table(scores), *forecasts, *_remarks(scores)]),
+        PageSection("Scores", [*moving, summary(scores), *tables, *_remarks(scores)]),
         *_parameters(scores, record),
         PageSection("Predicted before it was used", [_prediction_picture(scores, record)]),
     ]
@@ -46,7 +62,48 @@ def write_identification(
         )
     if np.isfinite(list(scores["reliability"].values())).all():
         sections.append(PageSection("Does it know how wrong it is?", _calibration(scores)))
-    return write_page(path, title, sections, summary=summary(scores))
+    words = " ".join(scores.get("verdict", [])) or summary(scores)
+    shown = [replay] if isinstance(replay, Picture) else []
+    return write_page(
+        path, title, sections, summary=words, opening=[*shown, *_opening(scores, record)]
+    )
+
+
+def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
+    """First screen: the end of one prediction, and three numbers beside what they should be."""
+    if "nmse_second_half_mean" not in scores:
+        return []
+    loud = [str(name) for name in record["output"].values if name not in scores["silent"]]
+    name = "z" if "z" in loud else loud[0]
+    late = record.isel(time=slice(-max(2, record.sizes["time"] // _SHOWN), None)).sel(output=[name])
+    with figures_for("phone"):
+        plot = comparison(
+            late["time"].values,
+            late["measurement"].values,
+            {"predicted": late["prediction"].values},
+            names=[name],
+            units=[str(unit) for unit in late["unit"].values],
+            truth_name="measured",
+        )
+    error, held = (scores[f"{key}_second_half_mean"] for key in ("nmse", "persistence"))
+    return [
+        picture(plot, f"The last {100 // _SHOWN} %: measured, and predicted before it was used."),
+        KeyNumber(
+            f"{cell_text(100 * error)} %",
+            "Mean square error of the predictions over the variance of the output, second half.",
+            f"The last used sample, held: {cell_text(100 * held)} %.",
+        ),
+        KeyNumber(
+            f"{100 * scores['coverage_second_half']:.0f} %",
+            "Share of the errors inside the predicted 95 % interval, second half.",
+            "Right: 95 %.",
+        ),
+        KeyNumber(
+            cell_text(scores["nis_second_half"]),
+            "Squared error over its predicted variance (NIS), second half.",
+            "Right: 1; below it intervals are too wide, above it too narrow.",
+        ),
+    ]
 
 
 def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSection]:
@@ -144,9 +201,7 @@ def _score_table(scores: Mapping[str, Any]) -> Table:
 
 
 def _remarks(scores: Mapping[str, Any]) -> list[Note]:
-    remarks = [Note(text) for text in scores.get("verdict", [])]
-    if scores["message"]:
-        remarks.append(Note(scores["message"]))
+    remarks = [Note(scores["message"])] if scores["message"] else []
     if scores["silent"]:
         names = ", ".join(scores["silent"])
         remarks.append(Note(f"Silent, and left out of mean and worst: {names}."))

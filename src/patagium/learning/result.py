@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -22,6 +22,9 @@ from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
 from patagium.netcdf_file import loaded_dataset, write_netcdf
 from patagium.reading import json_object, made_again
+
+if TYPE_CHECKING:
+    from patagium.report import Picture
 
 Array = NDArray[np.float64]
 
@@ -64,14 +67,15 @@ class Identification:
         write_netcdf(path, record)
 
     def report(
-        self, path: str | Path, title: str = "Identification", replay: str | None = None
+        self, path: str | Path, title: str = "Identification", replay: str | Picture | None = None
     ) -> None:
         """Write a self-contained HTML page: the scores, and predictions against measurements.
 
         Args:
             path: The file.
             title: Its heading.
-            replay: Address of the flight's replay, relative to the page, to be linked.
+            replay: Address of the flight's replay, relative to the page, to be linked, or a
+                picture that leads there.
         """
         from patagium.learning.page import write_identification
 

@@ -5,6 +5,7 @@ It knows nothing of robots, flights or learners, so that any layer above may dra
 
 from patagium.report.page import (
     Block,
+    KeyNumber,
     Link,
     Note,
     PageSection,
@@ -17,6 +18,7 @@ from patagium.report.page import (
 
 __all__ = [
     "Block",
+    "KeyNumber",
     "Link",
     "Note",
     "Picture",

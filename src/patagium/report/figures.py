@@ -507,7 +507,7 @@ def _overview_groups(flight: Any) -> list[_Group]:
     energy = ("kinetic_energy", "potential_energy", "energy_residual")
     groups: list[_Group] = [
         ("Position", "m", {n: q.sel(dof=n).values for n in position}),
-        ("Attitude", "deg", {n: np.degrees(q.sel(dof=n).values) for n in angles}),
+        ("Attitude", "deg", {n: unwound(q.sel(dof=n).values) for n in angles}),
         ("Attitude", "1", {n: q.sel(dof=n).values for n in quaternion}),
         ("Joints", "deg", {n: np.degrees(q.sel(dof=n).values) for n in _moving(q, others)}),
         ("Force of the air", "N", {n: force.sel(dof=n).values for n in position}),
@@ -515,6 +515,17 @@ def _overview_groups(flight: Any) -> list[_Group]:
         ("Energy", "J", {n.replace("_", " "): flight[n].values for n in energy}),
     ]
     return [group for group in groups if group[2]]
+
+
+def unwound(angle: Array) -> Array:
+    """Angle without jumps, at first within half a turn of zero, (N,) [deg].
+
+    Args:
+        angle: Angle, (N,) [rad].
+    """
+    whole = np.unwrap(angle)
+    turn: Array = np.degrees(whole - 2 * np.pi * np.round(whole[:1] / (2 * np.pi)))
+    return turn
 
 
 def _moving(q: Any, names: Sequence[str]) -> list[str]:

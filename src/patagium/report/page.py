@@ -1,7 +1,8 @@
 """A page of prose, tables and pictures in sections: one self-contained HTML file, or Markdown.
 
 In HTML everything is inline, so that the file opens offline and survives being mailed; it reads
-in light and dark, and prints. It has no scripts; a `Link` leads to pages that have them. In
+in light and dark, on a phone, and prints. It has no scripts; a `Link` leads to pages that have
+them. A page with an opening shows it first, and folds its sections. In
 Markdown HTML is not understood: prose besides `code` and **bold** is taken literally.
 """
 
@@ -16,12 +17,13 @@ from dataclasses import dataclass
 from importlib.resources import files
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from patagium.errors import ShapeError
+from patagium.report.style import SMALLEST_LETTERS
 from patagium.whole_file import make_folder, write_whole
 
 Cell: TypeAlias = "str | float | bool | None"
@@ -121,10 +123,37 @@ class Picture:
     Attributes:
         source: The image as a data address.
         caption: What is seen, and what to look for.
+        address: Of a page that a click opens, relative to this one; none if empty.
     """
 
     source: str
     caption: str
+    address: str = ""
+
+    def least_width(self) -> int:
+        """Width below which the smallest letters of a figure would be under 11 pixels [px]."""
+        kind, image = _image(self)
+        if kind == "png":
+            points = int.from_bytes(image[16:20], "big") * 72 / _DOTS
+        else:
+            found = re.search(rb'<svg[^>]* width="([\d.]+)pt"', image)
+            points = float(found[1]) if found else 0.0
+        return math.ceil(points * _LEGIBLE / SMALLEST_LETTERS) + 2  # its frame
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """A number that a page is about, set large.
+
+    Attributes:
+        value: The number with its unit.
+        meaning: What it says, one sentence.
+        beside: What it is to be compared with, such as the number of a paper.
+    """
+
+    value: str
+    meaning: str
+    beside: str
 
 
 @dataclass(frozen=True)
@@ -147,7 +176,7 @@ class Link:
     address: str
 
 
-Block: TypeAlias = "str | Table | Picture | Note | Link"
+Block: TypeAlias = "str | Table | Picture | KeyNumber | Note | Link"
 
 
 @dataclass(frozen=True)
@@ -156,7 +185,7 @@ class PageSection:
 
     Attributes:
         title: Title of the page.
-        blocks: Prose (`code` and **bold** are understood), tables, pictures, notes, links.
+        blocks: Prose (`code` and **bold** are understood), tables, pictures, numbers, notes, links.
     """
 
     title: str
@@ -178,6 +207,10 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
     return Picture(f"data:{kinds[kind]};base64,{address}", caption)
 
 
+_DOTS = 160
+"""Dots of a figure that is a PNG [1/inch]."""
+_LEGIBLE = 11
+"""Least size of letters on a screen [px]."""
 _UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
 
 
@@ -185,12 +218,16 @@ def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", 
     """Write a figure, the same bytes each time it is the same figure."""
     from matplotlib import rc_context
     from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter
 
+    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis)]
+    logarithmic = [one for one in axes if isinstance(one.get_major_formatter(), LogFormatter)]
+    powers = [label for one in logarithmic for label in one.get_ticklabels(which="both")]
     for text in figure.findobj(Text):
-        if isinstance(text, Text) and not text.get_text().startswith("$\\mathdefault{"):
+        if isinstance(text, Text) and text not in powers:
             text.set_parse_math(False)  # a name from a file is no formula; a power of ten is
     with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
-        figure.savefig(target, format=kind, dpi=160, metadata=_UNSTAMPED[kind])
+        figure.savefig(target, format=kind, dpi=_DOTS, metadata=_UNSTAMPED[kind])
 
 
 MARK = "<!-- Written by patagium; do not edit: run the command again. -->"
@@ -203,6 +240,7 @@ def markdown_page(
     summary: str,
     facts: Mapping[str, str],
     folder: str,
+    opening: Sequence[Block] = (),
 ) -> tuple[str, dict[str, bytes]]:
     """Text of a page and its pictures.
 
@@ -212,6 +250,7 @@ def markdown_page(
         summary: What was found, in a few sentences, under the title.
         facts: Where it comes from, at the foot.
         folder: Where the pictures lie, as seen from the page.
+        opening: Blocks before the sections.
 
     Returns:
         The text, and the pictures by name of their files: that of the section, numbered
@@ -219,8 +258,9 @@ def markdown_page(
     """
     pictures: dict[str, bytes] = {}
     parts = [MARK, f"# {markdown_prose(title)}", *([markdown_prose(summary)] if summary else [])]
-    for section in sections:
-        parts.append(f"## {markdown_prose(section.title)}")
+    for section in (PageSection("At a glance", opening), *sections):
+        if section.blocks:
+            parts.append(f"## {markdown_prose(section.title)}")
         for block in section.blocks:
             if isinstance(block, Picture):
                 kind, image = _image(block)
@@ -258,6 +298,8 @@ def _block(block: Block) -> list[str]:
         return [*caption, table_text(block)]
     if isinstance(block, Note):
         return [f"> {markdown_prose(block.text)}"]
+    if isinstance(block, KeyNumber):
+        return [markdown_prose(f"**{block.value}**: {block.meaning} {block.beside}")]
     if isinstance(block, Link):
         return [f"[{markdown_prose(block.text)}]({block.address})"]
     return [re.sub(r"^(\d*)(?=[#+>.)-])", r"\1\\", markdown_prose(str(block)))]
@@ -302,6 +344,7 @@ def write_page(
     *,
     summary: str = "",
     facts: Mapping[str, str] | None = None,
+    opening: Sequence[Block] = (),
 ) -> Path:
     """A report, written whole or not at all.
 
@@ -313,18 +356,27 @@ def write_page(
         sections: In reading order; a table of contents is made of their titles.
         summary: What was found, in a few sentences, under the title.
         facts: Where it comes from (program, version, robot, settings), at the foot.
+        opening: First screen: pictures side by side, numbers, sentences. The sections of a page
+            that has one are folded.
 
     Returns:
         The path written.
     """
     path, told = Path(path), dict(facts or {})
     if path.suffix == ".md":
-        text, pictures = markdown_page(title, sections, summary, told, path.stem)
+        text, pictures = markdown_page(title, sections, summary, told, path.stem, opening)
         for name, image in pictures.items():
             write_whole(make_folder(path.with_suffix("")) / name, image)
     else:
-        text = _template().render(title=title, summary=summary, sections=sections, facts=told)
+        first = [[one for one in opening if isinstance(one, kind)] for kind in _FIRST]
+        text = _template().render(
+            title=title, summary=summary, sections=sections, facts=told, opening=first
+        )
     return write_whole(path, text)
+
+
+_FIRST: tuple[Any, ...] = (Picture, KeyNumber, str | Table | Note | Link)
+"""Kinds of blocks of an opening, in the order of their rows."""
 
 
 def prose(text: str) -> Markup:
@@ -336,9 +388,6 @@ def prose(text: str) -> Markup:
 def _template() -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters["prose"] = prose
-    environment.tests["table"] = lambda block: isinstance(block, Table)
-    environment.tests["picture"] = lambda block: isinstance(block, Picture)
-    environment.tests["link"] = lambda block: isinstance(block, Link)
-    environment.tests["note"] = lambda block: isinstance(block, Note)
+    environment.tests["a"] = lambda block, kind: type(block).__name__ == kind
     text = files("patagium.report").joinpath("page.html").read_text(encoding="utf-8")
     return environment.from_string(text)

@@ -62,10 +62,11 @@ class Look:
 
 LOOKS = {
     "page": Look(9.0),
+    "phone": Look(3.8),
     "paper": Look(7.0, letters=8.0 / 9.0, lines=0.8),  # two columns wide, 8 point
     "slides": Look(12.0, letters=16.0 / 9.0, lines=1.8),
 }
-"""A page on a screen, a paper in print, slides on a wall."""
+"""A page on a screen, a phone, a paper in print, slides on a wall."""
 
 _look: ContextVar[Look] = ContextVar("look", default=LOOKS["page"])
 
@@ -109,6 +110,8 @@ def round_down(value: float) -> float:
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * (1 + 1e-9)))
 
 
+SMALLEST_LETTERS = 8.5
+"""Size of the smallest letters of a figure [pt]."""
 _STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -125,9 +128,9 @@ _STYLE: Any = {
     "axes.axisbelow": True,
     "lines.linewidth": 1.2,
     "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
+    "legend.fontsize": SMALLEST_LETTERS,
+    "xtick.labelsize": SMALLEST_LETTERS,
+    "ytick.labelsize": SMALLEST_LETTERS,
     "xtick.major.size": 3.0,
     "ytick.major.size": 3.0,
     "xtick.major.width": 0.7,

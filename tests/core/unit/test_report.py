@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from patagium.errors import FlightError, ParameterError, ShapeError
-from patagium.report import Note, PageSection, Table, cell_text, figures, picture, write_page
+from patagium.report import (
+    KeyNumber,
+    Note,
+    PageSection,
+    Table,
+    cell_text,
+    figures,
+    picture,
+    write_page,
+)
 from patagium.report.style import envelope
 
 
@@ -43,6 +52,35 @@ def test_cell_reads_as_a_person_writes(value: object, text: str) -> None:
 def test_table_with_a_short_row_is_refused() -> None:
     with pytest.raises(ShapeError, match="row 1"):
         Table(("a", "b"), [[1, 2], [1]])
+
+
+def test_powers_of_ten_are_set_as_such_and_names_are_not() -> None:
+    figure = figures.innovation_and_covariance(
+        np.arange(3.0), np.zeros((3, 1)), np.array([1e-4, 1.0, 1e4]), names=["a$b$"], units=["N"]
+    )
+    picture(figure, "Powers")
+    labels = figure.axes[-1].get_yticklabels()
+    assert any(one.get_text().startswith("$") for one in labels)
+    assert all(one.get_parse_math() for one in labels)
+    assert not figure.axes[0].title.get_parse_math()
+
+
+def test_an_attitude_begins_within_half_a_turn_and_does_not_jump() -> None:
+    turn = 2 * np.pi + np.linspace(0.0, 3 * np.pi, 50)
+    wrapped = np.where(turn > 3 * np.pi, turn - 2 * np.pi, turn)
+    found = figures.unwound(wrapped)
+    np.testing.assert_allclose(found, np.linspace(0.0, 540.0, 50), atol=1e-9)  # rounding
+
+
+def test_a_page_with_an_opening_shows_it_and_folds_its_sections(tmp_path: Path) -> None:
+    opening = [KeyNumber("3 %", "Of <air>.", "Right: 5 %."), "Said."]
+    sections = [PageSection("One", ["First."]), PageSection("Two", ["Second."])]
+    page = write_page(tmp_path / "r.html", "T", sections, opening=opening).read_text("utf-8")
+    head = page.partition("<main>")[0]
+    assert "<strong>3 %</strong> Of &lt;air&gt;. <em>Right: 5 %.</em>" in head and "Said." in head
+    assert page.count("<details>") == 2 and "<details>" not in head
+    text = write_page(tmp_path / "r.md", "T", sections, opening=opening).read_text("utf-8")
+    assert "## At a glance\n\n**3 %**: Of <air>. Right: 5 %." in text.replace("\\", "")
 
 
 class Tags(HTMLParser):

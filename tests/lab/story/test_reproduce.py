@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from patagium_lab.reproduction.plan import ReproductionPlan
 from patagium_lab.reproduction.run import run
 from patagium_lab.study import write_study
 from patagium_lab.targets import verdict
+
+from ...chromium import Chromium, found
 
 SECTIONS = (
     "Two experiments",
@@ -54,6 +57,7 @@ FIGURES = (
         for mount in ("free", "fixed")
         for name in ("forces_body", "forces_left_wing", "unseen")
     ),
+    *("corrected_still", "corrected_lift"),
     "unsteady_scores",
 )
 
@@ -62,10 +66,10 @@ FIGURES = (
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("reproduction")
     told: list[float] = []
-    report, found = write_study(
+    report, results = write_study(
         out, ReproductionPlan.of(quick=True), run, page, lambda stage, part: told.append(part)
     )
-    found.only(RESULTS).write(out / "results.md")
+    results.only(RESULTS).write(out / "results.md")
     return {
         "out": out,
         "report": report,
@@ -91,17 +95,18 @@ def test_it_says_how_far_it_is(outcome: dict[str, Any]) -> None:
 
 
 def test_the_report_has_every_section_and_picture(outcome: dict[str, Any]) -> None:
-    found = [html.unescape(t) for t in re.findall(r"<h2>\d+\. (.*?)</h2>", outcome["page"])]
-    assert [title for title in SECTIONS if title not in found] == []
+    titles = [html.unescape(t) for t in re.findall(r"<h2>\d+\. (.*?)</h2>", outcome["page"])]
+    assert [title for title in SECTIONS if title not in titles] == []
     assert outcome["page"].count("<img ") >= len(FIGURES)
 
 
 def test_the_page_of_results_has_the_targets_and_what_was_found(outcome: dict[str, Any]) -> None:
     text = (outcome["out"] / "results.md").read_text(encoding="utf-8")
-    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == [*RESULTS, "Where it comes from"]
+    titles = ["At a glance", *RESULTS, "Where it comes from"]
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == titles
     for row in outcome["metrics"]["targets"]:
-        found = math.nan if row["found"] is None else row["found"]
-        cells = [row["target"], row["limit"], cell_text(found)]
+        value = math.nan if row["found"] is None else row["found"]
+        cells = [row["target"], row["limit"], cell_text(value)]
         assert f"| {' | '.join(cells)} |" in text and verdict(row["met"]) in text
     assert "`patagium study reproduce`, flights of 0.2 s" in text
     assert "> Short flights of 0.2 s were asked for; targets are those of 2 s." in text
@@ -116,6 +121,38 @@ def test_the_report_opens_offline(outcome: dict[str, Any]) -> None:
         assert address.startswith(("#", "data:image/")) or address in beside, address[:80]
     assert {"published.html", "corrected.html"} <= beside
     assert "@import" not in page and "url(http" not in page
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_report_fits_a_screen_and_a_phone(
+    outcome: dict[str, Any], width: int, tmp_path: Path
+) -> None:
+    if found() is None:
+        pytest.skip("no Chromium on this machine")
+    artefacts = Path(os.environ.get("PATAGIUM_ARTEFACTS", tmp_path))
+    artefacts.mkdir(parents=True, exist_ok=True)
+    with Chromium(tmp_path / "chromium", width, 900) as browser:
+        browser.size(width, 900, touch=width < 500)
+        browser.go(outcome["report"].as_uri())
+        browser.screenshot(artefacts / f"report-{width}.png")
+        first = browser.ask("document.querySelector('header').innerText")
+        assert first.count("The paper: ") == 3
+        assert browser.ask("document.querySelectorAll('header img').length") == 2
+        assert browser.ask("document.documentElement.scrollHeight") < 4 * 900
+        assert browser.misfits() == []
+        high = browser.ask(
+            "[...document.querySelectorAll('td')].filter((e) => e.offsetHeight > 90).length"
+        )
+        assert width < 500 or not high  # pixels of three lines
+
+
+def test_figures_come_before_tables_and_cited_errors_are_told(outcome: dict[str, Any]) -> None:
+    for section in outcome["page"].split("<section ")[1:]:
+        table, image = section.find("<table>"), section.rfind("<img ")
+        assert image < table or table < 0 or image < 0, section[:200]
+    claims = outcome["page"].split("The claims of the paper</h2>")[1].split("</section>")[0]
+    for error in set(re.findall(r"\((E\d+)\)", claims)):
+        assert f">{error}</td>" in claims
 
 
 def test_every_number_in_the_tables_is_in_the_metrics(outcome: dict[str, Any]) -> None:

@@ -10,13 +10,13 @@ from patagium.report.style import legend_columns, width
 from patagium_lab import comparisons as figures
 
 
-def test_score_bars_refuse_another_number_of_scores() -> None:
+def test_score_points_refuse_another_number_of_scores() -> None:
     with pytest.raises(ShapeError, match="ours"):
-        figures.score_bars(["x", "y"], {"ours": [1.0]})
+        figures.score_points(["x", "y"], {"ours": [1.0]})
 
 
-def test_overhead_bars_write_the_times_out() -> None:
-    figure = figures.overhead_bars({"D": {"ours": 4e-7, "rival": 3e-4}, "bias": {"ours": 5e-7}})
+def test_time_points_write_the_times_out() -> None:
+    figure = figures.time_points({"D": {"ours": 4e-7, "rival": 3e-4}, "bias": {"ours": 5e-7}})
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert texts == ["400 ns", "500 ns", "300 µs"]
     assert figure.axes[0].get_xscale() == "log"
@@ -47,7 +47,7 @@ def test_learning_curve_is_a_running_mean() -> None:
 @pytest.mark.parametrize("words", [1, 3, 6])
 def test_legend_stays_on_the_page(words: int) -> None:
     labels = [f"{' '.join(['network'] * words)} {i}" for i in range(7)]
-    figure = figures.overhead_bars({"D": dict.fromkeys(labels, 1e-3)})
+    figure = figures.time_points({"D": dict.fromkeys(labels, 1e-3)})
     figure.draw_without_rendering()
     assert figure.legends[0].get_window_extent().x1 / figure.dpi <= width()
     assert legend_columns(["short"] * 7) == 5

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from patagium.report import Block, Note, PageSection, Picture, Table, cell_text, picture
-from patagium_lab.comparisons import score_bars
+from patagium_lab.comparisons import score_points
 from patagium_lab.foreign.contestants import CONTESTANTS, DEFAULT
 from patagium_lab.foreign.figures import (
     COVERED,
@@ -210,7 +210,7 @@ def _glance(rows: Sequence[Row], airs: Sequence[str]) -> Picture:
         each = [figures(some, "unseen", "worst") for some in own]
         medians = np.array([np.median(one) if len(one) else np.nan for one in each])
         scores[TITLES[air]] = np.where(np.isfinite(medians), medians, np.nan)
-    figure = score_bars([_title(name) for name in names], scores)
+    figure = score_points([_title(name) for name in names], scores)
     caption = "Error of the worst output on wingbeats that were never seen, median over flights."
     return picture(figure, caption)
 

@@ -141,9 +141,9 @@ def yeo_sections(study: YeoStudy) -> list[PageSection]:
                 "one averaged cycle repeated, so holding the last cycle would score zero: the "
                 "error says what each model can represent. The last column keeps each quarter "
                 "of the cycle in turn from the learner and scores it there.",
-                _table(study, models),
                 picture(figure, "Lift over a cycle: measured, untuned, and one cycle ahead."),
                 picture(learning, "Error of the next cycle, before it is learned."),
+                _table(study, models),
             ],
         )
     ]

@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from patagium.report import Table, cell_text
+from patagium.report import cell_text
 from patagium_lab.comparisons import seconds_text
 from patagium_lab.reproduction.cases import STRIPS
-from patagium_lab.study import Metrics, table_of
+from patagium_lab.study import Metrics
 
 
 def scores_of_trial(
@@ -83,18 +83,21 @@ def claims(metrics: Metrics) -> list[dict[str, Any]]:
     return [make(metrics)._asdict() for make in makers]
 
 
-def claims_table(metrics: Metrics) -> Table:
-    """Table of the claims.
+def claim_paragraphs(metrics: Metrics) -> list[str]:
+    """Three paragraphs for each claim: the claim, its published experiment, this reproduction.
 
     Args:
         metrics: Metrics of the reproduction, `claims` among them.
     """
-    columns = {
-        "claim of the paper": "claim",
-        "published experiment": "published",
-        "this reproduction": "ours",
-    }
-    return table_of(columns, metrics["claims"])
+    return [
+        text
+        for number, row in enumerate(metrics["claims"], 1)
+        for text in (
+            f"**Claim {number}: {row['claim']}**",
+            f"Published experiment: {row['published']}",
+            f"Found here: {row['ours']}",
+        )
+    ]
 
 
 class PaperClaim(NamedTuple):

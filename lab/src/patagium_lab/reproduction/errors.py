@@ -8,6 +8,8 @@ of errors.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.model import aero_functions
+from patagium.report import Table
 from patagium.robot import load_robot
 from patagium.simulation import gaits, simulate
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
@@ -37,7 +40,33 @@ AIR_ERRORS = {
     "E9 incidence at mid-chord": "midchord",
 }
 """Name in the tables to the name in `Published`."""
+MEANINGS = {
+    "E1": "a wing that moves down is pushed down: the angle of attack has the wrong sign",
+    "E2": "drag pushes on a wing that moves backwards",
+    "E3": "joints are overwritten at each step: momentum and energy come from nowhere",
+    "E4": "both coefficients of the air have a factor of 5 that nothing explains",
+    "E5": "a polar for 0 to 90 degrees is used at negative incidence too",
+    "E6": "two moments of inertia are swapped: feathering is 2.4 times too heavy",
+    "E7": "the yaw at the start is 2 pi: no other motion, but 6.28 goes into the network",
+    "E8": "15 Hz at 2 m/s is far outside of the quasi-steady theory that computes the air",
+    "E9": "the incidence is that of mid-chord, the force acts at a quarter chord",
+    "E10": "the filter's points are shrunk 20 times and P is lost each step: no cubature rule",
+    "E11": "the correction of the weights is written with the wrong sign",
+    "E12": "the error of 0.04 % is not said to be over anything, and pitch is visibly wrong",
+    "E13": "first calls of an interpreted model are compared with compiled code of another",
+}
+"""What each error of the published experiment is."""
 STEPPING, INERTIA, HEADING = "E3 overwritten joints", "E6 swapped inertia", "E7 yaw of 2 pi"
+
+
+def cited_errors(blocks: Sequence[object]) -> Table:
+    """Table of what the errors are that some text cites.
+
+    Args:
+        blocks: Blocks of a page.
+    """
+    cited = set(re.findall(r"E\d+", " ".join(str(block) for block in blocks)))
+    return Table(("error", "what it is"), [row for row in MEANINGS.items() if row[0] in cited])
 
 
 @dataclass(frozen=True)

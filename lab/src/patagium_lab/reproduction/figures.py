@@ -13,11 +13,14 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from patagium.learning.result import Identification
 from patagium.report.figures import comparison, flight_overview, innovation_and_covariance
-from patagium.report.style import color, dash, legend_above, panels, styled
-from patagium_lab.comparisons import overhead_bars, score_bars
+from patagium.report.style import color, dash, figures_for, legend_above, panels, styled
+from patagium.viewer import still
+from patagium_lab.comparisons import score_points, time_points
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction.cases import LEARNERS, NETWORKS, STRIPS
+from patagium_lab.reproduction.flights import beat_frequency
 from patagium_lab.reproduction.trials import TrialResult
 
 Array = NDArray[np.float64]
@@ -36,6 +39,39 @@ WORDS = {
     "unsteady_fixed": "Air with memory, fixed mount",
 }
 PARTS = ("body", "attitude", "left_wing")
+
+
+def opening_figures(
+    gallery: Gallery,
+    flight: str,
+    record: xr.Dataset,
+    runs: Mapping[str, xr.Dataset],
+    predicted: Identification | None,
+) -> None:
+    """Picture of a moment of a flight, and its lift as it was predicted; legible on a phone.
+
+    Args:
+        gallery: Gallery that receives them.
+        flight: Key of the flight.
+        record: The flight.
+        runs: Predictions of each network, by its name.
+        predicted: What was learned from it, for arrows.
+    """
+    beat = 1.0 / beat_frequency(record)
+    late = record["time"].values[-1] - 1.5 * beat
+    highest = record["aero_force"].sel(dof="z", time=slice(late, late + beat)).idxmax("time")
+    with figures_for("phone"):
+        moment = still(record, highest.item(), predicted=predicted)
+        lift = _forces(runs, ("z",), beat)
+    lift.axes[0].set_title("Force of the air, upward", loc="left", fontsize="medium")
+    caption = (
+        "The robot at its greatest lift; arrows: force on each strip; a click plays the flight."
+    )
+    gallery.add(f"{flight}_still", moment, caption)
+    caption = (
+        f"Lift over the last {BEATS} wingbeats: actual, and predicted before a sample was used."
+    )
+    gallery.add(f"{flight}_lift", lift, caption)
 
 
 def force_figures(
@@ -191,7 +227,7 @@ def unseen_figure(gallery: Gallery, flight: str, runs: Mapping[str, TrialResult]
         name: [run.scores["unseen"][gait]["worst"] for gait in gaits] for name, run in runs.items()
     }
     caption = f"{WORDS[flight]}: worst error on gaits that were not learned, weights frozen."
-    gallery.add(f"{flight}_unseen", score_bars(gaits, scores), caption)
+    gallery.add(f"{flight}_unseen", score_points(gaits, scores), caption)
 
 
 def overhead_figures(gallery: Gallery, overhead: Mapping[str, Any]) -> None:
@@ -212,14 +248,14 @@ def overhead_figures(gallery: Gallery, overhead: Mapping[str, Any]) -> None:
     }
     gallery.add(
         "overhead_dynamics",
-        overhead_bars(times),
+        time_points(times),
         "Overhead of dynamics: symbolic against algorithmic differentiation, the same robot; "
         "compiled with compiled and interpreted with interpreted.",
     )
     models = {row["model"]: {row["kind"]: 1e-9 * row["single"]} for row in overhead["aerodynamics"]}
     gallery.add(
         "overhead_aerodynamics",
-        overhead_bars(models),
+        time_points(models),
         "Overhead of aerodynamics: every model of the air and what learned it, force and rates of "
         "its own states, one state a call.",
     )

@@ -203,6 +203,8 @@ def _draw(gallery: Gallery, metrics: dict[str, Any], work: _Work) -> None:
         ]
         kept = {one.trial.network: one.record for one in mine if one.record is not None}
         shown = {"strip network": kept[best], "dense network": kept["dense"]}
+        if name == "corrected":
+            figures.opening_figures(gallery, name, flight, shown, _learned(name, work))
         figures.force_figures(gallery, name, shown, 1.0 / flights.beat_frequency(flight))
         figures.innovation_figure(gallery, name, kept[best])
         figures.curve_figure(gallery, name, mine)
@@ -217,16 +219,21 @@ def _draw(gallery: Gallery, metrics: dict[str, Any], work: _Work) -> None:
 
 def _replay(out: Path, name: str, work: _Work) -> str:
     """A flight in three dimensions, with the forces that a strip network predicted, if any."""
+    found = _learned(name, work)
+    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as predicted" * bool(found))
+    path = replay(work.flights[name], out / f"{name}.html", predicted=found, title=title)
+    return path.name
+
+
+def _learned(name: str, work: _Work) -> Identification | None:
+    """Identification of a flight by its best strip network; None where there is none."""
     best = cases.STRIPS.get(name, ("",))[0]
-    found = [
+    found = (
         Identification(one.scores, one.record, one.model)
         for one in work.results
         if (one.trial.flight, one.trial.network) == (name, best) and one.record is not None
-    ]
-    title = f"The {name.replace('_', ' ')} flight" + (", and its forces as predicted" * bool(found))
-    predicted = found[0] if found else None
-    path = replay(work.flights[name], out / f"{name}.html", predicted=predicted, title=title)
-    return path.name
+    )
+    return next(found, None)
 
 
 def _brief(one: TrialResult) -> dict[str, Any]:

@@ -66,9 +66,12 @@ def targets_table(metrics: Mapping[str, Any]) -> Table:
     columns: Columns = {
         "target": "target",
         "limit": "limit",
-        "found (median of the starts)": "found",
-        "worst start": "worst",
+        "median of the starts [1]": "found",
+        "worst start [1]": "worst",
         "met": row_verdict,
     }
-    caption = "Second half of the flights. A target is met by the median of the starts."
+    caption = (
+        "Second half of the flights: errors as normalized mean squares, shares of samples, "
+        "variances, ratios. A target is met by the median of the starts."
+    )
     return table_of(columns, metrics["targets"], caption)

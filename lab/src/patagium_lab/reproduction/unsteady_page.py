@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from patagium.report import Block, Note, PageSection, Table, cell_text
-from patagium_lab.comparisons import score_bars
+from patagium_lab.comparisons import score_points
 from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction import figures
 from patagium_lab.reproduction.tables import FLIGHT_FIGURES, HELD, flight_table, with_held_rows
@@ -110,11 +110,10 @@ def unsteady_section(metrics: Metrics, gallery: Gallery) -> PageSection:
     }
     blocks: list[Block] = [
         _INTRODUCTION,
-        flight_table(shown, _FLIGHT_FIGURES),
         *findings(metrics),
-        *gallery.pictures("unsteady_scores"),
+        *gallery.pictures("unsteady_scores", *forces, *unseen),
+        flight_table(shown, _FLIGHT_FIGURES),
         _learner_table(metrics),
-        *gallery.pictures(*forces, *unseen),
         *(_unseen_table(metrics, mount) for mount in MOUNTS),
         Note(
             "Flights whose incidences leave the range that was learned have no target: "
@@ -279,7 +278,7 @@ def draw_unsteady(gallery: Gallery, metrics: Metrics, results: Sequence[Unsteady
     caption = (
         "Air with memory: worst force of the second half, by candidate, mount and rate of samples."
     )
-    gallery.add("unsteady_scores", score_bars(names, scores), caption)
+    gallery.add("unsteady_scores", score_points(names, scores), caption)
 
 
 def _draw_unseen(gallery: Gallery, metrics: Metrics, mount: str) -> None:
@@ -299,7 +298,7 @@ def _draw_unseen(gallery: Gallery, metrics: Metrics, mount: str) -> None:
         f"Air with memory, {MOUNTS[mount]}: worst force on flights that were not learned, with "
         f"weights frozen after one sample in {sparse}."
     )
-    gallery.add(f"unsteady_{mount}_unseen", score_bars(names, scores), caption)
+    gallery.add(f"unsteady_{mount}_unseen", score_points(names, scores), caption)
 
 
 _PARTS = ("body", "left_wing")

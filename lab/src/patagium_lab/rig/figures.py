@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from patagium.report.figures import comparison, flight_overview
 from patagium.report.style import TRUTH, color, dash, legend_above, panels, styled
-from patagium_lab.comparisons import score_bars
+from patagium_lab.comparisons import score_points
 from patagium_lab.gallery import Gallery
 from patagium_lab.rig.learning import SOURCES, LogResult
 from patagium_lab.rig.plan import RigPlan
@@ -174,7 +174,7 @@ def limits_figure(gallery: Gallery, rows: Sequence[Mapping[str, Any]]) -> None:
     """
     scores = {source: [row[source] for row in rows] for source in SOURCES}
     caption = "Worst error of the measured force, one thing changed at a time."
-    gallery.add("limits", score_bars([row["case"] for row in rows], scores), caption)
+    gallery.add("limits", score_points([row["case"] for row in rows], scores), caption)
 
 
 def _filled(time: Any, values: Any) -> Any:
