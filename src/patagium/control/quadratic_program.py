@@ -1,0 +1,294 @@
+"""Quadratic program of optimal control, solved in the memory of one structure.
+
+    min sum_k 1/2 x'Q x + u'S x + 1/2 u'R u + q'x + r'u + 1/2 sum_i w_i dist(x_i, [least, most])^2
+    x+ = A x + B u + c,  lower <= u <= upper,  fall <= u - u_before <= rise,  x_0 given
+
+Limits of inputs and of their changes are hard, limits of states soft: a program whose limits do
+not contradict each other always has a solution. `native/kernels/riccati_qp.h` solves it, warm
+started, without allocation; `_solve_dense` is what runs without a compiler: its interior point
+method on the program in the inputs alone. Neglected: hard limits of states.
+
+References:
+    Bertsekas (1982), Constrained Optimization and Lagrange Multiplier Methods.
+    Frison & Jorgensen (2013), Efficient implementation of the Riccati recursion for solving
+    linear-quadratic control problems.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.errors import CompilerError, ParameterError
+from patagium.native import load_kernel
+
+Array = NDArray[np.float64]
+
+TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
+"""Of the dense form: violation of a limit, gradient over its largest term, mean product of slack
+and dual over the first, and steps after which it gives up."""
+
+
+_LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
+
+
+class ProgramStatus(IntEnum):
+    """Status of a program; the integers are those of the kernel."""
+
+    SOLVED = 0
+    NOT_FINITE = 1
+    NOT_CONVEX = 2
+    INFEASIBLE = 3
+    NOT_CONVERGED = 4
+
+    @property
+    def sentence(self) -> str:
+        """Sentence that says it of the program."""
+        return {
+            ProgramStatus.SOLVED: "the program is solved",
+            ProgramStatus.NOT_FINITE: "a number of the program is not finite",
+            ProgramStatus.NOT_CONVEX: "the cost is not convex in the inputs",
+            ProgramStatus.INFEASIBLE: "ranges and rates of the inputs contradict each other",
+            ProgramStatus.NOT_CONVERGED: "the steps that are allowed did not solve the program",
+        }[self]
+
+
+def _fields(n: int, nx: int, nu: int) -> list[tuple[str, Any, tuple[int, ...]]]:
+    """Fields of the kernel's structure, in its order."""
+    real = np.float64
+    stage, ranges, states = (n, nx), (n, nu), (n + 1, nx)
+    shapes: dict[str, tuple[int, ...]] = {
+        "A": (n, nx, nx),
+        "B": (n, nx, nu),
+        "c": stage,
+        "Q": (n + 1, nx, nx),
+        "S": (n, nu, nx),
+        "R": (n, nu, nu),
+        "q": states,
+        "r": ranges,
+        "lower": ranges,
+        "fall": ranges,
+        "least": states,
+        "upper": ranges,
+        "rise": ranges,
+        "most": states,
+        "weight": states,
+        "start": (nx,),
+        "before": (nu,),
+        "u": ranges,
+        "x": states,
+        "range_force": ranges,
+        "change_force": ranges,
+        "penalty": (nu,),
+        "cost": (),
+        "gradient": (),
+        "violation": (),
+    }
+    fields: list[tuple[str, Any, tuple[int, ...]]] = [(k, real, s) for k, s in shapes.items()]
+    return fields + [(k, np.int64, ()) for k in ("status", "factorizations", "sweeps")]
+
+
+class QuadraticProgram:
+    """Quadratic program of optimal control of fixed sizes, and its solution.
+
+    Each of `A`, `B`, `c`, `Q`, `S`, `R`, `q`, `r`, `lower`, `upper`, `fall`, `rise`, `least`,
+    `most`, `weight`, `start`, `before` and of the solution's `u`, `x`, `cost` is an array of
+    `data`, to be read and written in place. A solution is where the next call begins.
+
+    Args:
+        stages: Number of intervals N.
+        states: Number of states n_x.
+        inputs: Number of inputs n_u.
+
+    Raises:
+        ParameterError: If a number is below one.
+    """
+
+    def __init__(self, stages: int, states: int, inputs: int) -> None:
+        for name, value in (("stages", stages), ("states", states), ("inputs", inputs)):
+            if value < 1:
+                raise ParameterError(name, "one at least", value)
+        self.sizes = stages, states, inputs
+        dtype = np.dtype(_fields(*self.sizes), align=True)
+        macros = {"STAGES": stages, "STATES": states, "INPUTS": inputs}
+        self._kernel = load_kernel("riccati_qp", macros)
+        size = dtype.itemsize
+        if self._kernel is not None:
+            self._kernel.riccati_qp_size.restype = ctypes.c_int64
+            size = int(self._kernel.riccati_qp_size())
+        if size < dtype.itemsize:
+            raise CompilerError("the structure of riccati_qp.h is not that of Python")
+        self._memory = np.zeros(size + 64, np.uint8)
+        first = -self._memory.ctypes.data % 64
+        self._address = ctypes.c_void_p(self._memory.ctypes.data + first)
+        self.data: Any = np.frombuffer(self._memory.data, dtype, 1, first)[0]
+        for name in _LOW:
+            self[name][...] = -np.inf
+        for name in _HIGH:
+            self[name][...] = np.inf
+
+    def __getitem__(self, name: str) -> Array:
+        return np.asarray(self.data[name])
+
+    def forget(self) -> None:
+        """Have the next call begin without a warm start."""
+        self["penalty"][...] = 0.0
+
+    def solve(self) -> ProgramStatus:
+        """Solve the program from the solution before, or anew where there was none.
+
+        Returns:
+            Status; `u` and `x` hold a solution only where it is SOLVED.
+        """
+        if self._kernel is None:
+            return _solve_dense(self)
+        return ProgramStatus(self._kernel.riccati_qp_solve(self._address))
+
+
+def _possible(program: QuadraticProgram) -> ProgramStatus:
+    """Whether limits are numbers, and some inputs keep ranges and rates: each as an interval."""
+    names = (*_LOW, *_HIGH, "weight", "start", "before")
+    if any(np.isnan(program[name]).any() for name in names):
+        return ProgramStatus.NOT_FINITE
+    low = high = program["before"]
+    for k in range(program.sizes[0]):
+        lower, upper = program["lower"][k], program["upper"][k]
+        low = np.maximum(low + program["fall"][k], lower)
+        high = np.minimum(high + program["rise"][k], upper)
+        if not (low <= high + TOLERANCE).all():
+            return ProgramStatus.INFEASIBLE
+    return ProgramStatus.SOLVED
+
+
+def _condensed(program: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
+    """Hessian and gradient of the cost in the inputs; slopes and offsets of the states.
+
+    Returns:
+        Hessian, (n, n); gradient, (n,); slopes, ((N + 1) n_x, n); offsets, ((N + 1) n_x,), with
+        n = N n_u.
+    """
+    count, nx, nu = program.sizes
+    slopes, offsets = np.zeros((count + 1, nx, count * nu)), np.zeros((count + 1, nx))
+    hessian, gradient = np.zeros((count * nu,) * 2), program["r"].ravel().copy()
+    offsets[0] = program["start"]
+    for k in range(count + 1):
+        weighted = program["Q"][k] @ slopes[k]
+        hessian += slopes[k].T @ weighted
+        gradient += weighted.T @ offsets[k] + slopes[k].T @ program["q"][k]
+        if k < count:
+            own = slice(k * nu, (k + 1) * nu)
+            cross = program["S"][k] @ slopes[k]
+            hessian[own] += cross
+            hessian[:, own] += cross.T
+            hessian[own, own] += program["R"][k]
+            gradient[own] += program["S"][k] @ offsets[k]
+            slopes[k + 1] = program["A"][k] @ slopes[k]
+            slopes[k + 1, :, own] += program["B"][k]
+            offsets[k + 1] = program["A"][k] @ offsets[k] + program["c"][k]
+    return hessian, gradient, slopes.reshape(-1, count * nu), offsets.ravel()
+
+
+def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
+    """Status of a solution by the interior point method, its linear algebra dense."""
+    program.data["status"] = status = _possible(program)
+    if status is not ProgramStatus.SOLVED:
+        return status
+    count, _, nu = program.sizes
+    hessian, gradient, slopes, offsets = _condensed(program)
+    own, none = np.eye(count * nu), np.zeros(count * nu)
+    rows = np.vstack([own, own - np.eye(count * nu, k=-nu), slopes])
+    base = np.r_[none, -program["before"], none[nu:], offsets]
+    low = np.concatenate([program[k].ravel() for k in _LOW])
+    high = np.concatenate([program[k].ravel() for k in _HIGH])
+    weight = np.r_[np.full(2 * count * nu, np.inf), program["weight"].ravel()]
+    weight[2 * count * nu :][: program.sizes[1]] = 0.0  # the first state is given
+    sides = [(sign, np.flatnonzero(np.isfinite(end) & (weight > 0)), end)
+             for sign, end in ((1.0, high), (-1.0, low))]  # fmt: skip
+    limits = np.vstack([sign * rows[m] for sign, m, _ in sides])
+    room = np.concatenate([sign * (end - base)[m] for sign, m, end in sides])
+    give = 1.0 / np.concatenate([weight[m] for _, m, _ in sides])
+    try:
+        inputs = _interior(hessian, gradient, limits, room, give)
+    except np.linalg.LinAlgError:
+        inputs = ProgramStatus.NOT_CONVERGED
+    if isinstance(inputs, ProgramStatus):
+        program.data["status"] = inputs
+        return inputs
+    program["u"][...] = inputs.reshape(count, nu)
+    program["x"][...] = (slopes @ inputs + offsets).reshape(program["x"].shape)
+    program.data["cost"] = _cost(program)
+    return ProgramStatus.SOLVED
+
+
+def _cost(program: QuadraticProgram) -> float:
+    """Cost of the program's inputs and states."""
+    u, x = program["u"], program["x"]
+    over = x - np.clip(x, program["least"], program["most"])
+    over[0] = 0.0  # the first state is given
+    states = np.einsum("ki,kij,kj", x, program["Q"], x) + (program["weight"] * over**2).sum()
+    inputs = np.einsum("ki,kij,kj", u, program["R"], u) / 2
+    cross = np.einsum("ki,kij,kj", u, program["S"], x[:-1])
+    linear = (program["q"] * x).sum() + (program["r"] * u).sum()
+    return float(states / 2 + inputs + cross + linear)
+
+
+def _interior(
+    hessian: Array, gradient: Array, limits: Array, room: Array, give: Array
+) -> Array | ProgramStatus:
+    """Minimum of 1/2 u'H u + h'u under C u <= room + give z, z the duals; or why there is none.
+
+    Mehrotra's predictor and corrector [Nocedal & Wright 2006, ch. 16.6].
+    """
+    if not np.isfinite(hessian).all():
+        return ProgramStatus.NOT_FINITE
+    if not np.linalg.eigvalsh(hessian)[0] > 0:
+        return ProgramStatus.NOT_CONVEX
+        u = u + np.asarray(part * du, np.float64)
+    slack = np.maximum(room - limits @ u, 0.1)
+    dual = np.maximum(limits @ u - room, 0.1) * np.diag(hessian).max()
+    dual = (first := float(np.mean(slack * dual)) if len(room) else 0.0) / slack
+    for _ in range(MOST_STEPS):
+        product = float(np.mean(slack * dual)) if len(room) else 0.0
+        left = room - limits @ u + give * dual - slack
+        terms = np.array([hessian @ u, gradient, limits.T @ dual])
+        slope, small = terms.sum(axis=0), OPTIMALITY * np.abs(terms).max()
+        if product <= GAP * first and np.abs(left).max(initial=0) <= TOLERANCE:
+            return u if np.abs(slope).max() <= small else ProgramStatus.NOT_CONVERGED
+        stiffness = dual / (slack + give * dual)
+        stiff = hessian + (limits.T * stiffness) @ limits
+        factor: Any = np.linalg.cholesky(stiff)
+        state = factor, limits, give, slack, dual, left, slope
+        _, ds, dz, part = _step(*state, 0.0)
+        after = np.mean((slack + part * ds) * (dual + part * dz)) if len(room) else 0.0
+        aim = (after / product) ** 3 * product - ds * dz if product else 0.0
+        du, ds, dz, part = _step(*state, aim)
+        part = min(1.0, 0.995 * part)
+        u = np.asarray(u + part * du, np.float64)
+        slack, dual = slack + part * ds, dual + part * dz
+    return ProgramStatus.NOT_CONVERGED if np.isfinite(u).all() else ProgramStatus.NOT_FINITE
+
+
+def _step(
+    factor: Array,
+    limits: Array,
+    give: Array,
+    slack: Array,
+    dual: Array,
+    left: Array,
+    slope: Array,
+    aim: Array | float,
+) -> tuple[Array, Array, Array, float]:
+    """Newton step of inputs, slacks and duals, and the part of it that keeps them positive."""
+    loose = slack + give * dual
+    wanted = aim - slack * dual - dual * left
+    pull = -slope - limits.T @ (wanted / loose)
+    inputs = np.linalg.solve(factor.T, np.linalg.solve(factor, pull))
+    moved = limits @ inputs
+    dz = (wanted + dual * moved) / loose
+    ds = left - moved + give * dz
+    ends = np.r_[-slack[ds < 0] / ds[ds < 0], -dual[dz < 0] / dz[dz < 0]]
+    return inputs, ds, dz, float(ends.min(initial=1.0))
