@@ -247,7 +247,7 @@ def _interior(
         return ProgramStatus.NOT_FINITE
     if not np.linalg.eigvalsh(hessian)[0] > 0:
         return ProgramStatus.NOT_CONVEX
-        u = u + np.asarray(part * du, np.float64)
+    u: Array = np.asarray(np.linalg.solve(hessian, -gradient), np.float64)
     slack = np.maximum(room - limits @ u, 0.1)
     dual = np.maximum(limits @ u - room, 0.1) * np.diag(hessian).max()
     dual = (first := float(np.mean(slack * dual)) if len(room) else 0.0) / slack
@@ -267,7 +267,7 @@ def _interior(
         aim = (after / product) ** 3 * product - ds * dz if product else 0.0
         du, ds, dz, part = _step(*state, aim)
         part = min(1.0, 0.995 * part)
-        u = np.asarray(u + part * du, np.float64)
+        u += part * du
         slack, dual = slack + part * ds, dual + part * dz
     return ProgramStatus.NOT_CONVERGED if np.isfinite(u).all() else ProgramStatus.NOT_FINITE
 
