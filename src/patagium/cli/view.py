@@ -15,13 +15,16 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "patagium view flight.nc",
     "patagium view flight.nc --model model.json -o flight.html",
+    "patagium view before.nc after.nc -o both.html",
     'patagium view flight.nc --predictions predictions.nc --start "1 s" --end "1.5 s"',
     'patagium view flight.nc --still flight.png --at "0.3 s"',
 )
 
 
 def view(
-    flight: Annotated[Path, typer.Argument(help="Flight (.nc).")],
+    flights: Annotated[
+        list[Path], typer.Argument(help="Flight (.nc), or two: the second is drawn as a ghost.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -65,6 +68,9 @@ def view(
 
     if model is not None and predictions is not None:
         raise ParameterError("--predictions", "either a model or predictions", "both")
+    flight, *others = flights
+    if len(others) > 1:
+        raise ParameterError("flights", "one or two", len(flights))
     if still is not None:
         _draw(flight, still, at, _predicted(model, predictions))
         return
@@ -73,10 +79,9 @@ def view(
     page = flight.with_suffix(".html") if out is None else out
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
-    recorded = load_flight(existing(flight))
-    replay(
-        recorded, page, predicted=_predicted(model, predictions), title=title, start=start, end=end
-    )
+    beside = {other.stem: load_flight(existing(other)) for other in others}
+    options = {"title": title, "start": start, "end": end, "beside": beside}
+    replay(load_flight(existing(flight)), page, predicted=_predicted(model, predictions), **options)
     typer.echo(f"The page is in {page}", err=True)
     say_next(f"open {page} in a browser", f"patagium cycles {flight}")
 

@@ -132,6 +132,7 @@ class Replay:
         names: How truth and prediction are called.
         notes: What a reader has to know: sampling, frames, units.
         ground: Height of the ground [m]; None: somewhere below the robot.
+        other: Another flight in the same space, drawn as a ghost; its series and arrows are not.
     """
 
     title: str
@@ -151,6 +152,7 @@ class Replay:
     names: tuple[str, str] = ("true", "predicted")
     notes: Sequence[str] = field(default_factory=tuple)
     ground: float | None = None
+    other: Replay | None = None
 
 
 def write_replay(path: str | Path, replay: Replay) -> Path:
@@ -174,15 +176,21 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
         style=Markup(_text("style.css")),
         license=Markup(_text("three.LICENSE.txt")),
         three=Markup(_three()),
-        content=Markup(_content(replay)),
+        content=Markup(_json(_content(replay))),
         scripts=Markup("\n".join(_text(name) for name in _SCRIPTS)),
     )
     return write_whole(path, text)
 
 
-def _content(replay: Replay) -> str:
-    """The numbers as JSON that may stand inside a script element."""
-    words = {
+def _json(words: dict[str, Any]) -> str:
+    """JSON that may stand inside a script element."""
+    text = json.dumps(words, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
+    return text.replace("<", "\\u003c")
+
+
+def _content(replay: Replay) -> dict[str, Any]:
+    """What a page shows as JSON-able values."""
+    return {
         "title": replay.title,
         "period": replay.period,
         "bodies": list(replay.bodies),
@@ -200,9 +208,8 @@ def _content(replay: Replay) -> str:
         "marks": [vars(mark) for mark in replay.marks],
         "arrows": None if replay.arrows is None else _encoded(replay.arrows),
         "series": [_encoded(series) for series in replay.series],
+        "other": None if replay.other is None else _content(replay.other),
     }
-    text = json.dumps(words, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
-    return text.replace("<", "\\u003c")
 
 
 def _encoded(record: Arrows | Series) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -177,6 +178,7 @@ def replay(
     title: str | None = None,
     start: float | None = None,
     end: float | None = None,
+    beside: Mapping[str, xr.Dataset] | None = None,
 ) -> Path:
     """A flight as one HTML page in three dimensions that opens from disk, offline.
 
@@ -192,17 +194,38 @@ def replay(
         title: Heading; None: the flight of the robot.
         start: First time to show [s]; None: the flight's first.
         end: Last time to show [s]; None: the flight's last.
+        beside: Another flight by its name, drawn as a ghost in the same space and dashed in the
+            plots: a predicted one beside the true one, before beside after.
 
     Returns:
         The path written.
 
     Raises:
         FlightError: If the flight does not carry its robot.
-        ParameterError: If the span holds no two samples.
+        ParameterError: If the span holds no two samples, or beside another flight predicted
+            forces are asked for too.
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """
-    return write_replay(path, replay_content(flight, predicted, title, start, end))
+    shown = replay_content(flight, predicted, title, start, end)
+    for name, other in (beside or {}).items():
+        if predicted is not None:
+            raise ParameterError("beside", "nothing with predicted forces", name)
+        shown = _beside(shown, replay_content(other, None, None, start, end), name)
+    return write_replay(path, shown)
+
+
+def _beside(shown: Replay, other: Replay, name: str) -> Replay:
+    """Replay with a ghost of another, whose series are dashed where both have them."""
+    found = {(one.group, one.name): one for one in other.series}
+    series = [
+        replace(one, predicted=np.interp(shown.time, other.time, found[key].values))
+        if (key := (one.group, one.name)) in found
+        else one
+        for one in shown.series
+    ]
+    ghost = replace(other, series=(), arrows=None)
+    return replace(shown, series=series, names=("this flight", name), other=ghost)
 
 
 def replay_content(

@@ -363,6 +363,56 @@ def test_a_browser_plays_the_page_from_disk_without_network(
     assert [u for u in browser.requests if not u.startswith(("file:", "data:", "blob:"))] == []
 
 
+def test_the_ground_follows_a_fall_and_buttons_leave_the_robot_visible(
+    browser: Chromium, artefacts: Path, tmp_path: Path
+) -> None:
+    robot = pt.load_robot("aerobat")
+    fall = pt.simulate(
+        robot, pt.QuasiSteady(robot, pt.Air()), pt.gaits.still(robot), duration=1.0, time_step=1e-3
+    )
+    assert fall["q"].sel(dof="z").values[-1] < -1.0
+    page = pt.replay(fall, tmp_path / "fall.html")
+    for width in (1000, 390):
+        browser.size(width, 700, touch=width == 390)
+        for when in (0.0, 0.5, 1.0):
+            browser.go(f"{page.as_uri()}#play=0&t={when}")
+            browser.ask(DRAWN)
+            reach = np.linalg.norm(content(page)["marks"][0]["offset"])
+            assert 0 < browser.ask("replay.height") < 10 * reach
+        boxes = [
+            browser.ask(f"document.querySelector('{one}').getBoundingClientRect().toJSON()")
+            for one in ("#view", "#stage nav", "#stage header")
+        ]
+        view, nav, header = boxes
+        assert nav["top"] >= view["bottom"] or nav["bottom"] <= view["top"]
+        assert width > 820 or header["bottom"] <= view["top"] + 1
+    browser.screenshot(artefacts / "replay-fall-phone.png")
+    assert browser.complaints == []
+
+
+def test_two_flights_are_overlaid(subject: Subject, browser: Chromium, artefacts: Path) -> None:
+    flight = subject.flight.isel(time=slice(0, 6000, 5))
+    other = flight.assign(q=flight["q"] + 0.05 * (flight["dof"] == "y"))
+    page = subject.page.with_name("both.html")
+    with pytest.raises(ParameterError, match="predicted"):
+        pt.replay(flight, page, predicted=subject.result, beside={"shifted": other})
+    words = content(pt.replay(flight, page, beside={"shifted": other}))
+    assert words["names"] == ["this flight", "shifted"]
+    series = {one["name"]: one for one in words["series"] if one["group"] == "Coordinates"}
+    apart = numbers(series["y"]["predicted"]) - numbers(series["y"]["values"])
+    np.testing.assert_allclose(apart, 0.05, atol=1e-6)  # single precision
+    browser.size(*SIZE)
+    browser.go(f"{page.as_uri()}#play=0&t=0.3")
+    browser.ask(DRAWN)
+    time = numbers(words["other"]["time"])
+    at = np.abs(time - 0.3).argmin()
+    np.testing.assert_allclose(
+        browser.ask("replay.other"), numbers(words["other"]["origin"])[at], atol=1e-6
+    )
+    browser.screenshot(artefacts / "replay-two.png")
+    assert browser.complaints == []
+
+
 def test_the_page_fits_a_phone_and_a_robot_without_wings(
     subject: Subject, wingless: Path, browser: Chromium, artefacts: Path
 ) -> None:

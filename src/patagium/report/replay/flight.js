@@ -22,6 +22,7 @@ class Flight {
     this.begin = this.time[0];
     this.end = this.time[this.frames - 1];
     this.mean = this.meanPath();
+    this.other = content.other && new Flight(content.other);
   }
 
   // The frame at or before a time, and the part of the way to the next.

@@ -308,6 +308,9 @@ window.replay = {
   pause: () => player.pause(),
   seek: (t) => player.seek(t),
   mark: (index) => player.view.markAt(index),
+  // Height of the robot over the ground, and the origin of the other flight, as they are drawn.
+  get height() { return player.view.robot.position.z + player.view.anchor[2] - player.view.ground; },
+  get other() { return player.view.ghost.position.toArray().map((value, k) => value + player.view.anchor[k]); },
   cursors: () => player.plots.plots.map((plot) => ({ name: plot.series.name, time: plot.timeAt(plot.cursor), x: plot.cursor })),
   // How it is drawn: pixels along an edge of those it could have, and frames a second while it plays.
   get pace() { return { share: player.pace.share, rate: 1000 / player.pace.gap, atRest: !player.playing && !player.stale && !player.coarse }; },

@@ -22,8 +22,9 @@ class View {
     this.robot = new THREE.Group();
     this.shadow = new THREE.Group();
     this.scene.add(this.shadow, this.robot);
-    this.bodies = this.build(this.robot, false);
-    this.shadows = this.build(this.shadow, true);
+    this.bodies = this.build(flight, this.robot, false);
+    this.shadows = this.build(flight, this.shadow, true);
+    if (flight.other) this.addOther();
     this.addGround();
     this.paths = new Paths(flight, this.reach);
     this.scene.add(this.paths.group);
@@ -50,11 +51,16 @@ class View {
     return reach || 1;
   }
 
-  // Where an arm stands, or a round height that the robot never goes below.
+  // Where an arm stands, or a round height that the robot never goes below. Under a robot that
+  // rises or falls far the ground follows, so that there always is one.
   groundHeight() {
     if (this.flight.ground !== null) return this.flight.ground;
-    let lowest = Infinity;
-    for (let i = 2; i < this.flight.origin.length; i += 3) lowest = Math.min(lowest, this.flight.origin[i]);
+    let lowest = Infinity, highest = -Infinity;
+    for (let i = 2; i < this.flight.origin.length; i += 3) {
+      lowest = Math.min(lowest, this.flight.origin[i]);
+      highest = Math.max(highest, this.flight.origin[i]);
+    }
+    this.groundFollows = highest - lowest > 3 * this.reach;
     const step = roundDown(0.5 * this.reach);
     return step * Math.floor((lowest - 1.25 * this.reach) / step);
   }
@@ -65,7 +71,20 @@ class View {
     this.scene.add(new THREE.HemisphereLight("#ffffff", "#b9c4cd", 1.75), sun);
   }
 
-  build(parent, flat) {
+  // Another flight, drawn as one colored ghost.
+  addOther() {
+    this.other = this.flight.other;
+    this.ghost = new THREE.Group();
+    this.scene.add(this.ghost);
+    this.ghosts = this.build(this.other, this.ghost, true);
+    const look = { color: this.flight.colors[1], transparent: true, opacity: 0.45, side: THREE.DoubleSide };
+    const skin = new THREE.MeshLambertMaterial(look);
+    this.ghost.traverse((one) => { if (one.isMesh) Object.assign(one, { material: skin, renderOrder: 2 }); });
+    this.otherPaths = new Paths(this.other, this.reach);
+    this.scene.add(this.otherPaths.group);
+  }
+
+  build(flight, parent, flat) {
     const plain = (color) => new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide, depthWrite: false });
     const shadow = plain(LOOK.shadow);
     const [own, carriers] = [LOOK.bodies, LOOK.carrier].map((color) => (flat ? shadow : new THREE.MeshLambertMaterial({ color })));
@@ -75,10 +94,10 @@ class View {
     });
     const skins = flat ? [shadow] : [lit(LOOK.upper, THREE.FrontSide), lit(LOOK.lower, THREE.BackSide)];
     const edge = new THREE.LineBasicMaterial({ color: LOOK.edge, transparent: true, opacity: 0.75 });
-    return this.flight.bodies.map((name, body) => {
+    return flight.bodies.map((name, body) => {
       const group = new THREE.Group();
       parent.add(group);
-      for (const one of this.flight.solids.filter((k) => k.body === body)) {
+      for (const one of flight.solids.filter((k) => k.body === body)) {
         const mesh = new THREE.Mesh(solidGeometry(one, flat), one.carrier ? carriers : own);
         mesh.position.fromArray(one.center);
         const up = one.kind === "cylinder" || one.kind === "capsule" ? one.axis : [0, 1, 0];
@@ -86,7 +105,7 @@ class View {
         mesh.renderOrder = flat ? 1 : 0;
         group.add(mesh);
       }
-      const strips = this.flight.surfaces.filter((k) => k.body === body);
+      const strips = flight.surfaces.filter((k) => k.body === body);
       if (strips.length) {
         const { faces, edges } = stripGeometry(strips);
         for (const skin of skins) {
@@ -120,34 +139,38 @@ class View {
   update(t) {
     const { flight, anchor } = this, at = flight.locate(t);
     if (this.following) flight.meanAt(at, anchor);
+    if (this.groundFollows) this.ground = flight.meanAt(at, [0, 0, 0])[2] - 1.6 * this.reach;
     const origin = flight.originAt(at), shift = [0, 0, 0];
     for (let k = 0; k < 3; k++) shift[k] = origin[k] - anchor[k];
     this.robot.position.fromArray(shift);
     this.shadow.position.set(shift[0], shift[1], this.ground - anchor[2]);
     this.shadow.scale.set(1, 1, 0);
-    const place = [0, 0, 0], turn = [0, 0, 0, 1];
-    this.bodies.forEach((group, body) => {
-      flight.mix(flight.position, 3 * flight.bodies.length, 3 * body, 3, at, place);
-      flight.turnAt(body, at, turn);
-      for (const one of [group, this.shadows[body]]) {
-        one.position.fromArray(place);
-        one.quaternion.fromArray(turn);
-      }
-    });
-    const { group, start } = this.paths;
-    group.position.set(start[0] - anchor[0], start[1] - anchor[1], start[2] - anchor[2]);
-    if (group.visible) this.paths.update(at);
+    pose(flight, at, this.bodies, this.shadows);
+    if (this.other) {
+      const when = this.other.locate(t), place = this.other.originAt(when);
+      this.ghost.position.fromArray(place.map((value, k) => value - anchor[k]));
+      pose(this.other, when, this.ghosts);
+      this.place(this.otherPaths, when);
+    }
+    this.place(this.paths, at);
     if (this.forces) this.forces.update(at);
   }
 
+  place(paths, at) {
+    const { group, start } = paths;
+    group.position.fromArray(start.map((value, k) => value - this.anchor[k]));
+    if (group.visible) paths.update(at);
+  }
+
   show(shown) {
-    this.paths.group.visible = shown.trail;
+    for (const paths of [this.paths, this.otherPaths]) if (paths) paths.group.visible = shown.trail;
     if (this.forces) this.forces.show(shown);
   }
 
   scales(shown) {
     const forces = this.forces ? this.forces.legend(this.reach, shown) : "";
-    return [forces, `grid ${lengthText(this.square)}`].filter(Boolean).join(" · ");
+    const ground = `grid ${lengthText(this.square)}${this.groundFollows ? ", follows" : ""}`;
+    return [forces, ground].filter(Boolean).join(" · ");
   }
 
   // The robot at a time, with so many dots to a pixel of the page along an edge.
@@ -178,11 +201,11 @@ class View {
     if (ratio === this.ratio) return;
     this.ratio = ratio;
     this.renderer.setPixelRatio(ratio);
-    this.paths.widen(ratio);
+    for (const paths of [this.paths, this.otherPaths]) if (paths) paths.widen(ratio);
   }
 
   resize() {
-    const { clientWidth, clientHeight } = this.canvas.parentElement;
+    const { clientWidth, clientHeight } = this.canvas;
     if (!clientWidth || !clientHeight) return;
     const wanted = window.devicePixelRatio || 1;
     this.usual = Math.min(wanted, this.software ? 1 : 2);
@@ -227,6 +250,19 @@ class View {
     this.robot.updateWorldMatrix(true, true);
     const point = new THREE.Vector3(...offset).applyMatrix4(this.bodies[body].matrixWorld);
     return point.toArray().map((value, k) => value + this.anchor[k]);
+  }
+}
+
+// Bodies of a flight at a time, in groups that show them.
+function pose(flight, at, ...shown) {
+  const place = [0, 0, 0], turn = [0, 0, 0, 1];
+  for (let body = 0; body < flight.bodies.length; body++) {
+    flight.mix(flight.position, 3 * flight.bodies.length, 3 * body, 3, at, place);
+    flight.turnAt(body, at, turn);
+    for (const groups of shown) {
+      groups[body].position.fromArray(place);
+      groups[body].quaternion.fromArray(turn);
+    }
   }
 }
 
