@@ -207,10 +207,10 @@ def replay(
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """
+    if beside and predicted is not None:
+        raise ParameterError("beside", "nothing with predicted forces", ", ".join(beside))
     shown = replay_content(flight, predicted, title, start, end)
     for name, other in (beside or {}).items():
-        if predicted is not None:
-            raise ParameterError("beside", "nothing with predicted forces", name)
         shown = _beside(shown, replay_content(other, None, None, start, end), name)
     return write_replay(path, shown)
 
