@@ -57,12 +57,13 @@ def motion(
     from patagium.cli.words import say_json
     from patagium.report.figures import figure_kind, save_figure
     from patagium.sensing.force.flown_force import motion_and_force, write_motion
+    from patagium.sensing.motion.clock_shifts import found_shifts
     from patagium.viewer.flight_figures import motion_figure
 
     if plot is not None:
         figure_kind(plot)
     measured = _measured(log, robot, mapping, body or [])
-    shifts, note = _shifts(measured)
+    shifts, note = found_shifts(measured)
     found, forces = motion_and_force(measured, shifts=shifts)
     target = out if out is not None else Path(f"{log.name.partition('.')[0]}-motion.nc")
     outputs = Outputs()
@@ -108,22 +109,6 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
     with tempfile.TemporaryDirectory(prefix="patagium-") as folder:
         target = bring([log], existing(mapping), Path(folder) / "log.nc").path
         return sensor_log(target, machine, bodies=bodies)
-
-
-def _shifts(measured: SensorLog) -> tuple[dict[str, float], str]:
-    """Clock shifts [s] where sensors have clocks of their own, and a note in words."""
-    from patagium.errors import LogError
-    from patagium.sensing import estimate_shifts
-
-    stamps = [reading["time"].values for reading in measured.readings.values()]
-    if all(len(one) == len(stamps[0]) and (one == stamps[0]).all() for one in stamps[1:]):
-        return {}, "All quantities have the same stamps, which are taken as right."
-    try:
-        found = estimate_shifts(measured)
-    except LogError as problem:
-        return {}, f"Clocks are taken as right: {problem}."
-    late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in found.seconds.items())
-    return found.seconds, f"Clocks, found from the motion that the sensors share: {late}."
 
 
 def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:

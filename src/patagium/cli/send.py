@@ -1,11 +1,14 @@
-"""`patagium send`: a recorded flight as datagrams, in the flight's own time, for a try-out."""
+"""`patagium send`: a recorded flight or sensor log as datagrams, in its own time."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 EXAMPLES = (
     "patagium send flight.nc udp://127.0.0.1:9000",
@@ -14,22 +17,31 @@ EXAMPLES = (
 
 
 def send(
-    file: Annotated[Path, typer.Argument(help="Flight (.nc).")],
+    file: Annotated[Path, typer.Argument(help="Flight, sensor log or imported log (.nc).")],
     target: Annotated[str, typer.Argument(help="udp://ADDRESS:PORT.")],
     rate: Annotated[
-        float | None, typer.Option(min=1e-3, help="Packets a second; the flight's own by default.")
+        float | None, typer.Option(min=1e-3, help="Packets a second; the record's own by default.")
     ] = None,
     rows: Annotated[int, typer.Option(min=1, help="Packets a datagram.")] = 1,
     key_file: Annotated[Path | None, typer.Option(help="File of a key that signs them.")] = None,
 ) -> None:
-    """Send the packets of a recorded flight, as its sensors would have, to `patagium stream`."""
+    """Send a flight's motion and forces, or the raw samples of a log, to `patagium stream`."""
     from patagium.cli.words import existing, progress_bar
     from patagium.live.packets import read_key, send_packets
     from patagium.live.sources import address_of
+    from patagium.sensing import SensorLog, load_sensor_log, sensor_log
+    from patagium.sensing.logs.record import is_log
+    from patagium.sensing.sensors.sense import is_sensor_log
     from patagium.simulation import load_flight
 
     key = None if key_file is None else read_key(key_file)
-    flight, address = load_flight(existing(file)), address_of(target)
+    recorded: xr.Dataset | SensorLog
+    if is_log(existing(file)):
+        recorded = sensor_log(file)
+    else:
+        recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
+    address = address_of(target)
     with progress_bar(f"Sending {file.name}") as progress:
-        sent = send_packets(flight, address, rate=rate, rows=rows, key=key, progress=progress)
-    typer.echo(f"{sent} packets sent to {target}", err=True)
+        sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
+    kind = "rows of raw samples" if isinstance(recorded, SensorLog) else "packets"
+    typer.echo(f"{sent} {kind} sent to {target}", err=True)

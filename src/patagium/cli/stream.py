@@ -26,7 +26,7 @@ from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 from patagium.cli.outputs import Outputs
 
 if TYPE_CHECKING:
-    from patagium.live.loop import Sink, Status
+    from patagium.live.loop import Rhythm, Sink, Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Array, Pipeline, Records
     from patagium.live.record import StreamFile
@@ -56,7 +56,7 @@ _NOW_AND_THEN = 5.0  # s
 def stream(
     source: Annotated[
         str,
-        typer.Argument(help="CSV file, imported log, - for standard input, or udp://ADDRESS:PORT."),
+        typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc)."),
     ],
     robot: Annotated[str, typer.Option(help="Name of a preset, or a robot file.")],
     choice: LearnerChoice,
@@ -100,8 +100,8 @@ def stream(
 ) -> None:
     """Learn what the air does while the robot flies, every sample, from packets as they come.
 
-    A packet is time, q, v, a and u1 of each coordinate: a CSV line under a header such as
-    time,q.roll,...,u1.roll, or a row of a binary datagram; `docs/stream.md` has the formats.
+    A packet is a CSV line or a row of a binary datagram. It holds time, q, v, a and u1 of each
+    coordinate, or the raw samples of sensors: inertial units, encoders, cameras, motor currents.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
     is counted and shown. Ctrl-C, SIGTERM and SIGHUP end the stream, and its files are written. An
     output that fails is told and costs no other; the exit code is then 2.
@@ -125,7 +125,7 @@ def stream(
         pipeline = Pipeline(student, machine)
         status, intake = Status(Counters(net.outputs, memory)), Intake()
         columns = [column.name for column in packet_columns(machine)]
-        queue = PacketQueue(room, len(columns), intake)
+        queue = PacketQueue(room, len(columns), intake, machine)
         packets = _opened(source, columns, idle, key_file)
         with (
             interrupted(_answers(stop, queue, ending)),
@@ -135,6 +135,7 @@ def stream(
             try:
                 with live_stream(live, live_address, pipeline, status, intake) as view:
                     shown = _watched(view, student, state, autosave, recording)
+                    shown = shown._replace(rhythms=(*shown.rhythms, _noting(queue)))
                     _learn(packets, queue, pipeline, status, stop, shown, samples)
             except Exception as error:
                 problem = error
@@ -158,13 +159,38 @@ def stream(
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
-    """Source of the packets; what is unsafe about it is told."""
+    """Source of the packets; how to send to it, and what is unsafe about it, is told."""
     from patagium.live.sources import DatagramSource, source_of
 
     packets = source_of(source, columns, idle=idle, key_file=key_file)
-    if isinstance(packets, DatagramSource) and packets.warning:
+    if not isinstance(packets, DatagramSource):
+        typer.echo(f"Reading {'standard input' if source == '-' else source}", err=True)
+        return packets
+    if packets.warning:
         typer.echo(f"patagium: {packets.warning}", err=True)
+    key = "" if key_file is None else f" --key-file {key_file}"
+    send = f"patagium send flight.nc {packets.address}{key}"
+    words = "for motion and joint forces, or raw samples of sensors"
+    typer.echo(f"Listening at {packets.address} {words}", err=True)
+    typer.echo("To send a recorded flight or sensor log:", err=True)
+    typer.echo(f"  {send}", err=True)
     return packets
+
+
+def _noting(queue: PacketQueue) -> Rhythm:
+    """Rhythm that tells what was found about raw sensors."""
+    from patagium.live.loop import Rhythm
+
+    told = 0
+
+    def tell() -> None:
+        nonlocal told
+        notes = [] if queue.motion is None else queue.motion.notes
+        for note in notes[told:]:
+            typer.echo(f"{note}.", err=True)
+        told = len(notes)
+
+    return Rhythm(_LINE_PERIOD, tell)
 
 
 def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:

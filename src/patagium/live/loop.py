@@ -190,6 +190,7 @@ def follow(
         if len(packets):
             clock.start()
             records = pipeline.run(packets)
+            records.rows[:, -1] += 1e9 * queue.spent
             clock.count(packets, records)
             for sink in sinks:
                 sink.append(packets, records)

@@ -5,6 +5,10 @@ ignored, an empty field is a missing number. A datagram is little-endian float64
 
     session, sequence, then rows of time, q, v, a, u1 and the known forces carried.
 
+A sender of raw samples begins with a description of its sensors, and repeats it each second: a
+comment line `# sensors {...}` before the header of a text, a datagram of sequence -1 with the text
+after it. Its rows are those of `raw_sensors`.
+
 The session is 64 random bits that the sender draws when it begins, the sequence how many rows it
 sent before this datagram; so what is lost, doubled or overtaken can be told. With a key, 32 bytes
 follow: HMAC-SHA256 of the rest, so that nobody else can send packets. Packets are not encrypted,
@@ -35,7 +39,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
+from patagium.live.raw_sensors import sensor_rows, sensors_text
 from patagium.sensing.force.air_force import PARTS
+from patagium.sensing.sensors import SensorLog
 
 Array = NDArray[np.float64]
 
@@ -51,6 +57,9 @@ _TAG = 32  # B of HMAC-SHA256
 _SHORTEST_KEY, _LONGEST_KEY = 16, 4096  # B
 _RUNS = 64  # runs of packets in order that are remembered
 _SHOWN = 3
+_SENSORS = b"# sensors "
+_DESCRIBES = struct.pack("<d", -1.0)
+_DESCRIBED = 1.0  # s between two descriptions
 
 
 @dataclass
@@ -91,16 +100,23 @@ class Intake:
         return {name: value for name, value in vars(self).items() if isinstance(value, int)}
 
 
+Describe = Callable[[str], Sequence[str]]
+"""What is done with a description of sensors; it gives the names of the numbers of a row."""
+
+
 class TextPackets:
     """Packets of a CSV text that comes in pieces.
 
     Args:
         columns: Names of the numbers of a packet.
         intake: Where they are counted.
+        describe: What is done with a description of raw sensors; None: it is a comment.
     """
 
-    def __init__(self, columns: Sequence[str], intake: Intake) -> None:
-        self._columns, self._intake = tuple(columns), intake
+    def __init__(
+        self, columns: Sequence[str], intake: Intake, describe: Describe | None = None
+    ) -> None:
+        self._columns, self._intake, self._describe = tuple(columns), intake, describe
         self._places: list[int] | None = None
         self._fields, self._line, self._rest = 0, 0, bytearray()
 
@@ -137,6 +153,9 @@ class TextPackets:
             self._intake.refuse(f"line {self._line}: {_TOO_LONG}")
             return None
         text = line.strip()
+        if text.startswith(_SENSORS) and self._describe is not None and self._places is None:
+            words = text.removeprefix(_SENSORS).decode("utf-8", "replace")
+            self._columns = tuple(self._describe(words))
         if not text or text.startswith(b"#"):
             return None
         fields = text.split(b",")
@@ -196,10 +215,18 @@ class DatagramPackets:
         columns: How many numbers a packet has.
         intake: Where they are counted.
         key: Key that datagrams are signed with; None: any datagram is taken.
+        describe: What is done with a description of raw sensors; None: it is a bad row.
     """
 
-    def __init__(self, columns: int, intake: Intake, key: bytes | None = None) -> None:
+    def __init__(
+        self,
+        columns: int,
+        intake: Intake,
+        key: bytes | None = None,
+        describe: Describe | None = None,
+    ) -> None:
         self._columns, self._intake, self._key = columns, intake, key
+        self._describe = describe
         self._runs: list[_Run] = []  # the last used first
         self._awaited: tuple[float, int] | None = None
 
@@ -212,6 +239,10 @@ class DatagramPackets:
                 self._intake.refuse(reason, authentic=False)
                 return np.empty((0, self._columns))
         try:
+            if self._describe is not None and datagram[8:16] == _DESCRIBES:
+                text = datagram[16:].decode("utf-8", "replace")
+                self._columns = len(self._describe(text))
+                return np.empty((0, self._columns))
             return self._in_order(*self._read(datagram))
         except ValueError as problem:
             self._intake.refuse(f"datagram: {problem}")
@@ -305,8 +336,7 @@ def datagrams(
     for start in range(0, len(packets), rows):
         part = packets[start : start + rows]
         header = np.array([session, first + start])
-        datagram = np.concatenate([header, part.ravel()]).astype("<f8").tobytes()
-        yield datagram if key is None else datagram + hmac.digest(key, datagram, "sha256")
+        yield _signed(np.concatenate([header, part.ravel()]).astype("<f8").tobytes(), key)
 
 
 def most_rows(columns: int) -> int:
@@ -347,7 +377,7 @@ def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
 
 
 def send_packets(
-    flight: xr.Dataset,
+    recorded: xr.Dataset | SensorLog,
     target: tuple[str, int],
     *,
     rate: float | None = None,
@@ -355,12 +385,12 @@ def send_packets(
     key: bytes | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Send a flight as datagrams.
+    """Send a flight or the raw samples of a sensor log as datagrams.
 
     Args:
-        flight: Record with q, v, a, u1.
+        recorded: Record with q, v, a, u1, or a log of sensors, whose description goes ahead.
         target: Address and port.
-        rate: Packets a second; None: as fast as the flight's time goes.
+        rate: Packets a second; None: as fast as the record's time goes.
         rows: Packets a datagram.
         key: Key that datagrams are signed with; None: they are not signed.
         progress: Called now and then with packets sent and packets in all.
@@ -371,18 +401,31 @@ def send_packets(
     Raises:
         ParameterError: If a datagram cannot hold so many packets.
     """
-    packets = flight_packets(flight)
+    if isinstance(recorded, SensorLog):
+        packets, text = sensor_rows(recorded), sensors_text(recorded)
+    else:
+        packets, text = flight_packets(recorded), ""
     if rows > most_rows(packets.shape[1]):
         raise ParameterError("rows", f"at most {most_rows(packets.shape[1])}", rows)
     due = packets[:, 0] - packets[0, 0] if rate is None else np.arange(len(packets)) / rate
     family = socket.AF_INET6 if ":" in target[0] else socket.AF_INET
+    session = new_session()
+    described = -inf
+    said = _signed(struct.pack("<d", session) + _DESCRIBES + text.encode(), key)
     began, told = time.monotonic(), max(1, len(packets) // (200 * rows))
     with socket.socket(family, socket.SOCK_DGRAM) as port:
-        for number, datagram in enumerate(datagrams(packets, new_session(), rows, key=key)):
+        for number, datagram in enumerate(datagrams(packets, session, rows, key=key)):
             ahead = due[number * rows] - (time.monotonic() - began)
             if ahead > 0:
                 time.sleep(ahead)
+            if text and time.monotonic() > described + _DESCRIBED:
+                port.sendto(said, target)
+                described = time.monotonic()
             port.sendto(datagram, target)
             if progress is not None and number % told == 0:
                 progress(number * rows, len(packets))
     return len(packets)
+
+
+def _signed(datagram: bytes, key: bytes | None) -> bytes:
+    return datagram if key is None else datagram + hmac.digest(key, datagram, "sha256")

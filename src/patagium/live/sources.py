@@ -29,7 +29,11 @@ from patagium.live.packets import (
     TextPackets,
     read_key,
 )
+from patagium.live.raw_sensors import MotionPackets, sensor_rows, sensors_text
+from patagium.robot import Robot
 from patagium.sensing.logs.record import LogRecord, is_log
+from patagium.sensing.sensors import SensorLog, load_sensor_log
+from patagium.sensing.sensors.sense import is_sensor_log
 
 Array = NDArray[np.float64]
 
@@ -44,19 +48,47 @@ LOOPBACK = "127.0.0.1"
 class PacketQueue:
     """Packets that were read and not learned yet, oldest first.
 
+    Raw rows of sensors, once these are described, come out as packets.
+
     Args:
         capacity: Packets it holds at most.
         columns: Numbers a packet.
         intake: Where those without room are counted.
+        robot: The machine that sends; None: raw rows are not taken.
+
+    Attributes:
+        motion: What makes packets of raw rows; None while packets come as they are.
+        spent: Time that each packet taken last took to be made of raw rows [s].
     """
 
-    def __init__(self, capacity: int, columns: int, intake: Intake) -> None:
-        self.intake = intake
+    def __init__(
+        self, capacity: int, columns: int, intake: Intake, robot: Robot | None = None
+    ) -> None:
+        self.intake, self._robot = intake, robot
+        self.motion: MotionPackets | None = None
+        self.spent = 0.0
         self._capacity, self._columns = capacity, columns
         self._blocks: deque[Array] = deque()
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._changed = threading.Condition()
+
+    def describe(self, text: str) -> tuple[str, ...]:
+        """Names of the numbers of a raw row, once the sensors that send it are described.
+
+        Args:
+            text: Description of the sensors; only the first one counts.
+
+        Raises:
+            LogError: If it cannot be read, or comes after packets that are no raw rows.
+        """
+        if self.motion is None:
+            if self._robot is None or self.intake.received:
+                raise LogError("sensors: expected raw rows from the first, found other packets")
+            self.motion = MotionPackets(self._robot, text)
+        if text != self.motion.text:
+            raise LogError("sensors: expected those described at first, found others")
+        return self.motion.columns
 
     def put(self, packets: Array, *, waits: bool) -> None:
         """Add packets.
@@ -88,8 +120,17 @@ class PacketQueue:
             patience: How long to wait for the first one [s].
 
         Raises:
-            LogError: If reading them failed.
+            LogError: If reading them failed, or raw rows do not tell the motion.
         """
+        rows = self._oldest(most, patience)
+        if self.motion is None:
+            return rows
+        packets = self.motion.take(rows, most)
+        self.spent = self.motion.spent
+        return packets
+
+    def _oldest(self, most: int, patience: float) -> Array | None:
+        """Oldest packets or raw rows, as `take`."""
         with self._changed:
             if self._abandoned:
                 self._drop_all()
@@ -165,7 +206,7 @@ class TextSource:
         Raises:
             LogError: If the text has no header that names the columns.
         """
-        packets = TextPackets(self._columns, queue.intake)
+        packets = TextPackets(self._columns, queue.intake, queue.describe)
         if self._path is None:
             self._follow(self._pipe, packets, queue, stop)
             return
@@ -233,6 +274,12 @@ class DatagramSource:
         return int(self._socket.getsockname()[1])
 
     @property
+    def address(self) -> str:
+        """Address to send to, udp://ADDRESS:PORT."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"udp://{host}:{self.port}"
+
+    @property
     def warning(self) -> str | None:
         """Words on who can send packets; None where this machine alone can."""
         if is_loopback(self._host):
@@ -244,7 +291,8 @@ class DatagramSource:
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
         """Read datagrams as they come."""
-        packets, fed = DatagramPackets(self._columns, queue.intake, self._key), None
+        packets = DatagramPackets(self._columns, queue.intake, self._key, queue.describe)
+        fed = None
         with self._socket:
             while not stop.is_set():
                 if select.select([self._socket], [], [], _LOOK)[0]:
@@ -260,7 +308,29 @@ class DatagramSource:
                 found.append(packets.take(self._socket.recv(LARGEST_DATAGRAM)))
             except BlockingIOError:
                 break
-        return np.concatenate(found) if found else np.empty((0, self._columns))
+        whole = [part for part in found if len(part)]
+        return np.concatenate(whole) if whole else np.empty((0, self._columns))
+
+
+class SensorLogSource:
+    """A recorded log of raw sensors.
+
+    Args:
+        log: The log.
+    """
+
+    def __init__(self, log: SensorLog) -> None:
+        self._log = log
+
+    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
+        """Read the log's samples, as fast as they are learned."""
+        queue.describe(sensors_text(self._log))
+        rows = sensor_rows(self._log)
+        for begin in range(0, len(rows), _ROWS):
+            if stop.is_set():
+                return
+            queue.intake.received += len(rows[begin : begin + _ROWS])
+            queue.put(rows[begin : begin + _ROWS], waits=True)
 
 
 class RecordSource:
@@ -294,12 +364,12 @@ class RecordSource:
 
 def source_of(
     words: str, columns: Sequence[str], *, idle: float | None = None, key_file: Path | None = None
-) -> TextSource | DatagramSource | RecordSource:
+) -> TextSource | DatagramSource | RecordSource | SensorLogSource:
     """Source of packets that words name.
 
     Args:
-        words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file or of a
-            log that `patagium import` wrote.
+        words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file, of a
+            sensor log, or of a log that `patagium import` wrote.
         columns: Names of the numbers of a packet.
         idle: How long to wait for more [s]; None: until told to stop.
         key_file: File of the key that datagrams are signed with; None: any datagram is taken.
@@ -320,6 +390,8 @@ def source_of(
         raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
     if is_log(path):
         return RecordSource(columns, path)
+    if is_sensor_log(path):
+        return SensorLogSource(load_sensor_log(path))
     return TextSource(columns, path, idle=idle)
 
 

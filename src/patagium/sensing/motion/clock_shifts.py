@@ -92,6 +92,23 @@ def estimate_shifts(
     return Shifts(moved, std_of | {chosen: 0.0}, unlinked)
 
 
+def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
+    """Clock shifts where sensors have clocks of their own [s], and a note in words.
+
+    Args:
+        log: Log of any sensors.
+    """
+    stamps = [reading["time"].values for reading in log.readings.values()]
+    if all(len(one) == len(stamps[0]) and (one == stamps[0]).all() for one in stamps[1:]):
+        return {}, "All quantities have the same stamps, which are taken as right."
+    try:
+        found = estimate_shifts(log)
+    except LogError as problem:
+        return {}, f"Clocks are taken as right: {problem}."
+    late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in found.seconds.items())
+    return found.seconds, f"Clocks, found from the motion that the sensors share: {late}."
+
+
 @dataclass(frozen=True)
 class _Track:
     """Motion seen by one sensor, interpolated in time."""

@@ -124,6 +124,15 @@ class MotionFits:
             found[fit.columns] = fit.density
         return found
 
+    def variances(self) -> dict[str, Array]:
+        """Variance of the noise of each value as learned, by name of the sensor, (k,) each."""
+        found = {}
+        for one in (one for fit in self.fits for one in fit.samples):
+            found[one.stream.name] = one.variance.copy()
+            for k, _, place in one.parts():
+                found[one.stream.name][place] *= one.color[k]
+        return found
+
     def open_times(self, times: Array) -> NDArray[np.bool_]:
         """Whether each time lies in a gap that cannot be bridged, or beyond the samples, (M,)."""
         found = np.zeros(len(times), bool)

@@ -98,10 +98,6 @@ class MotionTracker:
         variances: Variance of the noise of each value by name of the sensor, where a log tells it
             better than the sensor's data, (k,) [square of its unit].
 
-    Attributes:
-        late: Number of samples that came later than the memory.
-        raised: Number of times that the driving noise was raised.
-
     Raises:
         ParameterError: If an argument is out of its range.
         ShapeError: If `density` is not (n,).
@@ -147,6 +143,12 @@ class MotionTracker:
     def started(self) -> bool:
         """Whether every encoder and camera has given a sample."""
         return all(part.events for part in self._parts)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time that `past` can tell [s]."""
+        begin = max(part.events[0].time for part in self._parts)
+        return begin, min(part.events[-1].time for part in self._parts)
 
     @property
     def late(self) -> int:

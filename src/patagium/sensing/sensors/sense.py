@@ -147,6 +147,19 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
     return write_netcdf(path, xr.Dataset(attrs=origin), described)
 
 
+def is_sensor_log(path: str | Path) -> bool:
+    """Whether a file is what `save_sensor_log` wrote.
+
+    Args:
+        path: Any file.
+    """
+    try:
+        with netCDF4.Dataset(str(path)) as opened:
+            return bool(opened.groups)
+    except OSError:
+        return False
+
+
 def load_sensor_log(path: str | Path) -> SensorLog:
     """Sensor log from a file that `save_sensor_log` wrote.
 
@@ -168,11 +181,16 @@ def load_sensor_log(path: str | Path) -> SensorLog:
             label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
         }
         robot = load_robot_text(origin["robot"], origin["robot_name"])
-        sensors = {label: _sensor(readings[label].attrs.pop("sensor")) for label in labels}
+        sensors = {label: sensor_from(readings[label].attrs.pop("sensor")) for label in labels}
         return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
 
 
-def _sensor(text: str) -> Sensor:
+def sensor_from(text: str) -> Sensor:
+    """Sensor whose description, as JSON, is `Sensor.describe`.
+
+    Args:
+        text: The description.
+    """
     known = json_object(text, "sensor")
     kind = _KINDS[known.pop("kind")]
     accepted = {entry.name for entry in fields(kind)}

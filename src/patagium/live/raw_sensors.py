@@ -1,0 +1,388 @@
+"""Packets from the raw samples of a robot's sensors: encoders, inertial units, cameras, motors.
+
+A raw row is a stamp and the values of all sensors, NaN where one has no sample at that stamp. The
+first second of rows tells clocks, noise and how lively the motion is, as `patagium motion` finds
+them from a log. From then on the motion tracker takes each sample, and gives q, v and a a little
+behind it; motor currents give u1. Neglected: load cells, and drift of clocks after that second.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Mapping
+from time import perf_counter
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.errors import FilterDiverged, LogError, ParameterError
+from patagium.reading import json_object, made_again
+from patagium.robot import Robot
+from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.motion.clock_shifts import found_shifts
+from patagium.sensing.motion.estimate_motion import fit_motion
+from patagium.sensing.motion.frame_model import floating_base
+from patagium.sensing.motion.motion_tracker import MotionTracker
+from patagium.sensing.motion.sensor_streams import common_times, streams_of
+from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, Sensor, SensorLog
+from patagium.sensing.sensors.joints import joint_names
+from patagium.sensing.sensors.sense import sensor_from
+
+Array = NDArray[np.float64]
+
+LAG = 0.02
+"""Time that the motion is behind the last samples, which the tracker smooths over [s]."""
+_SETTLING = 1.0
+"""Span of the samples that tell clocks and noise [s]."""
+_PATIENCE = 0.05
+"""Longest time that samples of one sensor wait for those of another [s]."""
+_MEMORY = 0.2
+"""Memory of the tracker [s]."""
+_GAP = 10.0
+"""Longest gap between samples of a motor current that is bridged [samples]."""
+_QUIET = 1e-3
+"""Least driving noise of a joint, relative to that of the liveliest one."""
+_LEAST = 1.0
+"""Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
+_AXES = ("x", "y", "z")
+
+
+def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
+    """Components of each variable of a sensor's reading, by its name.
+
+    Args:
+        robot: The machine.
+        sensor: An encoder, inertial unit, camera or motor current; others have none.
+    """
+    if isinstance(sensor, Encoder):
+        return {"position": joint_names(sensor.joints, robot)}
+    if isinstance(sensor, MotorCurrent):
+        return {"current": joint_names(sensor.joints, robot)}
+    if isinstance(sensor, Imu):
+        return {"specific_force": _AXES, "angular_rate": _AXES}
+    if isinstance(sensor, MotionCapture):
+        return {"position": _AXES, "quaternion": ("w", *_AXES)}
+    return {}
+
+
+def sensor_columns(robot: Robot, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
+    """Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
+
+    Args:
+        robot: The machine.
+        sensors: Its sensors by name.
+    """
+    found = ["time"]
+    for label, sensor in sensors.items():
+        for name, parts in channels(robot, sensor).items():
+            found += [f"{label}.{name}.{part}" for part in parts]
+    return tuple(found)
+
+
+def sensor_rows(log: SensorLog) -> Array:
+    """Raw rows of a recorded log, (N, columns), one for each stamp.
+
+    Args:
+        log: The log.
+    """
+    readings = log.readings.values()
+    times = np.unique(np.concatenate([one["time"].values for one in readings]))
+    blocks = [times[:, None]]
+    for label, reading in log.readings.items():
+        place = np.searchsorted(times, reading["time"].values)
+        for name in channels(log.robot, log.sensors[label]):
+            values = reading[name].values
+            block = np.full((len(times), values.shape[1]), np.nan)
+            block[place] = values
+            blocks.append(block)
+    return np.hstack(blocks)
+
+
+def sensors_text(log: SensorLog) -> str:
+    """Description of the sensors that a sender of raw rows begins with, as JSON.
+
+    Args:
+        log: A log of these sensors.
+    """
+    described = {name: log.sensors[name].describe() for name in log.readings}
+    return json.dumps({"sensors": described, "mount": log.mount})
+
+
+class MotionPackets:
+    """Packets of time, q, v, a and u1, as made from raw rows.
+
+    Args:
+        robot: The machine, with Euler angles.
+        text: Description of its sensors, as `sensors_text` gives it.
+
+    Attributes:
+        text: The description.
+        columns: Names of the numbers of a raw row.
+        notes: What was found and chosen, in words.
+        spent: Time that the last packets took each [s].
+
+    Raises:
+        LogError: If the description cannot be read.
+        ParameterError: If the robot has no such body or joint, or its attitude is a quaternion.
+    """
+
+    def __init__(self, robot: Robot, text: str) -> None:
+        if robot.coordinate_count != robot.dof:
+            expected = "Euler angles for raw sensors (attitude: euler)"
+            raise ParameterError("robot", expected, "a quaternion")
+        with made_again("the description of the sensors"):
+            described = json_object(text, "sensors")
+            self._mount = str(described.get("mount", "free"))
+            self._sensors: dict[str, Sensor] = {}
+            for name, one in described["sensors"].items():
+                self._sensors[name] = sensor_from(json.dumps(one))
+            self.columns = sensor_columns(robot, self._sensors)
+        self.text = text
+        self._robot = robot
+        self._places: dict[str, slice] = {}
+        end = 1
+        for name, sensor in self._sensors.items():
+            begin = end
+            end += sum(map(len, channels(robot, sensor).values()))
+            self._places[name] = slice(begin, end)
+        kinds = Encoder, Imu, MotionCapture
+        self._seeing = [n for n, s in self._sensors.items() if isinstance(s, kinds)]
+        if not self._seeing:
+            raise LogError("sensors: expected encoders, inertial units or cameras, found none")
+        self._fastest = max(self._seeing, key=lambda name: self._sensors[name].rate)
+        said = [f"{n} ({type(s).__name__}, {s.rate:g} Hz)" for n, s in self._sensors.items()]
+        self.notes = [f"Raw sensors: {', '.join(said)}"]
+        self.spent = 0.0
+        self._took = 0.0
+        self._waiting: list[tuple[float, str, Array]] = []
+        self._newest: dict[str, float] = {}
+        self._shifts: dict[str, float] = {}
+        self._due: deque[float] = deque()
+        self._torque = _Torque(robot, self._sensors, self._mount)
+        self._tracker: MotionTracker | None = None
+        self._made = self._none()
+        self._turn = np.zeros(3)
+
+    def take(self, rows: Array | None, most: int) -> Array | None:
+        """Packets that are ready, (k, 1 + 4 n), at most so many; None where no more will come.
+
+        Args:
+            rows: New raw rows, (m, columns) [units of the columns]; None at their end.
+            most: How many packets at most.
+
+        Raises:
+            LogError: If the sensors do not tell the motion.
+        """
+        began = perf_counter()
+        for row in () if rows is None else rows:
+            self._sort(row)
+        if self._tracker is None and (rows is None or self._settled()):
+            self._begin()
+            began = perf_counter()
+        if self._tracker is not None:
+            made = self._follow(ended=rows is None)
+            self._took += perf_counter() - began
+            if made:
+                self._made = np.concatenate([self._made, *made])
+                count = sum(map(len, made))
+                self.spent = self._took / count
+                self._took = 0.0
+        ready = self._made[:most]
+        self._made = self._made[most:]
+        return None if rows is None and not len(ready) else ready
+
+    def _none(self) -> Array:
+        return np.empty((0, len(packet_columns(self._robot))))
+
+    def _sort(self, row: Array) -> None:
+        """Put the values of a row with their sensors; stamps of a sensor must advance."""
+        stamp = float(row[0])
+        for name, place in self._places.items():
+            values = row[place]
+            before = self._newest.get(name, -np.inf)
+            if stamp <= before or not np.isfinite(values).any():
+                continue
+            self._newest[name] = stamp
+            if name in self._seeing:
+                self._waiting.append((stamp, name, values))
+            else:
+                self._torque.add(name, stamp, values)
+
+    def _settled(self) -> bool:
+        """Whether all sensors have told enough, or one has told it three times."""
+        spans = dict.fromkeys(self._seeing, 0.0)
+        for stamp, name, _ in reversed(self._waiting):
+            spans[name] = self._newest[name] - stamp
+        longest, shortest = max(spans.values()), min(spans.values())
+        return shortest >= _SETTLING or longest >= 3 * _SETTLING
+
+    def _begin(self) -> None:
+        """Find clocks, noise and driving noise from the first samples, and start the tracker."""
+        log = self._first_log()
+        self._shifts, note = found_shifts(log)
+        streams = streams_of(log, self._robot, self._shifts)
+        fitted = fit_motion(self._robot, streams, None, 4, common_times(streams))
+        self._torque.shifts = self._shifts
+        self._settings = self._driven(fitted.density()), fitted.variances()
+        self._tracker = self._started()
+        self.notes += [note.rstrip("."), *fitted.notes]
+        self.notes.append(
+            f"Noise and driving noise are those of the first {_SETTLING:g} s; "
+            f"the motion is learned {1e3 * LAG:g} ms behind its last sample"
+        )
+        names = self._robot.dof_names
+        silent = [names[i] for i in np.flatnonzero(self._torque.unknown)]
+        if silent:
+            self.notes.append(
+                f"No force is learned of {', '.join(silent)}: nothing measures what drives it"
+            )
+
+    def _driven(self, density: Array) -> Array:
+        """Density of the driving noise with that of calm coordinates raised, (n,) [unit^2/s^7]."""
+        found = np.maximum(density, _LEAST)
+        joints = np.ones(len(found), bool)
+        base = floating_base(self._robot)
+        if base is not None:
+            for part in (list(base.place), list(base.turn)):
+                found[part] = found[part].max()
+                joints[part] = False
+        most = found[joints].max(initial=0.0)
+        found[joints] = np.maximum(found[joints], _QUIET * most)
+        return found
+
+    def _started(self) -> MotionTracker:
+        density, variances = self._settings
+        sensors = {name: self._sensors[name] for name in variances}
+        return MotionTracker(
+            self._robot, sensors, density, shifts=self._shifts, memory=_MEMORY, variances=variances
+        )
+
+    def _first_log(self) -> SensorLog:
+        """Log of the first samples."""
+        readings = {}
+        for label in self._seeing:
+            samples = [(stamp, row) for stamp, name, row in self._waiting if name == label]
+            if len(samples) < 2:
+                when = "expected samples in the first second"
+                raise LogError(f"{label}: {when}, found none")
+            rows = np.array([row for _, row in samples])
+            begin = 0
+            variables = {}
+            for name, parts in channels(self._robot, self._sensors[label]).items():
+                end = begin + len(parts)
+                variables[name] = (("time", f"{name}_part"), rows[:, begin:end])
+                begin = end
+            readings[label] = xr.Dataset(variables, {"time": [stamp for stamp, _ in samples]})
+        seeing = {name: self._sensors[name] for name in self._seeing}
+        return SensorLog(readings, seeing, {}, self._robot, self._mount)
+
+    def _moment(self, stamp: float, name: str) -> float:
+        """Time of a stamp by the clock that all sensors share [s]."""
+        return stamp - self._shifts.get(name, 0.0)
+
+    def _follow(self, *, ended: bool) -> list[Array]:
+        """Packets from the samples that are due, which the tracker takes in the motion's order."""
+        newest = [(stamp, name) for name, stamp in self._newest.items()]
+        now = [self._moment(*one) for one in newest if one[1] in self._seeing]
+        until = np.inf if ended else max(min(now), max(now) - _PATIENCE)
+        self._waiting.sort(key=lambda one: self._moment(one[0], one[1]))
+        made = []
+        count = 0
+        for stamp, name, values in self._waiting:
+            moment = self._moment(stamp, name)
+            if moment > until or self._tracker is None:
+                break
+            count += 1
+            try:
+                self._tracker.push(name, stamp, values)
+            except FilterDiverged:
+                self._tracker = self._started()
+            if name == self._fastest:
+                self._due.append(moment)
+                made += self._packets(self._tracker, LAG)
+        del self._waiting[:count]
+        if ended and self._tracker is not None:
+            made += self._packets(self._tracker, 0.0)
+        return made
+
+    def _packets(self, tracker: MotionTracker, lag: float) -> list[Array]:
+        """Packets at times that are due, a few at once."""
+        if not tracker.started:
+            return []
+        begin, end = tracker.span
+        while self._due and self._due[0] < begin:
+            self._due.popleft()
+        times = np.array([moment for moment in self._due if moment <= end - lag])
+        if not len(times) or times[-1] - times[0] < lag / 2:
+            return []
+        for _ in times:
+            self._due.popleft()
+        levels = tracker.past(times)
+        base = floating_base(self._robot)
+        if base is not None:  # no jumps of whole turns
+            angles = np.vstack([self._turn, levels[:, 0, base.turn]])
+            angles = np.unwrap(angles, axis=0)[1:]
+            levels[:, 0, base.turn] = angles
+            self._turn = angles[-1]
+        motion = levels.reshape(len(times), -1)
+        torque = self._torque.at(times)
+        return [np.column_stack([times, motion, torque])]
+
+
+class _Torque:
+    """Forces of the joints u1 from the currents of their motors.
+
+    Args:
+        robot: The machine.
+        sensors: Its sensors by name.
+        mount: Words on what holds it.
+
+    Attributes:
+        shifts: Shift of late stamps by name of the sensor [s].
+        unknown: Whether the force that drives a coordinate is not measured, (n,).
+    """
+
+    def __init__(self, robot: Robot, sensors: Mapping[str, Sensor], mount: str) -> None:
+        self.shifts: dict[str, float] = {}
+        self._motors = {n: s for n, s in sensors.items() if isinstance(s, MotorCurrent)}
+        self._columns = {
+            name: [robot.index(joint) for joint in joint_names(motor.joints, robot)]
+            for name, motor in self._motors.items()
+        }
+        self._samples: dict[str, deque[tuple[float, Array]]] = {n: deque() for n in self._motors}
+        self.unknown = np.zeros(robot.dof, bool)
+        self.unknown[list(robot.actuated)] = True
+        for columns in self._columns.values():
+            self.unknown[columns] = False
+        base = floating_base(robot)
+        if base is not None and mount not in ("", "free"):
+            self.unknown[[*base.place, *base.turn]] = True
+
+    def add(self, name: str, stamp: float, current: Array) -> None:
+        """Keep a sample of motor currents, (k,) [A]; those of other sensors are left out."""
+        if name in self._motors:
+            force = current * self._motors[name].force_per_current
+            self._samples[name].append((stamp, force))
+
+    def at(self, times: Array) -> Array:
+        """Forces at increasing times, (M, n) [N, N m]; NaN where they are not measured."""
+        found = np.zeros((len(times), len(self.unknown)))
+        found[:, self.unknown] = np.nan
+        for name, motor in self._motors.items():
+            kept, longest = self._samples[name], _GAP / motor.rate
+            moments = times + self.shifts.get(name, 0.0)
+            while len(kept) > 2 and kept[1][0] < moments[0]:
+                kept.popleft()
+            found[:, self._columns[name]] = np.nan
+            if len(kept) < 2:
+                continue
+            stamps = np.array([stamp for stamp, _ in kept])
+            force = np.array([row for _, row in kept])
+            after = np.clip(np.searchsorted(stamps, moments), 1, len(stamps) - 1)
+            apart = stamps[after] - stamps[after - 1]
+            near = np.maximum(apart, moments - stamps[after]) < longest
+            for k, column in enumerate(self._columns[name]):
+                found[near, column] = np.interp(moments[near], stamps, force[:, k])
+        return found

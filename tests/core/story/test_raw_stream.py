@@ -1,0 +1,169 @@
+"""What a robot has, learned while it flies: raw samples of sensors, with their noise."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.cli.stream import _opened
+from patagium.errors import LogError, ParameterError
+from patagium.live.loop import Counters, Status, follow, summary
+from patagium.live.packets import DatagramPackets, Intake, TextPackets, send_packets
+from patagium.live.pipeline import Pipeline
+from patagium.live.raw_sensors import LAG, MotionPackets, sensor_rows, sensors_text
+from patagium.live.record import StreamFile
+from patagium.live.sources import DatagramSource, PacketQueue, start_reading
+from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.force.flown_force import motion_and_force
+
+P = pt.sensors.presets
+LIVELY = ("x", "z", "pitch", "left_plunge", "right_plunge", "left_feather")
+
+
+@pytest.fixture(scope="module")
+def robot() -> pt.Robot:
+    return pt.load_robot("aerobat")
+
+
+@pytest.fixture(scope="module")
+def flight(robot: pt.Robot) -> xr.Dataset:
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    aero, start = pt.QuasiSteady(robot, pt.Air()), robot.coordinates(x=3.0)
+    return pt.simulate(robot, aero, gait, duration=1.7, time_step=5e-4, v=start)
+
+
+@pytest.fixture(scope="module")
+def log(flight: xr.Dataset) -> pt.sensing.SensorLog:
+    """Log with the noise, delay and steps of data sheets."""
+    motors = P.ina226(torque_constant=5e-3, gear_ratio=20.0, rate=500.0)
+    units = (P.icm_42688_p("body", 500.0), P.as5600(rate=500.0), P.prime_x_13("body"), motors)
+    return pt.sense(flight, units, seed=0).without_truth()
+
+
+@pytest.fixture(scope="module")
+def record(log: pt.sensing.SensorLog, robot: pt.Robot, tmp_path_factory: pytest.TempPathFactory):
+    """Record and summary of a stream that heard the log over loopback, in the flight's own time."""
+    source = DatagramSource(57, "127.0.0.1", 0, idle=2.0)
+    pipeline = Pipeline(pt.learning.default_learner(robot), robot)
+    queue, stop = PacketQueue(8000, 57, Intake(), robot), threading.Event()
+    status, path = Status(Counters(14, 500.0)), tmp_path_factory.mktemp("raw") / "stream.nc"
+    words = {"target": ("127.0.0.1", source.port)}
+    sender = threading.Thread(target=send_packets, args=(log,), kwargs=words)
+    reader = start_reading(source, queue, stop)
+    sender.start()
+    sink = StreamFile(path, pipeline)
+    follow(queue, pipeline, status, stop, sinks=[sink])
+    sender.join()
+    reader.join(5.0)
+    facts = summary(status, queue, pipeline)
+    sink.close(facts)
+    with xr.open_dataset(path) as kept:
+        return kept.load(), facts, queue.motion
+
+
+def test_its_forces_are_those_of_the_whole_log(
+    record, log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
+) -> None:
+    kept, facts, motion = record
+    assert facts["lost"] == facts["dropped"] == facts["bad_rows"] == facts["failed"] == 0
+    assert facts["received"] == len(sensor_rows(log))
+    assert facts["samples"] == facts["learned"] > 800  # of 850 at 500 Hz
+    late = {"icm_42688_p": 0.0, "prime_x_13": 4.2e-3}
+    _, whole = motion_and_force(log, shifts=late)
+    time = kept["time"].values
+    inner = (time > 0.1) & (time < 1.6)
+    apart = {}
+    for name in LIVELY:
+        k = robot.index(name)
+        other = np.interp(time, whole.time, whole.force[:, k])
+        error = (kept["measurement"].values[:, k] - other)[inner]
+        apart[name] = (error**2).mean() / other[inner].var()
+    # 20 ms of later samples tell nearly all; with none the vertical force errs by 3 %
+    assert max(apart.values()) < 0.02 and apart["z"] < 1e-3
+    assert facts["coverage_in_all"] == pytest.approx(0.95, abs=0.03)
+    said = " ".join(motion.notes)
+    assert "icm_42688_p (Imu, 500 Hz)" in said and f"{1e3 * LAG:g} ms behind" in said
+    assert "prime_x_13 4." in said  # ms: the delay on its sheet is 4.2
+
+
+def test_a_sensor_log_and_a_text_are_read_like_datagrams(
+    log: pt.sensing.SensorLog, record, tmp_path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = pt.sensing.save_sensor_log(log, tmp_path / "log.nc")
+    with pytest.raises(SystemExit) as left:
+        run(["stream", str(file), "--robot", "aerobat", "--json"])
+    assert left.value.code == 0
+    said = capsys.readouterr()
+    facts = json.loads(said.out)
+    assert abs(facts["samples"] - record[1]["samples"]) <= 2  # before the first frame
+    assert f"Reading {file}" in said.err and "Raw sensors: icm_42688_p" in said.err
+    robot, rows = log.robot, sensor_rows(log)
+    queue = PacketQueue(10, 57, Intake(), robot)
+    reader = TextPackets([c.name for c in packet_columns(robot)], queue.intake, queue.describe)
+    motion = MotionPackets(robot, sensors_text(log))
+    names = ",".join(motion.columns)
+    lines = [",".join("" if np.isnan(k) else repr(k) for k in row) for row in rows[:5].tolist()]
+    text = "\n".join([f"# sensors {sensors_text(log)}", names, *lines, ""])
+    np.testing.assert_array_equal(reader.take(text.encode()), rows[:5])
+
+
+def test_forces_that_nothing_measures_are_missing(
+    log: pt.sensing.SensorLog, robot: pt.Robot
+) -> None:
+    kept = {name: reading for name, reading in log.readings.items() if name != "ina226"}
+    motion = MotionPackets(robot, sensors_text(replace(log, readings=kept)))
+    motion.take(sensor_rows(replace(log, readings=kept)), 4)
+    torque = motion.take(None, 4)[:, -robot.dof :]
+    driven = np.isin(np.arange(robot.dof), robot.actuated)
+    assert np.isnan(torque[:, driven]).all() and (torque[:, ~driven] == 0).all()
+    assert "No force is learned of left_plunge" in motion.notes[-1]
+    held = MotionPackets(robot, sensors_text(replace(log, mount="rig")))
+    assert held._torque.unknown[:6].all()
+
+
+def test_a_gap_of_a_motor_current_is_no_torque(log: pt.sensing.SensorLog, robot: pt.Robot) -> None:
+    motion = MotionPackets(robot, sensors_text(log))
+    for stamp in (0.0, 0.002, 0.1, 0.102):
+        motion._torque.add("ina226", stamp, np.full(8, 1.0))
+    found = motion._torque.at(np.array([0.001, 0.05, 0.101, 0.2]))[:, robot.index("left_plunge")]
+    np.testing.assert_allclose(found, [0.1, np.nan, 0.1, np.nan])  # A times 0.1 N m/A
+
+
+def test_descriptions_that_cannot_be_used_are_refused(
+    log: pt.sensing.SensorLog, robot: pt.Robot
+) -> None:
+    quaternion, text = robot.with_attitude("quaternion"), sensors_text(log)
+    with pytest.raises(ParameterError, match="Euler angles for raw sensors"):
+        MotionPackets(quaternion, text)
+    strange = text.replace('"body": "body"', '"body": "tail"')
+    for words in ("", "[]", "{}", '{"sensors": 1}', text.replace("Imu", "Gps")):
+        with pytest.raises(LogError, match="description of the sensors"):
+            MotionPackets(robot, words)
+    assert MotionPackets(robot, strange).columns  # where a sensor sits is asked at its first sample
+    queue = PacketQueue(10, 57, Intake(), robot)
+    reader = DatagramPackets(57, queue.intake, None, queue.describe)
+    header = np.array([1.0, -1.0]).astype("<f8").tobytes()
+    reader.take(header + b"no text")
+    reader.take(header + text.encode())
+    assert queue.motion is not None and queue.intake.bad_rows == 1
+    reader.take(header + text.replace("500", "501").encode())
+    assert "expected those described at first" in queue.intake.examples[-1]
+    plain = PacketQueue(10, 57, Intake(received=1), robot)
+    with pytest.raises(LogError, match="expected raw rows from the first"):
+        plain.describe(text)
+
+
+def test_a_listener_says_how_to_send(capsys: pytest.CaptureFixture[str]) -> None:
+    packets = _opened("udp://127.0.0.1:0", ["time"], None, None)
+    with packets._socket:
+        address = packets.address
+    said = capsys.readouterr().err
+    assert said.startswith(f"Listening at {address} for motion")
+    assert said.endswith(f"patagium send flight.nc {address}\n")
