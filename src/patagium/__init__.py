@@ -4,9 +4,9 @@ A robot file becomes compiled equations of motion; a gait and a model of the air
 become a flight; a flight becomes a learned model of the air. Everything is SI and
 radians; x forward, y left, z up.
 
-The names of daily work stand here. Four name spaces hold the rest: `patagium.air`,
-`patagium.sensing`, `patagium.learning` and `patagium.errors`. Names are resolved when
-first used, so that importing the package costs nothing.
+The names of daily work stand here. Five name spaces hold the rest: `patagium.air`,
+`patagium.control`, `patagium.sensing`, `patagium.learning` and `patagium.errors`. Names are
+resolved when first used, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from patagium.version import __version__
 
 if TYPE_CHECKING:
     from patagium import air as air
+    from patagium import control as control
     from patagium import errors as errors
     from patagium import learning as learning
     from patagium import sensing as sensing
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import DeLaurier as DeLaurier
     from patagium.aerodynamics import LiftingLine as LiftingLine
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
+    from patagium.control import trim as trim
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import PatagiumError as PatagiumError
     from patagium.learning import CubatureLearner as CubatureLearner
@@ -64,7 +66,7 @@ if TYPE_CHECKING:
     from patagium.viewer.replay import replay as replay
     from patagium.viewer.replay import still as still
 
-_NAME_SPACES = ("air", "errors", "learning", "sensing")
+_NAME_SPACES = ("air", "control", "errors", "learning", "sensing")
 _HOMES = {
     "errors": ("PatagiumError",),
     "robot": ("Robot", "load_robot", "load_urdf"),
@@ -105,6 +107,7 @@ _HOMES = {
         "refine",
         "tune",
     ),
+    "control": ("trim",),
     "live": ("Pipeline",),
     "viewer": ("replay", "still"),
 }

@@ -33,6 +33,7 @@ from patagium.cli import (
     send,
     simulate,
     stream,
+    trim,
     tune,
     view,
 )
@@ -79,7 +80,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    simulate, cycles, figures, view, inspect, import_log, motion, identify, tune, evaluate,
+    simulate, trim, cycles, figures, view, inspect, import_log, motion, identify, tune, evaluate,
     stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)

@@ -1,6 +1,18 @@
 """Control: exact derivatives of a wingbeat, periodic orbits, their stability, feedback."""
 
 from patagium.control.gait_family import GaitFamily, gait_family
+from patagium.control.orbit import NoOrbit, Orbit
+from patagium.control.trimming import free_parameters, trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 
-__all__ = ["FlightMap", "GaitFamily", "PrescribedRows", "Segments", "gait_family"]
+__all__ = [
+    "FlightMap",
+    "GaitFamily",
+    "NoOrbit",
+    "Orbit",
+    "PrescribedRows",
+    "Segments",
+    "free_parameters",
+    "gait_family",
+    "trim",
+]

@@ -124,27 +124,24 @@ class GaitFamily:
         frequency, amplitude, _, _ = self._shape(values)
         phase = np.pi * np.arange(2 * steps + 1) / steps
         pace = 2.0 * np.pi * frequency
-        order = np.arange(1, len(gait.sine) + 1)
-        wave = np.exp(1j * np.outer(phase, order)) * 1.0
+        order = 1j * np.arange(1, len(gait.sine) + 1)[:, None]
+        wave = np.exp(np.outer(phase, order))
         series = gait.cosine - 1j * gait.sine
-        g = [(wave * (1j * order) ** k @ series).real for k in range(4)]
-        joints = [pace**k * g[k] for k in range(3)]
-        leads = [pace**k * g[k + 1] for k in range(3)]
-        slopes = np.zeros((2 * steps + 1, 1 + 3 * n, 3 * n))
-        each = np.arange(n)
-        with np.errstate(divide="ignore"):
-            share = np.where(amplitude != 0, 1.0 / amplitude, 0.0)
-        for k in range(3):
-            slopes[:, 0, k * n + each] = k * joints[k] / frequency
-            slopes[:, 1 + each, k * n + each] = joints[k] * share
-            slopes[:, 1 + 2 * n + each, k * n + each] = leads[k]
-        slopes[:, 1 + n + each, each] = 1.0
-        position = gait.mean + joints[0]
-        time = phase / pace
-        table = np.column_stack([position, *joints[1:], air.uniform_wind_at(time)])
+        waves = (wave @ np.hstack([series * order**k for k in range(4)])).real
+        g = waves.reshape(len(phase), 4, n) * pace ** np.arange(4)[:, None]
+        joints, leads = g[:, :3], g[:, 1:] / pace
+        own = np.divide(1.0, amplitude, out=np.zeros(n), where=amplitude != 0)
+        way = self.directions
+        slopes = way[:, None, None, 1 : 1 + n] * own * joints
+        slopes = slopes + way[:, None, None, 1 + 2 * n :] * leads
+        slopes += way[:, :1, None, None] * (np.arange(3)[:, None] / frequency * joints)
+        slopes[:, :, 0] += way[:, None, 1 + n : 1 + 2 * n]
+        flat = np.ascontiguousarray(slopes.swapaxes(0, 1)).reshape(len(phase), len(way), 3 * n)
+        position = joints.reshape(len(phase), 3 * n).copy()
+        position[:, :n] += gait.mean
+        table = np.column_stack([position, air.uniform_wind_at(phase / pace)])
         step = 1.0 / (frequency * steps)
-        moved = np.einsum("pt,ntk->npk", self.directions, slopes)
-        return PrescribedRows(table, moved, step, -step / frequency * self.directions[:, 0])
+        return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
 
 
 def gait_family(

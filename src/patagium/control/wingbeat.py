@@ -130,6 +130,7 @@ class FlightMap:
         self._row_size = layout.row_size
         self._quaternions = np.array([places[0] for places in layout.quaternions], np.int64)
         self._slopes = _compiled_slopes(self)
+        self._library = None if self._slopes.seeded else load_kernel("wingbeat")
 
     def fly(self, states: Array, rows: PrescribedRows) -> Segments:
         """Segments of equal length from given states, with the derivatives of their ends.
@@ -159,7 +160,7 @@ class FlightMap:
         slopes[:, given + np.arange(own), joints + np.arange(own)] = 1.0
         steps = np.r_[rows.step_slopes, np.zeros(own)]
         task = PrescribedRows(np.ascontiguousarray(rows.table), slopes, rows.time_step, steps)
-        library = None if self._slopes.seeded else load_kernel("wingbeat")
+        library = self._library
         with np.errstate(all="ignore"):  # a flight that breaks is not finite, not a warning
             if library is None:
                 return _flown(self._slopes, np.array(states, float), task, self._quaternions)

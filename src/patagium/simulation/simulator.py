@@ -151,6 +151,12 @@ def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
     return _finite("v", np.zeros(robot.dof) if values is None else values, robot.dof_names)
 
 
+def _lags(aero: Aerodynamics, values: ArrayLike | None) -> Array:
+    """Initial states of the model of the air, zero by default, (n_z,)."""
+    names = tuple(f"lag state {k}" for k in range(aero.state_size))
+    return _finite("aero_state", np.zeros(len(names)) if values is None else values, names)
+
+
 def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
     vector = real_array(name, values).copy()
     if vector.shape != (len(names),):
@@ -169,12 +175,14 @@ class FlightOptions(TypedDict, total=False):
         v: Initial velocities, (n,) [m/s, rad/s]; zero where not given.
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+        aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero where not given.
     """
 
     q: ArrayLike | None
     v: ArrayLike | None
     added_mass: AddedMass | None
     load_cells: Sequence[InternalLoadCell]
+    aero_state: ArrayLike | None
 
 
 Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
@@ -279,7 +287,7 @@ class Simulator:
             ]
             return np.column_stack([*parts, aero.air.uniform_wind_at(time)])
 
-        state = layout.initial_state(q, v)
+        state = layout.initial_state(q, v, _lags(aero, options.get("aero_state")))
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
@@ -639,7 +647,7 @@ def simulate(
             q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes.
             v: Initial velocities, (n,) [m/s, rad/s]; likewise. A fixed mount allows none.
             added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
-            load_cells: Cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+            load_cells, aero_state: See `FlightOptions`.
             throw: Whether a run that stops early raises (default) or is returned as it is.
             progress: Function that takes the steps done and to do, called from time to time.
             controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).

@@ -82,15 +82,16 @@ class StateLayout:
         """Length of what is prescribed of a row."""
         return len(self.prescribed_coordinates) + 2 * len(self.prescribed) + 3
 
-    def initial_state(self, q: Array, v: Array) -> Array:
-        """State at the start, (size,): lag states, works and impulse are zero.
+    def initial_state(self, q: Array, v: Array, lags: Array) -> Array:
+        """State at the start, (size,): works and impulse are zero.
 
         Args:
             q: Initial coordinates of the robot, (n_q,) [m, rad, 1].
             v: Initial velocities of the robot, (n,) [m/s, rad/s].
+            lags: Initial lag states, (n_z,) [m/s, -].
         """
-        moving = np.concatenate([q[self._own_coordinates], v[self._own_dofs]])
-        return np.concatenate([moving, np.zeros(self.size - self.moving)])
+        moving = [q[self._own_coordinates], v[self._own_dofs], lags]
+        return np.concatenate([*moving, np.zeros(self.size - self.moving - len(lags))])
 
     def state_of_sample(self, samples: Mapping[str, Array], k: int) -> Array:
         """State at a recorded sample, (size,).

@@ -20,8 +20,8 @@ from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
 
 VERBS = (
-    *("simulate", "cycles", "figures", "view", "inspect", "import", "motion", "identify", "tune"),
-    *("evaluate", "stream", "send", "robots", "check", "cache"),
+    *("simulate", "trim", "cycles", "figures", "view", "inspect", "import", "motion", "identify"),
+    *("tune", "evaluate", "stream", "send", "robots", "check", "cache"),
 )
 SCREEN = 30
 """Lines of a terminal, and of the first screen of help."""

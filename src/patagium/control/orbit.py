@@ -1,0 +1,254 @@
+"""Periodic orbit of a flight: one wingbeat after which the body moves as before, elsewhere.
+
+Position and heading are left out, since nothing depends on them: what repeats is the state seen
+from a frame that goes along with the body and turns with its heading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.control.gait_family import GaitFamily
+from patagium.control.wingbeat import FlightMap, Segments
+from patagium.errors import positive
+from patagium.robot import Robot
+from patagium.simulation.gait_models import FourierGait
+from patagium.simulation.simulator import simulate
+
+Array = NDArray[np.float64]
+
+NEUTRAL = ("x", "y", "z", "yaw")
+"""Coordinates that nothing depends on."""
+
+
+class Frame:
+    """Coordinates of a state that goes along with the body and its heading.
+
+    Args:
+        names: Names of the entries of the state.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.size = len(names)
+        self.neutral = [names.index(name) for name in NEUTRAL]
+        self.kept = [k for k in range(self.size) if k not in self.neutral]
+        self.names = tuple(names[k] for k in self.kept)
+        self._along = [names.index(f"velocity of {name}") for name in "xy"]
+        self._yaw = names.index("yaw")
+
+    def seen(self, state: Array) -> tuple[Array, Array]:
+        """State with its velocity along and across the heading, (n,), and its derivative, (n, n).
+
+        Args:
+            state: State in the world, (n,) [SI].
+        """
+        cosine, sine = np.cos(state[self._yaw]), np.sin(state[self._yaw])
+        turn = np.array([[cosine, sine], [-sine, cosine]])
+        found, slope = state.copy(), np.eye(self.size)
+        found[self._along] = turn @ state[self._along]
+        slope[np.ix_(self._along, self._along)] = turn
+        along, across = found[self._along]
+        slope[self._along, self._yaw] = across, -along
+        return found, slope
+
+    def generators(self, state: Array) -> Array:
+        """Change of a state with position and heading, (n, 4) [SI].
+
+        Args:
+            state: State whose yaw is zero, (n,) [SI].
+        """
+        found = np.eye(self.size)[:, self.neutral]
+        along, across = state[self._along]
+        found[self._along, 3] = -across, along
+        return found
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Periodic orbit that was found.
+
+    Attributes:
+        robot: The machine.
+        aero: Model of the air around it.
+        added_mass: Inertia of the air, or None.
+        family: Gaits that the free parameters reach.
+        values: Values of the free parameters, (p,) [Hz, 1, rad or m, rad].
+        states: State at the beginning of each segment of the beat, (m, n) [SI].
+        segments: Ends and derivatives of the segments.
+        names: Names of the entries of the state.
+        steps: Time steps of the beat.
+        speed: Mean speed forward [m/s].
+        climb: Mean speed upward [m/s].
+        turn_rate: Mean rate of the heading [rad/s].
+        residual: Largest misfit of a segment, of the return and of the conditions [SI].
+        iterations: Newton steps that were taken.
+    """
+
+    robot: Robot
+    aero: Aerodynamics
+    added_mass: AddedMass | None = field(repr=False)
+    family: GaitFamily = field(repr=False)
+    values: Array
+    states: Array = field(repr=False)
+    segments: Segments = field(repr=False)
+    names: tuple[str, ...] = field(repr=False)
+    steps: int
+    speed: float
+    climb: float
+    turn_rate: float
+    residual: float
+    iterations: int
+    found: ClassVar[bool] = True
+
+    @property
+    def gait(self) -> FourierGait:
+        """Gait of the orbit."""
+        return self.family.gait(self.values)
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Free parameters by name [Hz, 1, rad or m, rad]."""
+        return dict(zip(self.family.names, map(float, self.values), strict=True))
+
+    @property
+    def period(self) -> float:
+        """Time of a wingbeat [s]."""
+        return 1.0 / self.gait.frequency
+
+    @property
+    def time_step(self) -> float:
+        """Time step of the map, and of `flight` [s]."""
+        return self.period / self.steps
+
+    @property
+    def map(self) -> FlightMap:
+        """Map of the flight, with its derivatives."""
+        return FlightMap(self.robot, self.aero, self.added_mass)
+
+    @property
+    def monodromy(self) -> Array:
+        """Derivative of the state after a beat by that before it, in the world, (n, n) [SI]."""
+        found = np.eye(len(self.names))
+        for slope in self.segments.by_state:
+            found = slope @ found
+        return found
+
+    @property
+    def return_slope(self) -> Array:
+        """Derivative of the return map, position and heading left out, (n - 4, n - 4) [SI]."""
+        frame = Frame(self.names)
+        _, slope = frame.seen(self.segments.ends[-1])
+        return np.asarray((slope @ self.monodromy)[np.ix_(frame.kept, frame.kept)])
+
+    def start(self) -> dict[str, Array]:
+        """Keywords of `simulate` that begin a flight on the orbit: q, v and states of the air."""
+        robot, state = self.robot, self.states[0]
+        q, v = robot.coordinates(), np.zeros(robot.dof)
+        motion = self.gait.motion(np.zeros(1))
+        passive = [i for i in range(robot.dof) if i not in robot.actuated]
+        q[passive], v[passive] = np.split(state[: 2 * len(passive)], 2)
+        q[list(robot.actuated)] = motion.position[0]
+        return {"q": q, "v": v, "aero_state": state[2 * len(passive) :]}
+
+    def flight(self, beats: float = 10.0, **options: Any) -> xr.Dataset:
+        """Flight that begins on the orbit, as `simulate` makes it.
+
+        Args:
+            beats: Its duration in wingbeats, rounded to time steps.
+            **options: Keywords of `simulate`, such as `controller`; they override the start.
+
+        Raises:
+            ParameterError: If an option is not possible.
+            SimulationFailed: If the flight broke.
+        """
+        count = max(1, round(positive("beats", beats) * self.steps))
+        given: dict[str, Any] = {**self.start(), "added_mass": self.added_mass, **options}
+        step = given.pop("time_step", self.time_step)
+        duration = given.pop("duration", count * step)
+        return simulate(
+            self.robot, self.aero, self.gait, duration=duration, time_step=step, **given
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Orbit as facts by name, with their units."""
+        pitch = self.states[:, self.names.index("pitch")]
+        facts: dict[str, Any] = {
+            "frequency_Hz": self.gait.frequency,
+            "speed_m_s": self.speed,
+            "climb_m_s": self.climb,
+            "turn_rate_rad_s": self.turn_rate,
+            "pitch_least_rad": float(pitch.min()),
+            "pitch_most_rad": float(pitch.max()),
+        }
+        for name, unit in zip(self.family.names, self.family.units, strict=True):
+            facts[f"{name}_{'over_cruise' if unit == '1' else unit}"] = self.parameters[name]
+        facts = {name: value if abs(value) > 1e-10 else 0.0 for name, value in facts.items()}
+        size = float(np.abs(np.linalg.eigvals(self.return_slope)).max())
+        facts |= {"largest_multiplier": size, "stable": size < 1}
+        return facts | {"residual_SI": self.residual, "newton_steps": self.iterations}
+
+    def __repr__(self) -> str:
+        frame = Frame(self.names)
+        pitch = np.degrees(self.states[:, self.names.index("pitch")])
+        size = np.sort(np.abs(np.linalg.eigvals(self.return_slope)))[::-1]
+        free = zip(
+            self.family.names, self.values, self.family.neutral, self.family.units, strict=True
+        )
+        lines = [
+            f"periodic orbit of {self.robot.name}, one beat of {self.period:.4g} s",
+            f"  speed {_said(self.speed)} m/s, climb {_said(self.climb)} m/s, "
+            f"turn {_said(np.degrees(self.turn_rate))} deg/s, "
+            f"pitch {pitch.min():.3g} to {pitch.max():.3g} deg",
+            "  free: "
+            + ", ".join(
+                f"{name} {_said(value)} {unit}".removesuffix(" 1") + f" (was {_said(was)})"
+                for name, value, was, unit in free
+            ),
+            f"  residual {self.residual:.1e} [SI] after {self.iterations} Newton steps, "
+            f"{len(frame.kept)} states, {self.steps} time steps",
+            f"  largest multipliers {', '.join(f'{one:.4f}' for one in size[:4])}: "
+            + ("stable" if size[0] < 1 else "unstable without feedback"),
+        ]
+        return "\n".join(lines)
+
+
+def _said(value: float) -> str:
+    """Number in four digits; 0 where it is rounding."""
+    return f"{value if abs(value) > 1e-10 else 0.0:.4g}"
+
+
+@dataclass(frozen=True)
+class NoOrbit:
+    """Search that found no periodic orbit, and why.
+
+    Attributes:
+        reason: What stood in the way.
+        remedy: What to do.
+        lacking: Mean force [N] and moment [N m] along and about x, y, z that the free parameters
+            could not give where the search stopped; empty where that was not the reason.
+        residual: Misfit that was left [SI].
+        iterations: Newton steps that were taken.
+        nearest: Where the search stopped: values of the free parameters by name.
+    """
+
+    reason: str
+    remedy: str
+    lacking: Mapping[str, float]
+    residual: float
+    iterations: int
+    nearest: Mapping[str, float]
+    found: ClassVar[bool] = False
+
+    def summary(self) -> dict[str, Any]:
+        """Search as facts by name."""
+        return {"found": False, **asdict(self)}
+
+    def __repr__(self) -> str:
+        return f"no periodic orbit: {self.reason}\n  remedy: {self.remedy}"

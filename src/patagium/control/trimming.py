@@ -1,0 +1,505 @@
+"""Trim: gait parameters and a state that repeats after a wingbeat, by Newton's method.
+
+A beat is cut into segments whose beginnings are unknowns too (multiple shooting), so that an
+unstable flight is no obstacle; all are eliminated but the first. Unknowns are then the state
+without position and heading, and the free gait parameters; conditions are its return, the turn of
+the heading, the climb and the speed. Steps are the smallest in the least-squares sense, in scaled
+unknowns: where there are more free parameters than conditions the gait stays near. A search that
+fails begins anew from the free flight of the gait and goes to the conditions in parts. Neglected:
+wind (an orbit is relative to the air), stops of joints but as limits of the gait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
+from patagium.control.gait_family import GaitFamily, gait_family, symmetric_parameters
+from patagium.control.orbit import Frame, NoOrbit, Orbit
+from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
+from patagium.dynamics import Dynamics
+from patagium.errors import ParameterError, finite
+from patagium.robot import Robot
+from patagium.simulation import gaits
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.simulator import check_keywords
+from patagium.simulation.steered_gait import SteeredGait
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-12
+"""Residual of an orbit [SI]: rounding of some thousand operations."""
+SEGMENTS = 40
+STEPS = 240
+"""Time steps of a beat, where none are given; of a beat beyond .24 s one a millisecond."""
+_NEWTON = 40  # steps at most
+_POINTS = 250  # flights of a search, at most
+_SHORTEST = 1.0 / 256  # part of a Newton step
+_RANK = 1e-9  # of singular values that count
+_STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
+
+
+class TrimOptions(TypedDict, total=False):
+    """Keywords that a trim may have and mostly has not.
+
+    Attributes:
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        start: Orbit to begin from; by default the robot's `cruise`.
+        steps: Time steps of a beat, a multiple of 40.
+    """
+
+    added_mass: AddedMass | None
+    start: Orbit | None
+    steps: int
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of an orbit beside its return.
+
+    Attributes:
+        turn_rate: Mean rate of the heading [rad/s].
+        climb: Mean speed upward [m/s], or None.
+        speed: Mean speed forward [m/s], or None.
+    """
+
+    turn_rate: float = 0.0
+    climb: float | None = None
+    speed: float | None = None
+
+    def beside(self, frame: Frame, end: Array, period: float) -> tuple[Array, Array, Array]:
+        """Misfits of all but the return, their slopes by the end and by the period.
+
+        Args:
+            frame: Frame of the state.
+            end: State at the end of a beat that began at the origin with zero yaw, (n,) [SI].
+            period: Time of the beat [s].
+
+        Returns:
+            Misfits, (c,) [rad, m]; slopes, (c, n) [SI], and (c,) [rad/s, m/s].
+        """
+        x, y, z, yaw = frame.neutral
+        ways, rates = [np.eye(frame.size)[yaw]], [self.turn_rate]
+        if self.climb is not None:
+            ways.append(np.eye(frame.size)[z])
+            rates.append(self.climb)
+        if self.speed is not None:
+            half = 0.5 * self.turn_rate * period  # of the turn; chord to arc
+            longer = half / np.sin(half) if half else 1.0
+            way = np.zeros(frame.size)
+            way[x], way[y] = longer * np.cos(half), longer * np.sin(half)
+            ways.append(way)
+            rates.append(self.speed)
+        slope, rate = np.array(ways), np.array(rates)
+        return slope @ end - rate * period, slope, -rate
+
+
+class _Point(NamedTuple):
+    """Point of the search: unknowns, the flight of all segments, and misfits."""
+
+    states: Array
+    values: Array
+    flown: Segments
+    rows: PrescribedRows
+    gaps: Array
+    misfit: Array
+    slope: Array
+    by_period: Array
+    size: float
+
+    @property
+    def period(self) -> float:
+        return self.rows.steps * self.rows.time_step
+
+    @property
+    def residual(self) -> float:
+        """Largest misfit [SI]."""
+        return float(max(np.abs(self.gaps).max(initial=0.0), np.abs(self.misfit).max()))
+
+
+class _Search:
+    """Search for orbits of one robot with some free parameters."""
+
+    def __init__(self, flight_map: FlightMap, family: GaitFamily, steps: int) -> None:
+        self.map, self.family, self.steps = flight_map, family, steps
+        self.frame = Frame(flight_map.names)
+        self.still = np.zeros(len(family.names), bool)
+        self._scale = np.array([_scale(name) for name in flight_map.names])
+        self._reach = np.array(
+            [
+                0.3 * abs(v) if n == "frequency" else 0.3
+                for n, v in zip(family.names, family.neutral, strict=True)
+            ]
+        )
+        self._pitch = flight_map.names.index("pitch")
+        self.iterations = self.points = 0
+
+    def point(self, states: Array, values: Array, conditions: Conditions) -> _Point:
+        """Flight of all segments and its misfits."""
+        self.points += 1
+        rows = self.family.rows(values, self.steps, self.map.aero.air)
+        flown = self.map.fly(states, rows)
+        period, frame = rows.steps * rows.time_step, self.frame
+        end, turned = frame.seen(flown.ends[-1])
+        others, ways, rates = conditions.beside(frame, flown.ends[-1], period)
+        misfit = np.r_[end[frame.kept] - states[0][frame.kept], others]
+        gaps = flown.ends[:-1] - states[1:]
+        scaled = np.r_[(gaps / self._scale).ravel(), misfit / self.rows_scale(len(others))]
+        size = float(np.linalg.norm(scaled))
+        slope = np.vstack([turned[frame.kept], ways])
+        by_period = np.r_[np.zeros(len(frame.kept)), rates]
+        return _Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
+
+    def rows_scale(self, others: int) -> Array:
+        """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
+        return np.concatenate([self._scale[self.frame.kept], np.ones(others)])
+
+    def system(self, at: _Point) -> tuple[Array, Array, list[tuple[Array, Array, Array]]]:
+        """Scaled Newton matrix and right-hand side, and how nodes follow the unknowns."""
+        n, kept = self.frame.size, self.frame.kept
+        by_state, by_value = np.eye(n), np.zeros((n, len(at.values)))
+        gap, nodes = np.zeros(n), []
+        gaps = np.vstack([at.gaps, np.zeros(n)])
+        for a, b, off in zip(at.flown.by_state, at.flown.by_parameter, gaps, strict=True):
+            nodes.append((by_state, by_value, gap))
+            by_state, by_value, gap = a @ by_state, a @ by_value + b, a @ gap + off
+        matrix = at.slope @ by_state[:, kept]
+        matrix[: len(kept)] -= np.eye(len(kept))
+        longer = at.rows.step_slopes * at.rows.steps
+        values = at.slope @ by_value + np.outer(at.by_period, longer)
+        right = -(at.misfit + at.slope @ gap)
+        rows = self.rows_scale(len(right) - len(kept))
+        reach = np.where(self.still, 0.0, self._reach)
+        scaled = np.hstack([matrix * self._scale[kept], values * reach]) / rows[:, None]
+        return scaled, right / rows, nodes
+
+    def step(self, at: _Point) -> tuple[Array, Array]:
+        """Newton step of all nodes, (m, n), and of the parameters, (p,)."""
+        matrix, right, nodes = self.system(at)
+        found = np.linalg.lstsq(matrix, right, rcond=_RANK)[0]
+        kept, first = self.frame.kept, np.zeros(self.frame.size)
+        first[kept] = found[: len(kept)] * self._scale[kept]
+        moved = found[len(kept) :] * np.where(self.still, 0.0, self._reach)
+        return np.array([a @ first + b @ moved + c for a, b, c in nodes]), np.asarray(moved, float)
+
+    def newton(self, at: _Point, conditions: Conditions) -> tuple[_Point, str]:
+        """Point where Newton's method ended, and why before an orbit; empty if it is one."""
+        if not np.isfinite(at.size):
+            return at, "the flight breaks within the first wingbeat"
+        for _ in range(_NEWTON):
+            if self.points > _POINTS:
+                break
+            if at.residual <= 0.1 * TOLERANCE:
+                break
+            states, values = self.step(at)
+            best, part = None, 1.0
+            while best is None and part >= _SHORTEST:
+                nodes, trial = at.states + part * states, at.values + part * values
+                upright = np.abs(nodes[:, self._pitch]).max() < _STEEPEST
+                if upright and self.family.gait(trial).frequency > 0:
+                    best = self.point(nodes, trial, conditions)
+                    if not best.size < (1.0 - 0.1 * part) * at.size:
+                        best = None
+                part /= 2
+            self.iterations += 1
+            if best is None:
+                break
+            at = best
+        return at, "" if at.residual <= TOLERANCE else "stalled"
+
+    def within(self, at: _Point, conditions: Conditions) -> tuple[_Point, str]:
+        """Orbit whose gait keeps the limits: parameters that would exceed one are held there."""
+        begin = at
+        at, trouble = self.newton(at, conditions)
+        for _ in self.still:
+            excess = "" if trouble else self.excess(at.values)
+            if not excess:
+                return at, trouble
+            k = self._moved_by(excess, at.values)
+            if k is None:
+                return at, excess
+            values, low, high = at.values.copy(), self.family.neutral[k], at.values[k]
+            for _ in range(30):
+                values[k] = 0.5 * (low + high)
+                low, high = (low, values[k]) if self._same(excess, values) else (values[k], high)
+            values[:] = np.where(self.still, at.values, begin.values)
+            values[k], self.still[k] = low, True
+            at, trouble = self.newton(self.point(begin.states, values, conditions), conditions)
+            trouble = excess if trouble else ""
+        return at, trouble or self.excess(at.values)
+
+    def _same(self, excess: str, values: Array) -> bool:
+        """Whether a gait exceeds a limit of the same joint."""
+        return self.excess(values).partition(" ")[0] == excess.partition(" ")[0]
+
+    def _moved_by(self, excess: str, values: Array) -> int | None:
+        """Free parameter that moved the joint of an excess most, or None."""
+        joint, joints = excess.partition(" ")[0], self.family.base.joints
+        n = len(joints)
+        places = [0] if joint == "frequency" else [1 + joints.index(joint) + n * k for k in (0, 1)]
+        moved = np.abs(values - self.family.neutral) / self._reach
+        moved[self.still | ~self.family.directions[:, places].any(axis=1)] = -1.0
+        return int(np.argmax(moved)) if moved.max() >= 0.0 else None
+
+    def excess(self, values: Array) -> str:
+        """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
+        robot, gait = self.map.robot, self.family.gait(values)
+        if not gait.frequency > 0:
+            return f"frequency would be {gait.frequency:.3g} Hz"
+        position = gait.motion(np.arange(64) / 64 / gait.frequency).position
+        for joint, i, motion in zip(gait.joints, robot.actuated, position.T, strict=True):
+            low, high = robot.lower[i], robot.upper[i]
+            if motion.min() < low - gaits.MARGIN or motion.max() > high + gaits.MARGIN:
+                return (
+                    f"{joint} would go from {motion.min():.3g} to {motion.max():.3g} "
+                    f"{robot.dof_units[i]}, and its limits are {low:.3g} to {high:.3g}"
+                )
+        for name, actuator in robot.actuators.items():
+            kind, joints = robot.command(name)
+            for joint in ("frequency",) if kind == "frequency" else joints:
+                value = gait.frequency
+                if kind != "frequency":
+                    place = gait.joints.index(joint)
+                    half = float(np.ptp(position[:, place])) / 2
+                    value = {"amplitude": half, "offset": float(gait.mean[place])}.get(kind, 0.0)
+                low, high = actuator.range
+                if not low - 1e-5 <= value <= high + 1e-5:
+                    return (
+                        f"{joint} would need {name} {value:.3g} {actuator.unit}, and its "
+                        f"actuator gives {low:.3g} to {high:.3g}"
+                    )
+        return ""
+
+
+def _scale(name: str) -> float:
+    """Size that a change of a state is measured by [SI]."""
+    if not name.startswith("velocity of "):
+        return 1.0
+    return 3.0 if name[12:] in ("x", "y", "z") else 20.0
+
+
+def trim(
+    robot: Robot,
+    aero: Aerodynamics | None = None,
+    gait: Gait | None = None,
+    *,
+    free: Sequence[str] | None = None,
+    speed: float | None = None,
+    climb: float | None = 0.0,
+    turn_rate: float = 0.0,
+    **options: Unpack[TrimOptions],
+) -> Orbit | NoOrbit:
+    """Periodic orbit of a flapping flight, or equilibrium of a glide.
+
+    Args:
+        robot: The machine, with a floating body and Euler angles.
+        aero: Model of the air around it, in air at rest; quasi-steady by default.
+        gait: Gait to begin from; by default that of the robot's section `cruise`.
+        free: Gait parameters that may change, by the names of `gait_family`; by default the
+            commands of the robot's `actuators` that keep the gait mirrored, else all such
+            parameters.
+        speed: Mean speed forward [m/s]; None leaves it free, 0 hovers.
+        climb: Mean speed upward [m/s]; None leaves it free.
+        turn_rate: Mean rate of the heading, positive to the left [rad/s].
+        **options: Keywords of `TrimOptions`, all optional.
+
+    Returns:
+        The orbit; or a `NoOrbit` that says what stood in the way and what to do. `found` tells
+        them apart.
+
+    Raises:
+        ParameterError: If an argument is not what it may be, there are more conditions than free
+            parameters, or limits of joints or actuators exclude the gait.
+    """
+    check_keywords(options, TrimOptions)
+    start, aero = options.get("start"), aero or QuasiSteady(robot)
+    _check(robot, aero)
+    gait = gait or (start.gait if start else gaits.cruise(robot))
+    conditions = Conditions(finite("turn_rate", turn_rate), climb, speed)
+    family = _family(robot, gait, free, conditions)
+    steps = _steps(family, options.get("steps"))
+    search = _Search(FlightMap(robot, aero, options.get("added_mass")), family, steps)
+    excess = search.excess(family.neutral)
+    if excess:
+        raise ParameterError("gait", "a gait within the limits of the robot", excess)
+    states = _first_states(search, robot, start)
+    at, trouble = _searched(search, states, conditions)
+    if trouble:
+        return _not_found(search, at, trouble)
+    return _orbit(search, at, options.get("added_mass"))
+
+
+def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
+    """Gaits that the free parameters reach; refused where conditions are more, or impossible."""
+    names = tuple(free) if free is not None else free_parameters(robot, gait)
+    given = {"speed": wanted.speed, "climb": wanted.climb}
+    asked = [finite(name, value) for name, value in given.items() if value is not None]
+    count = len(asked) + (wanted.turn_rate != 0)
+    if count > len(names):
+        told = f"at least {count} of them, one for each of speed, climb and turn rate asked for"
+        raise ParameterError("free", told, ", ".join(names) or "none")
+    if gait.period is None and wanted.climb == 0:
+        expected = "None or below 0, as a gait that stands still glides"
+        raise ParameterError("climb", expected, wanted.climb)
+    SteeredGait(robot, gait)  # refuses a gait that ranges of actuators exclude
+    return gait_family(robot, gait, names)
+
+
+def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
+    """Names of the gait parameters that a trim changes where none are given.
+
+    Args:
+        robot: The machine.
+        gait: Its gait.
+    """
+    every = symmetric_parameters(robot, gait)
+    own = {name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
+    return tuple(name for name in every if name in own) or every
+
+
+def _check(robot: Robot, aero: Aerodynamics) -> None:
+    """Refuse a robot or air whose orbits are not those of this module."""
+    if not robot.floating:
+        raise ParameterError("robot", "a robot with a floating body", robot.name)
+    if robot.attitude == "quaternion":
+        expected = 'one with Euler angles (robot.with_attitude("euler"))'
+        raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
+    if aero.air.gust is not None or np.any(aero.air.wind):
+        raise ParameterError("aero", "air at rest (an orbit is relative to the air)", aero.air)
+
+
+def _steps(family: GaitFamily, given: int | None) -> int:
+    """Time steps of a beat."""
+    if given is not None:
+        if given < SEGMENTS or given % SEGMENTS:
+            raise ParameterError("steps", f"a positive multiple of {SEGMENTS}", given)
+        return int(given)
+    return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))
+
+
+def _first_states(search: _Search, robot: Robot, start: Orbit | None) -> Array:
+    """States of the nodes to begin from: those of an orbit, or of the cruise at one attitude."""
+    if start is not None and start.names == search.map.names:
+        return start.states
+    names, cruise = search.map.names, robot.cruise
+    states = np.zeros((SEGMENTS, len(names)))
+    if cruise is not None:
+        time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
+        states[:, names.index("pitch")] = cruise.pitch
+        states[:, names.index("velocity of x")] = cruise.speed
+        states[:, names.index("x")] = cruise.speed * time
+    return states
+
+
+def _searched(search: _Search, states: Array, wanted: Conditions) -> tuple[_Point, str]:
+    """Orbit from a guess, at once or in parts, and what stood in the way."""
+    values = search.family.neutral
+    at, trouble = search.within(search.point(states, values, wanted), wanted)
+    if not trouble or (wanted.climb is None and wanted.speed is None):
+        return at, trouble
+    loose = replace(wanted, climb=None, speed=None)
+    search.still[:] = True  # the gait's own free flight
+    begin, failed = search.newton(search.point(states, values, loose), loose)
+    search.still[:] = False
+    if failed:
+        return at, trouble
+    x, _, z, _ = search.frame.neutral
+    away = begin.flown.ends[-1] / begin.period
+    done, part = 0.0, 0.25
+    while done < 1.0 and part >= 1.0 / 64:
+        share = min(1.0, done + part)
+        now = replace(
+            wanted,
+            climb=None if wanted.climb is None else away[z] + share * (wanted.climb - away[z]),
+            speed=None if wanted.speed is None else away[x] + share * (wanted.speed - away[x]),
+        )
+        held = search.still.copy()
+        at, trouble = search.within(search.point(begin.states, begin.values, now), now)
+        if trouble:
+            search.still[:], part = held, part / 2
+        else:
+            begin, done, part = at, share, 2 * part
+    return at, trouble
+
+
+def _orbit(search: _Search, at: _Point, added_mass: AddedMass | None) -> Orbit:
+    """Orbit of a point whose misfits are rounding."""
+    x, y, z, yaw = search.frame.neutral
+    end, period = at.flown.ends[-1], at.period
+    half = 0.5 * end[yaw]
+    longer = half / np.sin(half) if half else 1.0
+    forward = longer * (np.cos(half) * end[x] + np.sin(half) * end[y])
+    return Orbit(
+        search.map.robot,
+        search.map.aero,
+        added_mass,
+        search.family,
+        at.values,
+        at.states,
+        at.flown,
+        search.map.names,
+        search.steps,
+        float(forward / period),
+        float(end[z] / period),
+        float(end[yaw] / period),
+        at.residual,
+        search.iterations,
+    )
+
+
+_COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+
+
+def _not_found(search: _Search, at: _Point, trouble: str) -> NoOrbit:
+    """Failure of a search in words: a limit, authority that lacks, or a stall."""
+    lacking: dict[str, float] = {}
+    remedy = "begin from an orbit nearby (start=), or free other parameters (free=)"
+    reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
+    if trouble != "stalled":
+        reason, remedy = trouble, "widen that limit, or free other parameters (free=)"
+    if not np.isfinite(at.residual):
+        remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
+    elif trouble == "stalled":
+        matrix, right, _ = search.system(at)
+        left, sizes, _ = np.linalg.svd(matrix)
+        asked = left.T @ right
+        weak = (
+            np.abs(asked)
+            / np.r_[np.maximum(sizes, _RANK), np.full(len(right), _RANK)][: len(right)]
+        )
+        worst = int(np.argmax(weak))
+        lacking = _mean_wrench(search, at, -left[:, worst] * asked[worst])
+        most = max(lacking, key=lambda name: abs(lacking[name]) * _LEVER[name[0]])
+        unit = "N m" if most.startswith("moment") else "N"
+        reason += f"; what the free parameters hardly reach is {lacking[most]:.2g} {unit} of {most}"
+    names = search.family.names
+    nearest = dict(zip(names, map(float, at.values), strict=True))
+    return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)
+
+
+_LEVER = {"f": 0.1, "m": 1.0}
+"""Length by which a force and a moment are compared [m]."""
+
+
+def _mean_wrench(search: _Search, at: _Point, left: Array) -> dict[str, float]:
+    """Mean force [N] and moment [N m] along x, y, z that scaled misfits of a beat stand for."""
+    robot, names = search.map.robot, search.map.names
+    misfit = left * search.rows_scale(len(left) - len(search.frame.kept))
+    change = np.zeros(6)
+    for k, name in enumerate(search.frame.names):
+        place = name.removeprefix("velocity of ")
+        if place in robot.dof_names[:6]:
+            rate = 1.0 if name != place else 1.0 / at.period
+            change[robot.dof_names.index(place)] += rate * misfit[k]
+    for place, value in zip(("yaw", "z", "x"), misfit[len(search.frame.kept) :], strict=False):
+        change[robot.dof_names.index(place)] += value / at.period
+    q = robot.coordinates()
+    q[:6] = at.states[0][[names.index(name) for name in robot.dof_names[:6]]]
+    mass = Dynamics(robot).mass_matrix(q)[:6, :6]
+    wrench = mass @ change / at.period
+    return dict(zip(_COMPONENTS, map(float, wrench), strict=True))

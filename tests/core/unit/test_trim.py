@@ -1,0 +1,178 @@
+"""Trim: orbits that repeat in the simulator, conditions, refusals, and what is lacking."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.control import free_parameters
+from patagium.control.orbit import Frame
+from patagium.errors import ParameterError
+
+
+@pytest.fixture(scope="module")
+def aerobat():
+    return pt.load_robot("aerobat")
+
+
+@pytest.fixture(scope="module")
+def orbit(aerobat):
+    return pt.trim(aerobat, speed=4.5)
+
+
+def misfit(orbit, flight):
+    """Largest change of the state over the flight, position and heading left out."""
+    passive = [i for i in range(orbit.robot.dof) if i not in orbit.robot.actuated]
+    states = np.column_stack([flight.q.values[:, passive], flight.v.values[:, passive]])
+    frame = Frame(orbit.names[: states.shape[1]])
+    ends = [frame.seen(states[k])[0][frame.kept] for k in (0, -1)]
+    return np.abs(ends[1] - ends[0]).max()
+
+
+def test_an_orbit_repeats_in_the_simulator(orbit):
+    assert orbit.found and orbit.residual <= 1e-12
+    flight = orbit.flight(beats=1)
+    assert misfit(orbit, flight) <= 1e-12
+    assert np.ptp(flight.q.sel(dof="pitch").values) > 1e-3  # it is no equilibrium
+    assert misfit(orbit, orbit.flight(beats=20)) <= 1e-10  # of a stable flight
+    moved = flight.q.values[-1] - flight.q.values[0]
+    assert moved[0] / orbit.period == pytest.approx(4.5, rel=1e-12)
+    assert abs(moved[2]) <= 1e-12
+
+
+def test_the_orbit_says_itself_in_ten_lines(orbit):
+    text = repr(orbit)
+    assert len(text.splitlines()) <= 10
+    for word in ("m/s", "deg", "frequency", "Hz", "residual", "multipliers", "stable"):
+        assert word in text
+
+
+def test_conditions_of_climb_and_turn_hold(aerobat):
+    free = ("frequency", "feather_offset", "feather_offset_difference", "plunge_amplitude")
+    orbit = pt.trim(aerobat, free=free, climb=0.2, turn_rate=0.3)
+    assert orbit.found, orbit
+    assert orbit.climb == pytest.approx(0.2, abs=1e-10)
+    assert orbit.turn_rate == pytest.approx(0.3, abs=1e-10)
+    flight = orbit.flight(beats=1)
+    assert misfit(orbit, flight) <= 1e-11
+    assert flight.q.sel(dof="yaw").values[-1] == pytest.approx(0.3 * orbit.period, abs=1e-11)
+    assert abs(orbit.parameters["feather_offset_difference"]) > 1e-4
+
+
+def test_one_robot_hovers_and_glides_another(tmp_path):
+    dragonfly = pt.load_robot("dragonfly")
+    hover = pt.trim(dragonfly, speed=0.0)
+    assert hover.found and hover.residual <= 1e-12
+    assert misfit(hover, hover.flight(beats=1)) <= 1e-11
+    moved = hover.segments.ends[-1][:3]
+    assert np.abs(moved).max() < 1e-12
+    hawk = pt.load_robot("hawk")
+    glide = pt.trim(hawk, climb=None, free=("elevation_offset",))
+    assert glide.found and glide.climb < -0.5 and glide.speed > 2.0
+    assert np.ptp(glide.states[:, glide.names.index("pitch")]) < 1e-12
+
+
+def test_lag_states_are_on_the_orbit(tmp_path):
+    from tests.core.gradient.test_wingbeat_derivatives import FLAPPER
+
+    file = tmp_path / "flapper.yaml"
+    file.write_text(FLAPPER)
+    robot = pt.load_robot(str(file))
+    gait = pt.gaits.sinusoidal(
+        robot, frequency=9.0, plunge=0.6, feather=0.3, phase={"feather": 1.5}
+    )
+    orbit = pt.trim(robot, pt.LiftingLine(robot), gait, climb=None, steps=80)
+    assert orbit.found, orbit
+    assert len(orbit.start()["aero_state"]) > 0
+    flight = orbit.flight(beats=1)
+    lags = flight.aero_state.values
+    assert np.abs(lags[-1] - lags[0]).max() <= 1e-11
+    assert np.abs(lags).max() > 1e-3
+
+
+def test_parameters_stop_at_limits():
+    ornithopter = pt.load_robot("ornithopter")
+    orbit = pt.trim(ornithopter, speed=7.0)
+    assert orbit.found
+    plunge = orbit.flight(beats=1).q.sel(dof="left_plunge").values
+    assert plunge.min() >= ornithopter.lower[ornithopter.index("left_plunge")] - 1e-9
+    assert orbit.parameters["plunge_amplitude"] == pytest.approx(1.0018, abs=1e-3)  # 45 deg
+
+
+def test_what_lacks_is_said():
+    failed = pt.trim(pt.load_robot("ornithopter"), free=("frequency",))
+    assert not failed.found
+    assert "moment_y" in failed.reason and "N m" in failed.reason  # no elevator, no pitch
+    assert abs(failed.lacking["moment_y"]) > 1e-5
+    assert "free" in failed.remedy and "remedy" in repr(failed)
+    assert failed.residual > 1e-6
+
+
+def test_a_start_that_breaks_is_a_reason(aerobat):
+    gait = pt.gaits.sinusoidal(aerobat, frequency=19.0, plunge=3.0, feather=3.0, elbow=3.0)
+    light = aerobat.with_parameters({"body.mass": 1e-6})
+    robot = replace(light, actuators={})
+    failed = pt.trim(robot, gait=gait, free=("frequency",), steps=40)
+    assert not failed.found and failed.remedy
+
+
+def test_refusals(aerobat):
+    with pytest.raises(ParameterError, match="at least 2"):
+        pt.trim(aerobat, free=("frequency",), speed=4.0)
+    with pytest.raises(ParameterError, match="gait parameter"):
+        pt.trim(aerobat, free=("tail_offset",))
+    with pytest.raises(ParameterError, match="air at rest"):
+        pt.trim(aerobat, pt.QuasiSteady(aerobat, pt.Air(wind=(1.0, 0.0, 0.0))))
+    with pytest.raises(ParameterError, match="Euler"):
+        pt.trim(aerobat.with_attitude("quaternion"))
+    with pytest.raises(ParameterError, match="floating"):
+        pt.trim(pt.load_robot("ur5e"))
+    with pytest.raises(ParameterError, match="multiple of 40"):
+        pt.trim(aerobat, steps=50)
+    with pytest.raises(ParameterError, match="glides"):
+        pt.trim(pt.load_robot("hawk"))
+    with pytest.raises(ParameterError, match="range that holds the gait"):
+        pt.trim(aerobat, gait=pt.gaits.sinusoidal(aerobat, frequency=25.0, plunge=0.8))
+    with pytest.raises(TypeError, match="mass"):
+        pt.trim(aerobat, mass=3)
+
+
+def test_free_parameters_are_the_actuators(aerobat):
+    gait = pt.gaits.cruise(aerobat)
+    assert set(free_parameters(aerobat, gait)) == {
+        *("frequency", "plunge_amplitude", "feather_amplitude", "feather_offset")
+    }
+    dragonfly = pt.load_robot("dragonfly")
+    assert "hind_plunge_phase" in free_parameters(dragonfly, pt.gaits.cruise(dragonfly))
+
+
+def say(capsys, *words):
+    with pytest.raises(SystemExit) as left:
+        run([str(word) for word in words])
+    said = capsys.readouterr()
+    return left.value.code or 0, said.out, said.err
+
+
+def test_the_verb_finds_writes_and_says_what_next(tmp_path, capsys):
+    file = tmp_path / "trimmed.nc"
+    code, out, err = say(capsys, "trim", "aerobat", "-o", file, "--beats", 2)
+    assert code == 0
+    for word in ("frequency Hz", "speed m s", "largest multiplier", "feather offset rad"):
+        assert word in out
+    assert "free: frequency" in err and "Next: patagium view" in err
+    flight = pt.load_flight(file)
+    assert flight.attrs["outcome"] == "COMPLETED"
+    assert abs(flight.q.sel(dof="z").values[-1]) < 1e-9
+
+
+def test_the_verb_says_what_lacks(capsys):
+    code, out, err = say(capsys, "trim", "ornithopter", "--free", "frequency", "--json")
+    assert code == 2 and "remedy" in err
+    assert json.loads(out)["lacking"]["moment_y"] != 0
+    code, out, err = say(capsys, "trim", "aerobat", "--free", "frequency", "--speed", 4)
+    assert code == 2 and "at least 2" in err
