@@ -18,7 +18,10 @@ EXAMPLES = (
     "patagium view before.nc after.nc -o both.html",
     'patagium view flight.nc --predictions predictions.nc --start "1 s" --end "1.5 s"',
     'patagium view flight.nc --still flight.png --at "0.3 s"',
+    'patagium view flight.nc --film flight.gif --start "1.8 s" --end "2 s"',
 )
+PANELS = {"A picture or a film instead of a page": "still at film"}
+"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 def view(
@@ -49,6 +52,10 @@ def view(
         Path | None,
         typer.Option(help="File for a picture of one moment instead (.png, .svg, .pdf)."),
     ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(help="File for a film of --start to --end instead (.gif; .mp4: [film])."),
+    ] = None,
     at: Annotated[
         Any,
         typer.Option(parser=quantity("s", "a time"), help="That moment; the middle by default."),
@@ -56,7 +63,7 @@ def view(
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
 
-    With --still a picture of one moment instead.
+    With --still a picture of one moment instead, with --film a film of --start to --end.
 
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
@@ -73,6 +80,9 @@ def view(
         raise ParameterError("flights", "one or two", len(flights))
     if still is not None:
         _draw(flight, still, at, _predicted(model, predictions))
+        return
+    if film is not None:
+        _film(flight, film, _predicted(model, predictions), start, end)
         return
     if at is not None:
         raise ParameterError("--at", "--still, the picture it is for, as well", "none")
@@ -94,6 +104,19 @@ def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | 
 
     save_figure(still(load_flight(existing(flight)), at, predicted=predicted), picture)
     typer.echo(f"The picture is in {picture}", err=True)
+
+
+def _film(
+    flight: Path, path: Path, predicted: Predicted | None, start: float | None, end: float | None
+) -> None:
+    from patagium.cli.words import existing, progress_bar
+    from patagium.simulation import load_flight
+    from patagium.viewer.film import film
+
+    with progress_bar("Filming") as progress:
+        recorded = load_flight(existing(flight))
+        film(recorded, path, predicted=predicted, start=start, end=end, progress=progress)
+    typer.echo(f"The film is in {path}", err=True)
 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:

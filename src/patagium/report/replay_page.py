@@ -189,7 +189,7 @@ def _json(words: dict[str, Any]) -> str:
 
 
 def _content(replay: Replay) -> dict[str, Any]:
-    """What a page shows as JSON-able values."""
+    """Content of a page as JSON-able values."""
     return {
         "title": replay.title,
         "period": replay.period,

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +29,8 @@ _SUN = np.array([-0.4, -0.7, 1.4]) / np.linalg.norm([-0.4, -0.7, 1.4])
 _AROUND, _ALONG = 28, 18  # faces around and along what is round
 
 
-class Camera(NamedTuple):
+@dataclass(frozen=True)
+class Camera:
     """Camera of a picture.
 
     Attributes:
@@ -39,6 +41,7 @@ class Camera(NamedTuple):
     eye: Array
     target: Array
 
+    @cached_property
     def axes(self) -> Array:
         """Rows: to the right, up and toward the eye, (3, 3)."""
         back = self.eye - self.target
@@ -53,7 +56,7 @@ class Camera(NamedTuple):
         Args:
             points: In the world, (..., 3) [m].
         """
-        local = (np.asarray(points, float) - self.eye) @ self.axes().T
+        local = (np.asarray(points, float) - self.eye) @ self.axes.T
         depth = np.maximum(-local[..., 2], 1e-6)
         return local[..., :2] / depth[..., None], depth
 
@@ -262,8 +265,22 @@ _LONGEST = 0.5  # arrow, but for the largest 2 %, over what the robot reaches
 
 
 @styled
+def room_of(replay: Replay, frames: Sequence[int]) -> Array:
+    """Corners of the robot at some frames, relative to its origin, (N, 3) [m].
+
+    Args:
+        replay: What is to be shown.
+        frames: Which of its times.
+    """
+    return np.concatenate([_Bodies(replay, k).points() - replay.origin[k] for k in frames])
+
+
 def draw_still(
-    replay: Replay, frame: int, *, seen_from: tuple[float, float, float] = OBLIQUE
+    replay: Replay,
+    frame: int,
+    *,
+    seen_from: tuple[float, float, float] = OBLIQUE,
+    room: Array | None = None,
 ) -> Figure:
     """A moment of a flight in perspective.
 
@@ -271,9 +288,11 @@ def draw_still(
         replay: What is to be shown.
         frame: Which of its times.
         seen_from: Direction from the robot to the eye, (3,) [-].
+        room: What the picture holds, relative to the robot's origin, (N, 3) [m]; None: the robot
+            and its arrows. The same in all pictures of a film.
     """
     bodies = _Bodies(replay, frame)
-    points = bodies.points()
+    points = bodies.points() if room is None else replay.origin[frame] + room
     target = (points.min(axis=0) + points.max(axis=0)) / 2
     direction = np.array(seen_from) / np.linalg.norm(seen_from)
     reach = float(np.linalg.norm(points - target, axis=1).max())
@@ -294,7 +313,7 @@ def draw_still(
     axes.set_axis_off()
     for part in (floor, shadow, painting):
         part.paint(axes)
-    _frame(axes, camera, np.concatenate([points, ends]))
+    _frame(axes, camera, np.concatenate([points, ends]) if room is None else points)
     words = [
         f"arrows: {one:.1g} N = {_length(one * scale)}" for one in _legend_forces(scale, reach)
     ]

@@ -184,7 +184,9 @@ def test_every_import_is_declared() -> None:
     formats = [
         line for extra in ("logs", "ardupilot") for line in project["optional-dependencies"][extra]
     ]
-    pages = project["optional-dependencies"]["viewer"]
+    pages = [
+        line for extra in ("viewer", "film") for line in project["optional-dependencies"][extra]
+    ]
     search = project["optional-dependencies"]["tune"]
     core = {canonical(line) for line in project["dependencies"]}
     distributions = {**importlib.metadata.packages_distributions(), "pinocchio": ["pin"]}

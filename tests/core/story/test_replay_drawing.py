@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from numpy.typing import NDArray
+from PIL import Image
 
 import patagium as pt
+from patagium.errors import ParameterError
+from patagium.viewer import film as films
 
 from ...chromium import Chromium, found
 
@@ -122,3 +126,31 @@ def test_at_rest_the_robot_is_drawn_with_all_dots(
     assert browser.ask(moving) is True  # a finger on the button
     browser.size(500, 360)
     assert browser.complaints == []
+
+
+@pytest.mark.parametrize("kind", ["gif", "mp4"])
+def test_a_film_has_its_pictures_and_the_robot_stays_in_them(
+    flight: xr.Dataset, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(films, "PICTURES", 3)
+    path, told = tmp_path / f"flight.{kind}", []
+    if kind == "mp4" and find_spec("imageio_ffmpeg") is None:
+        with pytest.raises(ParameterError, match=r"patagium\[film\]"):
+            films.film(flight, path)
+        assert not path.exists()
+        return
+    films.film(flight, path, start=0.1, end=0.3, progress=lambda done, total: told.append(done))
+    assert told == [1, 2, 3]
+    if kind == "mp4":
+        assert path.read_bytes()[4:8] == b"ftyp"
+        return
+    with Image.open(path) as film:
+        assert film.n_frames == 3 and film.info["loop"] == 0
+        edge = np.array(film.convert("RGB"))[[0, -1]]
+        wing = np.abs(edge.astype(int) - [159, 192, 216]).max(axis=-1) < 12
+        assert not wing.any()
+
+
+def test_a_film_of_another_kind_is_refused(flight: xr.Dataset, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="gif or"):
+        films.film(flight, tmp_path / "flight.webm")
