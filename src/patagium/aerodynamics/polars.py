@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import isfinite, pi, radians
+from math import cos, isfinite, pi, radians, sin
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import casadi as ca
@@ -114,6 +114,7 @@ def section_flow(forward: Any, normal: Any) -> SectionFlow:
 
 
 _Kind = TypeVar("_Kind", bound="Polar")
+_SMALL = (-radians(5.0), radians(5.0))  # angle of the velocity: incidence of the other sign
 
 
 class Polar(Protocol):
@@ -150,6 +151,19 @@ class Polar(Protocol):
             parameters: Values or symbols in the order of `parameter_names`.
         """
         ...
+
+    def downwash_factor(self, parameters: Any) -> Any:
+        """Angle of downwash over C_L that the polar holds already, scalar [rad].
+
+        1/a - 1/(2 pi), a the slope of C_L within 5 degrees of zero: a polar that was measured
+        on a wing that ends is flatter than a section's by what its tip vortices induce.
+
+        Args:
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        sides = [self.coefficients(section_flow(cos(a), sin(a)), parameters)[0] for a in _SMALL]
+        slope = (sides[0] - sides[1]) / (_SMALL[1] - _SMALL[0])
+        return ca.fmax(1.0 / ca.fmax(slope, 0.1) - 1.0 / (2 * pi), 0.0)
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""

@@ -109,6 +109,7 @@ class QuasiSteady(Aerodynamics):
         lift, drag = self.polar.coefficients(flow, polar)
         mass_flow = density * strip.width * strip.chord * flow.speed / 2
         across, along = mass_flow * lift, mass_flow * drag
+        downwash = lift * flow.forward_sign * flow.speed * self.polar.downwash_factor(polar)
         if self.rotational:
             circulation = parameters[-1] * strip.chord**2 * motion.pitch_rate
             across = across + density * strip.width * circulation
@@ -118,4 +119,5 @@ class QuasiSteady(Aerodynamics):
             normal=across * flow.forward - along * flow.normal,
             ahead=ahead,
             angle_of_attack=flow.angle_of_attack,
+            downwash=downwash,
         )

@@ -1,0 +1,346 @@
+"""Induced inflow of the strokes: air that the wings have set in motion meets them again.
+
+Flapping wings throw air downwards through the area that they sweep, and work in that stream.
+Momentum theory gives its velocity, the air's own inertia the time that it takes. It is put on
+any model of the air, which then sees it as wind. Neglected: how the inflow is spread over the
+stroke, the wake's swirl and contraction, the part of a wing in another wing's wake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isfinite, pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.indicial import Relaxation
+from patagium.aerodynamics.local_flow import velocity_at
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.smooth_functions import smooth_norm
+from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import Pose, body_poses, body_velocities
+from patagium.errors import ParameterError
+from patagium.robot.model import Robot, Strip
+
+Array = NDArray[np.float64]
+
+NUMBERS = ("induced_factor", "apparent_mass", "memory")
+"""Parameters that follow those of the model, in their order."""
+TANDEM = 0.5
+"""Distance of two roots along the body below which their strokes are one, over the length."""
+
+
+@dataclass(frozen=True)
+class Inflow(Aerodynamics):
+    """Model of the air with the velocity that its own forces induce through the strokes.
+
+    Wings whose roots are close (left and right, fore and hind) sweep one stroke. With F the
+    force of the air on them, V their velocity through the air, u the induced velocity (world
+    axes, the same for all of their strips) and w what the model itself says of its downwash,
+
+        m du/dt = -k F - 2 rho A |u - V| (u + w),   m = mu rho (A/pi)^(3/2),
+
+    so that at rest u = sqrt(k T / 2 rho A) for a thrust T, in fast flight it fades as Glauert's
+    1/V, and what a lifting line induces itself is not counted twice. A is the area from which
+    the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each, where the stream goes
+    through the stroke, and the circle on the span where it goes along it. Phi is found on the
+    way from the directions of each wing from root to tip, e, over the angle that it has
+    swept: ds/dt = |de/dt|/memory (e - s), |s| = sin(Phi/2) / (Phi/2).
+
+    Args:
+        model: Model of the air that gives the force.
+        induced_factor: k; 1: the induced velocity is the same all over the stroke.
+        apparent_mass: mu; 8/3: the air that moves with a disk.
+        memory: Angle over which the stroke is remembered [rad].
+
+    Raises:
+        ParameterError: If a number is not finite and positive, or the model has inflow already.
+
+    References:
+        Ellington (1984), The aerodynamics of hovering insect flight V, Phil. Trans. R. Soc.
+        Lond. B 305, 115-144 (area swept); Glauert (1935) in Durand, Aerodynamic Theory IV;
+        Pitt & Peters (1981), Vertica 5, 21-34 (inertia of the inflow).
+    """
+
+    model: Aerodynamics
+    induced_factor: float = 1.0
+    apparent_mass: float = 8 / 3
+    memory: float = 2 * pi
+
+    name = "inflow"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.model, Inflow):
+            raise ParameterError("model", "a model of the air without inflow", self.model.name)
+        for name in NUMBERS:
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0):
+                raise ParameterError(name, "a positive number", value)
+
+    @property
+    def robot(self) -> Robot:  # type: ignore[override]
+        """The machine."""
+        return self.model.robot
+
+    @property
+    def air(self) -> Air:  # type: ignore[override]
+        """Density, wind and gusts."""
+        return self.model.air
+
+    @cached_property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """Strokes of the robot, and the wings that share each."""
+        return strokes_of(self.robot)
+
+    @property
+    def state_size(self) -> int:
+        """States of the model, then of each stroke its induced velocity and its wings' means."""
+        return self.model.state_size + sum(3 + 3 * len(stroke.wings) for stroke in self.strokes)
+
+    @property
+    def structure(self) -> str:
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
+        return f"{self.name} {self.strokes} on {self.model.structure}"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, in the order of `parameters`."""
+        return (*self.model.parameter_names, *(f"inflow.{name}" for name in NUMBERS))
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the model's parameters, (n_c,)."""
+        return np.r_[self.model.parameters, [getattr(self, name) for name in NUMBERS]]
+
+    def describe(self) -> dict[str, Any]:
+        """Description that makes the model again for a robot, as JSON-able values."""
+        numbers = {name: getattr(self, name) for name in NUMBERS}
+        return {"model": self.name, "of": self.model.describe(), **numbers}
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        own, count = self.model.state_size, len(self.model.parameter_names)
+        winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
+        induced, place = [], own
+        for stroke in self.strokes:
+            induced.append(state[place : place + 3])
+            for strip in stroke.strips:
+                winds[:, strip] = winds[:, strip] + induced[-1]
+            place += 3 + 3 * len(stroke.wings)
+        air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
+        density = parameters[self.model.parameter_names.index("density")]
+        numbers = (density, *(parameters[count + k] for k in range(len(NUMBERS))))
+        rates, targets, place = [], [], own
+        if air.memory is not None:
+            rates, targets = [air.memory.rate], [air.memory.target]
+        moving = _Moving(robot, q, v, wind)
+        for stroke in self.strokes:
+            means = ca.reshape(state[place + 3 : place + 3 + 3 * len(stroke.wings)], 3, -1)
+            part = _relaxation(stroke, moving, air, state[place : place + 3], means, numbers)
+            rates.append(part.rate)
+            targets.append(part.target)
+            place += 3 + 3 * len(stroke.wings)
+        memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
+        return replace(air, state_derivative=memory.derivative(state), memory=memory)
+
+
+@dataclass(frozen=True)
+class Wing:
+    """Wing that sweeps a stroke.
+
+    Attributes:
+        strips: Places of its strips in `robot.strips`, from the root outwards.
+        levels: Bodies between its outermost strip and the body of the robot, beside the first.
+        length: Distance of the tip from the hinge with all coordinates at zero, R [m].
+    """
+
+    strips: tuple[int, ...]
+    levels: int
+    length: float
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Wings that sweep one area.
+
+    Attributes:
+        wings: Wings.
+        tandem: Number of wings that sweep the same area, one behind the other.
+        circle: Area of the circle on the span [m^2].
+    """
+
+    wings: tuple[Wing, ...]
+    tandem: int
+    circle: float
+
+    @property
+    def strips(self) -> tuple[int, ...]:
+        """Places of the strips of all wings in `robot.strips`."""
+        return tuple(strip for wing in self.wings for strip in wing.strips)
+
+
+def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
+    """Strokes of a robot: wings whose hinges are close to each other along the body.
+
+    Args:
+        robot: The machine, in numbers.
+    """
+    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
+    groups: list[list[tuple[Wing, Array, Array]]] = []
+    for name in {strip.wing: None for strip in robot.strips}:
+        strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
+        last = robot.strips[strips[-1]]
+        levels = _levels(robot, last.body)
+        root = _number(poses[_hinge(robot, last, levels)].position)
+        tip = _number(_tip(poses, last))
+        length = float(np.linalg.norm(tip - root)) + float(last.width) / 2
+        one = Wing(strips, levels, length), root, tip
+        for group in groups:
+            if _shares_stroke(one, group[0]):
+                group.append(one)
+                break
+        else:
+            groups.append([one])
+    return tuple(_stroke(group) for group in groups)
+
+
+def _shares_stroke(one: tuple[Wing, Array, Array], other: tuple[Wing, Array, Array]) -> bool:
+    """Whether the hinges of two wings are close along the body, left and right apart."""
+    apart = (one[1] - other[1])[[0, 2]]
+    return bool(np.linalg.norm(apart) < TANDEM * min(one[0].length, other[0].length))
+
+
+def _stroke(group: Sequence[tuple[Wing, Array, Array]]) -> Stroke:
+    reach = max(wing.length for wing, *_ in group)
+    sides = {bool(tip[1] > 0): root[1] for _, root, tip in group}
+    span = reach if len(sides) < 2 else 2 * reach + abs(sides[True] - sides[False])
+    wings = tuple(wing for wing, *_ in group)
+    return Stroke(wings, len(group) // len(sides), float(pi * (span / 2) ** 2))
+
+
+def _levels(robot: Robot, body: int) -> int:
+    """Bodies between a body and the floating body, or the world, beside the first of them."""
+    levels, parent = 0, robot.bodies[body].parent
+    while parent >= 0 and robot.bodies[parent].parent >= 0:
+        levels, parent = levels + 1, robot.bodies[parent].parent
+    held = parent < 0 or robot.bodies[parent].floating_dofs is not None
+    return levels if held or not robot.bodies[parent].joints else levels + 1
+
+
+def _hinge(robot: Robot, strip: Strip, levels: int) -> int:
+    body = strip.body
+    for _ in range(levels):
+        body = robot.bodies[body].parent
+    return body
+
+
+def _tip(poses: Sequence[Pose], strip: Strip) -> ca.SX:
+    """Quarter-chord point of a strip in the world, (3, 1) [m]."""
+    return poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord)
+
+
+def _number(value: ca.SX) -> Array:
+    return np.array(ca.DM(value)).ravel()
+
+
+class _Moving:
+    """Places and velocities of a robot that strokes need.
+
+    Attributes:
+        robot: The machine.
+        poses: Poses of the bodies in the world.
+        wind: Velocity of the air, world axes, mean over the strips, (3, 1) [m/s].
+    """
+
+    def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> None:
+        self.robot, self.poses = robot, body_poses(robot, q)
+        self.wind = ca.sum2(wind) / wind.shape[1]
+        self._twists = body_velocities(robot, q, v)
+
+    def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
+        """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
+        strip = self.robot.strips[wing.strips[-1]]
+        hinge = _hinge(self.robot, strip, wing.levels)
+        parent = self.robot.bodies[hinge].parent
+        axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
+        turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
+        away = axes.T @ (_tip(self.poses, strip) - self.poses[hinge].position)
+        at_tip = velocity_at(self._twists[strip.body], vector(strip.quarter_chord))
+        velocity = axes.T @ (self.poses[strip.body].rotation @ at_tip - self._speed(hinge))
+        distance = ca.sqrt(ca.sumsqr(away))
+        unit, turning = away / distance, (velocity - cross(turn, away)) / distance
+        return unit, turning - unit * ca.dot(unit, turning)
+
+    def velocity(self, stroke: Stroke) -> ca.SX:
+        """Mean velocity of the wings' hinges, world axes, (3, 1) [m/s]."""
+        tips = [(self.robot.strips[wing.strips[-1]], wing.levels) for wing in stroke.wings]
+        moving = [self._speed(_hinge(self.robot, strip, levels)) for strip, levels in tips]
+        return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
+
+    def _speed(self, body: int) -> ca.SX:
+        """Velocity of a body's origin, world axes, (3, 1) [m/s]."""
+        return self.poses[body].rotation @ self._twists[body].linear
+
+
+def _relaxation(
+    stroke: Stroke,
+    moving: _Moving,
+    air: AeroExpressions,
+    induced: ca.SX,
+    means: ca.SX,
+    numbers: tuple[Any, ...],
+) -> Relaxation:
+    """What the induced velocity of a stroke and the mean directions of its wings follow."""
+    density, factor, apparent_mass, memory = numbers
+    swept, rates, targets = ca.SX(0), [], []
+    for k, wing in enumerate(stroke.wings):
+        swept = swept + _half_angle(ca.sumsqr(means[:, k])) * wing.length**2 / stroke.tandem
+        direction, turning = moving.direction(wing)
+        rate = smooth_norm(ca.sumsqr(turning), 1.0) / memory
+        rates.append(ca.repmat(rate, 3, 1))
+        targets.append(direction)
+    own = _own_downwash(stroke, moving, air)
+    whole, through = induced + own, induced + moving.wind - moving.velocity(stroke)
+    speed = smooth_norm(ca.sumsqr(through))
+    along = ca.dot(through, whole) ** 2
+    share = along / (smooth_norm(ca.sumsqr(whole)) * speed) ** 2
+    area = stroke.circle + (swept - stroke.circle) * share
+    force = ca.sum2(air.strip_force[:, list(stroke.strips)])
+    flow = 2 * density * area * speed
+    mass = apparent_mass * density * (area / pi) ** 1.5
+    return Relaxation(
+        ca.vertcat(ca.repmat(flow / mass, 3, 1), *rates),
+        ca.vertcat(-factor * force / flow - own, *targets),
+    )
+
+
+def _half_angle(square: ca.SX) -> ca.SX:
+    """Half of the angle that a direction sweeps, from the squared length of its mean [rad].
+
+    The inverse of sin(a)/a by its series, 2 % at a = pi/2, where it ends.
+    """
+    short = 1.0 - ca.sqrt(square + 1e-12)
+    angle = short * (6.0 + short * (1.8 + 0.7 * short))
+    most = (pi / 2) ** 2
+    bounded = (angle + most - ca.sqrt((angle - most) ** 2 + 1e-2)) / 2
+    return ca.sqrt(smooth_norm(bounded * bounded, 1e-3))
+
+
+def _own_downwash(stroke: Stroke, moving: _Moving, air: AeroExpressions) -> ca.SX:
+    """Mean velocity that the model itself says its wings induce, world axes, (3, 1) [m/s]."""
+    whole, area = ca.SX.zeros(3, 1), ca.SX(0)
+    for place in stroke.strips:
+        strip = moving.robot.strips[place]
+        size = strip.chord * strip.width
+        normal = moving.poses[strip.body].rotation @ vector(strip.normal)
+        whole, area = whole - size * air.downwash[place] * normal, area + size
+    return whole / area
