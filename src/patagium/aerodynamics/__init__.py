@@ -13,6 +13,7 @@ from patagium.aerodynamics.indicial import (
     Indicial,
     fitted_indicial,
 )
+from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import strip_flow
 from patagium.aerodynamics.model import Aerodynamics
@@ -47,6 +48,7 @@ __all__ = [
     "DickinsonPolar",
     "DrydenGust",
     "Indicial",
+    "Inflow",
     "LiftingLine",
     "MeasuredSection",
     "OneMinusCosineGust",

@@ -45,10 +45,11 @@ class Inflow(Aerodynamics):
     force of the air on them, V their velocity through the air, u the induced velocity (world
     axes, the same for all of their strips) and w what the model itself says of its downwash,
 
-        m du/dt = -k F - 2 rho A |u - V| (u + w),   m = mu rho (A/pi)^(3/2),
+        m du/dt = f (max(k |F| / f - w.d, 0) d - u),   f = 2 rho A |u - V|,   d = -F/|F|,
 
-    so that at rest u = sqrt(k T / 2 rho A) for a thrust T, in fast flight it fades as Glauert's
-    1/V, and what a lifting line induces itself is not counted twice. A is the area from which
+    with m = mu rho (A/pi)^(3/2), so that at rest u = sqrt(k T / 2 rho A) for a thrust T, in fast
+    flight it fades as Glauert's 1/V, and what a lifting line, or the wing on which a polar was
+    measured, induces itself is not counted twice. A is the area from which
     the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each, where the stream goes
     through the stroke, and the circle on the span where it goes along it. Phi is found on the
     way from the directions of each wing from root to tip, e, over the angle that it has
@@ -117,7 +118,7 @@ class Inflow(Aerodynamics):
     @property
     def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
-        return np.r_[self.model.parameters, [getattr(self, name) for name in NUMBERS]]
+        return np.concatenate([self.model.parameters, [getattr(self, name) for name in NUMBERS]])
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
@@ -160,12 +161,10 @@ class Wing:
     Attributes:
         strips: Places of its strips in `robot.strips`, from the root outwards.
         levels: Bodies between its outermost strip and the body of the robot, beside the first.
-        length: Distance of the tip from the hinge with all coordinates at zero, R [m].
     """
 
     strips: tuple[int, ...]
     levels: int
-    length: float
 
 
 @dataclass(frozen=True)
@@ -174,13 +173,11 @@ class Stroke:
 
     Attributes:
         wings: Wings.
-        tandem: Number of wings that sweep the same area, one behind the other.
-        circle: Area of the circle on the span [m^2].
+        sides: 2 where there are wings on the left and on the right, else 1.
     """
 
     wings: tuple[Wing, ...]
-    tandem: int
-    circle: float
+    sides: int
 
     @property
     def strips(self) -> tuple[int, ...]:
@@ -194,37 +191,48 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     Args:
         robot: The machine, in numbers.
     """
-    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
     groups: list[list[tuple[Wing, Array, Array]]] = []
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        last = robot.strips[strips[-1]]
-        levels = _levels(robot, last.body)
-        root = _number(poses[_hinge(robot, last, levels)].position)
-        tip = _number(_tip(poses, last))
-        length = float(np.linalg.norm(tip - root)) + float(last.width) / 2
-        one = Wing(strips, levels, length), root, tip
+        wing = Wing(strips, _levels(robot, robot.strips[strips[-1]].body))
+        root, tip = (np.array(ca.DM(point)).ravel() for point in _ends(robot, wing))
+        one = wing, root, tip
         for group in groups:
-            if _shares_stroke(one, group[0]):
+            apart = np.linalg.norm((root - group[0][1])[[0, 2]])  # left and right are one
+            if apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0])):
                 group.append(one)
                 break
         else:
             groups.append([one])
-    return tuple(_stroke(group) for group in groups)
+    return tuple(
+        Stroke(tuple(wing for wing, *_ in group), len({bool(tip[1] > 0) for *_, tip in group}))
+        for group in groups
+    )
 
 
-def _shares_stroke(one: tuple[Wing, Array, Array], other: tuple[Wing, Array, Array]) -> bool:
-    """Whether the hinges of two wings are close along the body, left and right apart."""
-    apart = (one[1] - other[1])[[0, 2]]
-    return bool(np.linalg.norm(apart) < TANDEM * min(one[0].length, other[0].length))
+def stroke_sizes(robot: Robot, stroke: Stroke) -> tuple[list[Any], Any]:
+    """Length R of each wing of a stroke [m], and area of the circle on their span [m^2].
+
+    Args:
+        robot: The machine, its numbers floats or symbols.
+        stroke: The stroke.
+    """
+    lengths, roots = [], []
+    for wing in stroke.wings:
+        root, tip = _ends(robot, wing)
+        roots.append(root[1])
+        width = robot.strips[wing.strips[-1]].width
+        lengths.append(ca.sqrt(ca.sumsqr(tip - root)) + width / 2)
+    longest = ca.mmax(ca.vertcat(*lengths))
+    between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
+    return lengths, pi * ((stroke.sides * longest + between) / 2) ** 2
 
 
-def _stroke(group: Sequence[tuple[Wing, Array, Array]]) -> Stroke:
-    reach = max(wing.length for wing, *_ in group)
-    sides = {bool(tip[1] > 0): root[1] for _, root, tip in group}
-    span = reach if len(sides) < 2 else 2 * reach + abs(sides[True] - sides[False])
-    wings = tuple(wing for wing, *_ in group)
-    return Stroke(wings, len(group) // len(sides), float(pi * (span / 2) ** 2))
+def _ends(robot: Robot, wing: Wing) -> tuple[ca.SX, ca.SX]:
+    """Hinge and outermost quarter chord of a wing, all coordinates at zero, (3, 1) [m]."""
+    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
+    strip = robot.strips[wing.strips[-1]]
+    return poses[_hinge(robot, strip, wing.levels)].position, _tip(poses, strip)
 
 
 def _levels(robot: Robot, body: int) -> int:
@@ -246,10 +254,6 @@ def _hinge(robot: Robot, strip: Strip, levels: int) -> int:
 def _tip(poses: Sequence[Pose], strip: Strip) -> ca.SX:
     """Quarter-chord point of a strip in the world, (3, 1) [m]."""
     return poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord)
-
-
-def _number(value: ca.SX) -> Array:
-    return np.array(ca.DM(value)).ravel()
 
 
 class _Moving:
@@ -299,11 +303,13 @@ def _relaxation(
     means: ca.SX,
     numbers: tuple[Any, ...],
 ) -> Relaxation:
-    """What the induced velocity of a stroke and the mean directions of its wings follow."""
+    """Relaxation of the induced velocity of a stroke and of its wings' mean directions."""
     density, factor, apparent_mass, memory = numbers
+    lengths, circle = stroke_sizes(moving.robot, stroke)
+    tandem = len(stroke.wings) // stroke.sides
     swept, rates, targets = ca.SX(0), [], []
     for k, wing in enumerate(stroke.wings):
-        swept = swept + _half_angle(ca.sumsqr(means[:, k])) * wing.length**2 / stroke.tandem
+        swept = swept + _half_angle(ca.sumsqr(means[:, k])) * lengths[k] ** 2 / tandem
         direction, turning = moving.direction(wing)
         rate = smooth_norm(ca.sumsqr(turning), 1.0) / memory
         rates.append(ca.repmat(rate, 3, 1))
@@ -313,14 +319,20 @@ def _relaxation(
     speed = smooth_norm(ca.sumsqr(through))
     along = ca.dot(through, whole) ** 2
     share = along / (smooth_norm(ca.sumsqr(whole)) * speed) ** 2
-    area = stroke.circle + (swept - stroke.circle) * share
+    area = circle + (swept - circle) * share
     force = ca.sum2(air.strip_force[:, list(stroke.strips)])
     flow = 2 * density * area * speed
+    thrust = ca.sqrt(ca.sumsqr(force) + (_SLIGHT * flow) ** 2)
+    excess = factor * thrust / flow + ca.dot(own, force) / thrust
+    wanted = (excess + ca.sqrt(excess**2 + _SLIGHT**2)) / 2
     mass = apparent_mass * density * (area / pi) ** 1.5
     return Relaxation(
         ca.vertcat(ca.repmat(flow / mass, 3, 1), *rates),
-        ca.vertcat(-factor * force / flow - own, *targets),
+        ca.vertcat(-wanted * force / thrust, *targets),
     )
+
+
+_SLIGHT = 0.01  # velocity within which the limit to what is not there already is rounded off [m/s]
 
 
 def _half_angle(square: ca.SX) -> ca.SX:

@@ -119,6 +119,9 @@ def simulate(
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
     aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.QUASI_STEADY,
+    inflow: Annotated[
+        bool, typer.Option("--inflow", help="Wings meet the air that they have thrown down.")
+    ] = False,
     added_mass: Annotated[
         float | None,
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
@@ -235,7 +238,7 @@ def simulate(
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount is MountKind.FIXED
     air = Air(density=density, wind=wind or (-own.speed if own and standing else 0.0, 0.0, 0.0))
-    model = _air_model(aero, machine, air)
+    model = _air_model(aero, machine, air, inflow)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping is Stepping.PUBLISHED:
         if time_step is None or duration is None:
@@ -343,13 +346,14 @@ _LABELS = {
 }
 
 
-def _air_model(aero: AirModel, machine: Robot, air: Air) -> Aerodynamics:
+def _air_model(aero: AirModel, machine: Robot, air: Air, inflow: bool) -> Aerodynamics:
+    from patagium.aerodynamics import Inflow
     from patagium.plugins import AIR_MODELS, plugin
 
     published = aero is AirModel.PUBLISHED
     make = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero") if published else None
     made: Aerodynamics = (make or air_class(aero))(machine, air)
-    return made
+    return Inflow(made) if inflow else made
 
 
 def _of_laboratory(found: Any, option: str) -> Any:

@@ -6,12 +6,14 @@ happened in between; a mean hides a loop.
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.aerodynamics import Inflow
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
@@ -23,6 +25,8 @@ TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""
 STEEPEST = np.radians(15.0)
 """Steepest glide that is no fall [rad]."""
+HOVER = 0.1
+"""Speed over that of the fastest strip below which wings hover [1] (Ellington 1984)."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
 
@@ -53,7 +57,7 @@ def flight_summary(flight: xr.Dataset) -> dict[str, Any]:
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
     facts |= _of_body(robot, flight, chosen)
-    warnings = _warnings(facts) if "speed" in facts else []
+    warnings = _warnings(facts) + _hover(flight, facts, chosen) if "speed" in facts else []
     return facts | {"warnings": warnings + _overloads(robot, flight)}
 
 
@@ -105,6 +109,22 @@ def _warnings(facts: dict[str, Any]) -> list[str]:
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
         )
     return warnings
+
+
+def _hover(flight: xr.Dataset, facts: dict[str, Any], chosen: slice) -> list[str]:
+    """Sentence about wings that hover in air that stays as it was."""
+    described = json.loads(flight.attrs.get("aero", "{}"))
+    if not flight.sizes["strip"] or described.get("model") in (None, Inflow.name):
+        return []
+    fastest = float(flight["strip_airspeed"].to_numpy()[chosen].mean(axis=0).max())
+    wind = flight["wind"].to_numpy()[chosen].mean(axis=0)
+    ahead = float(np.hypot(abs(facts["speed"]) + np.hypot(*wind[:2]), facts["climb_rate"]))
+    if not fastest > 0 or ahead > HOVER * fastest:
+        return []
+    return [
+        "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
+        "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
+    ]
 
 
 def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:

@@ -14,6 +14,7 @@ CASES = (
     "plunge",
     "measured_wing",
     "pitching_section",
+    "hover",
 )
 """Modules of the package `cases` in reading order; `compute()` of each gives its results."""
 
