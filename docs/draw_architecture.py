@@ -39,6 +39,7 @@ LAYERS = {
     "simulation": Box(2, 3, "simulation", "gait, mount, integration"),
     "sensing": Box(3, 2, "sensing", "sensors, logs, motion, force"),
     "learning": Box(4, 3, "learning", "models, filters, scores"),
+    "control": Box(5, 3, "control", "orbits, feedback"),
     "live": Box(4, 1.1, "live", "packets to updates, in flight"),
     "viewer": Box(5, 4, "viewer", "flights to look at"),
     "report": Box(5, 2, "report", "figures and pages"),
@@ -56,7 +57,7 @@ ARROWS = (
     ("dynamics", "native"), ("dynamics", "simulation"), ("aerodynamics", "simulation"),
     ("simulation", "flight"), ("flight", "sensing"), ("flight", "learning"), ("log", "sensing"),
     ("sensing", "learning"), ("packets", "live"), ("live", "learning"), ("learning", "model"),
-    ("learning", "viewer"), ("learning", "report"),
+    ("learning", "viewer"), ("learning", "report"), ("learning", "control"),
 )  # fmt: skip
 WIDE, HIGH = 1.7, 1.0  # distance of two boxes [inch]
 BOX = (1.44, 0.56)  # size of a box [inch]
