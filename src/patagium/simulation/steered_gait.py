@@ -35,6 +35,7 @@ OFFSET_SHARE = 0.25
 STILL_RESPONSE = 0.05
 """Response time of an offset of a gait that stands still, where none is given [s]."""
 _SAMPLES = 2000  # of a period, for mean and extremes
+_ROUNDING = 1e-8  # of a command, which a controller's program keeps to this
 _MARGIN = 1e-5  # of the end of a range, since extremes are sampled
 
 
@@ -121,7 +122,7 @@ class SteeredGait:
         beat, n = gait.period, self._count
         offset = OFFSET_SHARE * beat if beat else STILL_RESPONSE
         times = np.r_[np.full(1 + n, beat or 1.0), np.full(n, offset), np.full(n, beat or 1.0)]
-        self._target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
+        self.neutral = self._target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
         none = np.zeros_like(self._target)
         self._rates = none + np.inf
         self._range = np.array([none - np.inf, none + np.inf])
@@ -212,11 +213,50 @@ class SteeredGait:
 
     def command_at(self, time: float) -> tuple[float, float]:
         """Frequency [Hz] and amplitude over the gait's own, mean of joints, at a time [s]."""
-        piece = self._pieces[max(bisect_right(self._starts, time) - 1, 0)]
-        values = piece.responses.at(np.array([time - piece.time]))[0][0]
+        values = self.responses_at(time)[1][0]
         moving = np.ptp(self._reach, axis=0) > 0
         amplitude = values[1 : 1 + self._count][moving] if moving.any() else np.ones(1)
         return float(values[0]) / (self.gait.period or 1.0), float(amplitude.mean())
+
+    def responses_at(self, time: float) -> tuple[float, Array]:
+        """The gait's own time [s], and values and first two rates of all responses, at a time.
+
+        Args:
+            time: The time [s].
+
+        Returns:
+            Own time, and (3, 1 + 3 n_a): rate of it, then amplitudes, offsets and leads [s] of all
+            joints; `neutral` where nobody steered.
+        """
+        piece = self._pieces[max(bisect_right(self._starts, time) - 1, 0)]
+        since = time - piece.time
+        found = np.array([part[0] for part in piece.responses.at(np.array([since]))])
+        return piece.phase + float(piece.responses.integral(np.array(since), 0)), found
+
+    def limits(self, name: str) -> tuple[float, float, float]:
+        """Least and greatest value of a command's response, and its fastest rate.
+
+        Args:
+            name: Name of the command.
+        """
+        kind, (place, *_) = self._commanded_places(name)
+        low, high = self._range[:, place]
+        if kind == "amplitude":
+            high = self._largest_amplitudes()[place - 1]
+        return float(low), float(high), float(self._rates[place])
+
+    def place(self, name: str) -> int:
+        """Place among the responses of the first joint that answers a command."""
+        return self._commanded_places(name)[1][0]
+
+    def scale(self, name: str) -> float:
+        """Factor from the unit of a command to that of its response."""
+        return self._scale(self._commanded_places(name)[0])
+
+    @property
+    def sharpness(self) -> Array:
+        """Sharpness of each lag of each response, (1 + 3 n_a,) [1/s]."""
+        return self._pieces[0].responses.sharpness
 
     def largest_amplitude(self) -> float:
         """Largest amplitude, over the gait's own, at which all joints keep their limits."""
@@ -303,7 +343,7 @@ class SteeredGait:
         np.minimum(amplitude, self._largest_amplitudes(), out=amplitude)
         room = self._limits - self.mean - amplitude * self._reach
         np.clip(offset, np.minimum(room[0], 0.0), np.maximum(room[1], 0.0), out=offset)
-        self.limited += not np.array_equal(kept, target)
+        self.limited += bool(np.abs(kept - target).max() > _ROUNDING)
         return kept
 
     def _piece_motion(self, piece: _Piece, times: Array) -> PrescribedMotion:

@@ -1,0 +1,604 @@
+"""Nonlinear model predictive control by real-time iteration.
+
+Multiple shooting over N intervals of time: states and inputs of all are unknowns, a model gives the
+ends of the intervals and their derivatives at the last prediction, and each sample of the state
+takes one quadratic program (`quadratic_program`), the prediction before shifted by an interval as
+its warm start. Ranges and rates of inputs are hard limits, limits of states soft. Repeated at one
+sample it converges to the minimum of the nonlinear problem (`converge`), quadratic costs being
+their own Gauss-Newton approximation. Neglected: errors of the model, but for the feedback.
+
+References:
+    Diehl, Bock & Schloder (2005), A real-time iteration scheme for nonlinear optimization in
+    optimal feedback control.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.control.gait_family import fourier_series, gait_family
+from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
+from patagium.control.wingbeat import FlightMap, PrescribedRows
+from patagium.errors import ParameterError, positive
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.simulator import FlightState
+from patagium.simulation.steered_gait import SteeredGait
+
+Array = NDArray[np.float64]
+
+MOST_ITERATIONS, SETTLED = 50, 1e-9
+"""Iterations of `converge`, and the change of an input, over its range, that ends them."""
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Intervals of time as a model sees them: ends and their derivatives.
+
+    Attributes:
+        ends: State at the end of each, (N, n) [SI].
+        by_state: Derivative by the state at its beginning, (N, n, n) [SI].
+        by_input: Derivative by the input, (N, n, n_u) [SI].
+    """
+
+    ends: Array
+    by_state: Array
+    by_input: Array
+
+
+Predict = Callable[[int, Array, Array], Intervals]
+"""Function from the number of the first interval, states at the beginning of each, (N, n), and
+inputs, (N, n_u), to the intervals."""
+
+
+class RealTimeIteration:
+    """Optimal control problem over N intervals, solved anew from its last solution.
+
+    min sum_k |x_k - x_ref|^2_Q + |u_k - u_ref|^2_R + |x_N - x_ref|^2_P, halved, with the limits of
+    `program`, which the caller fills: `lower`, `upper`, `fall`, `rise`, `least`, `most`, `weight`.
+
+    Args:
+        predict: The model.
+        horizon: Number of intervals N.
+        state_cost: Q, (n, n) [1/SI^2].
+        input_cost: R, (n_u, n_u) [1/SI^2].
+
+    Attributes:
+        program: Quadratic program of the last iteration.
+        states: Prediction, (N + 1, n) [SI].
+        inputs: Inputs that lead there, (N, n_u) [SI].
+        final_cost: P, (n, n) [1/SI^2]; Q to begin with.
+        state_reference: x_ref, (N + 1, n) [SI]; zero to begin with.
+        input_reference: u_ref, (N, n_u) [SI]; zero to begin with.
+    """
+
+    def __init__(
+        self,
+        predict: Predict,
+        horizon: int,
+        state_cost: Array,
+        input_cost: Array,
+    ) -> None:
+        size, count = len(state_cost), len(input_cost)
+        self.predict = predict
+        self.program = QuadraticProgram(horizon, size, count)
+        self.states, self.inputs = np.zeros((horizon + 1, size)), np.zeros((horizon, count))
+        self.state_reference = np.zeros((horizon + 1, size))
+        self.input_reference = np.zeros((horizon, count))
+        self.final_cost = np.array(state_cost, float)
+        self.program["Q"][...], self.program["R"][...] = state_cost, input_cost
+
+    @property
+    def cost(self) -> float:
+        """Cost of the last solution, its soft limits included."""
+        program, reference = self.program, self.state_reference
+        constant = np.einsum("ki,kij,kj", reference, program["Q"], reference)
+        wanted = self.input_reference
+        constant += np.einsum("ki,kij,kj", wanted, program["R"], wanted)
+        return float(program["cost"] + constant / 2)
+
+    def iterate(
+        self,
+        first: int,
+        start: Array,
+        before: Array,
+    ) -> ProgramStatus:
+        """One iteration: the model at the last prediction, then one quadratic program.
+
+        Args:
+            first: Number of the first interval.
+            start: State now, (n,) [SI].
+            before: Input of the interval before, (n_u,) [SI].
+
+        Returns:
+            Status; the prediction is renewed only where it is SOLVED.
+        """
+        program = self.program
+        found = self.predict(first, self.states[:-1], self.inputs)
+        program["A"][...], program["B"][...] = found.by_state, found.by_input
+        moved = np.einsum("kij,kj->ki", found.by_state, self.states[:-1])
+        moved += np.einsum("kij,kj->ki", found.by_input, self.inputs)
+        program["c"][...] = found.ends - moved
+        program["Q"][-1] = self.final_cost
+        program["q"][...] = -np.einsum("kij,kj->ki", program["Q"], self.state_reference)
+        program["r"][...] = -np.einsum("kij,kj->ki", program["R"], self.input_reference)
+        program["start"][...], program["before"][...] = start, before
+        status = program.solve()
+        if status is ProgramStatus.SOLVED:
+            self.states, self.inputs = program["x"].copy(), program["u"].copy()
+        return status
+
+    def converge(
+        self,
+        first: int,
+        start: Array,
+        before: Array,
+    ) -> ProgramStatus:
+        """Iterations at one state until the inputs settle.
+
+        Args:
+            first: Number of the first interval.
+            start: State now, (n,) [SI].
+            before: Input of the interval before, (n_u,) [SI].
+
+        Returns:
+            SOLVED where they settled; NOT_CONVERGED where they did not.
+        """
+        spread = np.ptp(np.clip([self.program["lower"], self.program["upper"]], -1, 1), axis=0)
+        for _ in range(MOST_ITERATIONS):
+            last = self.inputs
+            status = self.iterate(first, start, before)
+            if status is not ProgramStatus.SOLVED:
+                return status
+            if (np.abs(self.inputs - last) <= SETTLED * np.maximum(spread, 1e-3)).all():
+                return status
+        return ProgramStatus.NOT_CONVERGED
+
+    def shift(self) -> None:
+        """Go on by one interval: what was predicted next is predicted now."""
+        program = self.program
+        arrays = [program[k] for k in ("u", "range_force", "change_force", "x")]
+        for array in (self.states, self.inputs, *arrays):
+            array[:-1] = array[1:]
+
+
+class Reference(Protocol):
+    """Protocol of a periodic orbit that a controller follows."""
+
+    @property
+    def map(self) -> FlightMap:
+        """Map of the flight, with its derivatives."""
+
+    @property
+    def gait(self) -> Gait:
+        """Gait of the orbit."""
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a beat."""
+
+    @property
+    def states(self) -> Array:
+        """States of the orbit, the first at the beginning of a beat, (m, n) [SI]."""
+
+
+def lagged(
+    sharpness: float,
+    time: float,
+    integrated: bool,
+) -> tuple[Array, Array]:
+    """Response of three equal lags after a time, s(t) = E s(0) + F u.
+
+    Args:
+        sharpness: k of each lag [1/s].
+        time: The time t [s].
+        integrated: Whether s begins with the integral of the response, before its value and
+            first two rates.
+
+    Returns:
+        E, (3 or 4, 3 or 4), and F, (3 or 4,).
+    """
+    k, t, (value, rate, bend, target) = sharpness, time, np.eye(4)
+    c0 = value - target
+    c1 = rate + k * c0
+    c2 = (bend + 2 * k * c1 - k**2 * c0) / 2
+    fading = np.exp(-k * t)
+    whole = c0 / k + c1 / k**2 + 2 * c2 / k**3
+    left = whole + (c1 / k + 2 * c2 / k**2) * t + c2 / k * t**2
+    d1, d2 = c1 - k * c0, 2 * c2 - k * c1
+    found = np.array(
+        [
+            target * t + whole - fading * left,
+            target + fading * (c0 + c1 * t + c2 * t**2),
+            fading * (d1 + d2 * t - k * c2 * t**2),
+            fading * (d2 - k * d1 + (-2 * k * c2 - k * d2) * t + k**2 * c2 * t**2),
+        ]
+    )
+    if not integrated:
+        return found[1:, :3], found[1:, 3]
+    return np.column_stack([[1.0, 0.0, 0.0, 0.0], found[:, :3]]), found[:, 3]
+
+
+class OrbitModel:
+    """Flight near a periodic orbit, its commands as they are answered: linear, periodic in time.
+
+    The state is the departure of [passive coordinates but x, velocities, lag states of the air]
+    from the orbit, then of each command the departure of value, rate and second rate, of the
+    frequency before them that of the gait's own time [s]. The input is the departure of the
+    commands, in the units of `SteeredGait`'s responses. Derivatives are exact (`FlightMap`) at
+    every phase. Neglected: second order in departures, rate limits inside an interval; the way
+    along x, on which nothing depends.
+
+    Args:
+        orbit: The orbit; it goes straight on.
+        commands: Names of the commands, as `SteeredGait` takes them.
+        parts: Intervals of a beat.
+
+    Raises:
+        ParameterError: If a command is none of the gait, or the orbit turns or is none.
+
+    Attributes:
+        period: Length of an interval [s].
+        states: Orbit at the beginning of each interval of a beat, (parts, n) [SI].
+        travel: What a beat adds to the state, (n,) [SI].
+        by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
+        by_input: Derivative by the commands, (parts, n_x, n_u).
+    """
+
+    def __init__(
+        self,
+        orbit: Reference,
+        commands: Sequence[str],
+        parts: int = 10,
+    ) -> None:
+        robot, gait = orbit.map.robot, orbit.gait
+        self.robot, self.commands, self.parts = robot, tuple(commands), parts
+        self.names = orbit.map.names
+        self.steered = SteeredGait(robot, gait)
+        self.places = [self.steered.place(name) for name in commands]
+        beat = gait.period or 0.0
+        self.period = positive("period of the gait", beat) / parts
+        self._chains = [4 if name == "frequency" else 3 for name in commands]
+        steps = -(-orbit.steps // parts)
+        rows = self._rows(gait, orbit.map, parts * steps)
+        self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
+        self.size = len(self.kept) + sum(self._chains)
+        self.states = np.zeros((parts + 1, orbit.map.size))
+        self.states[0] = orbit.states[0]
+        self.by_state = np.zeros((parts, self.size, self.size))
+        self.by_input = np.zeros((parts, self.size, len(commands)))
+        for part in range(parts):
+            self._fly(orbit.map, rows, part, steps)
+        self.travel = self.states[parts] - self.states[0]
+        self.states = self.states[:parts]
+        self._check()
+
+    def _check(self) -> None:
+        names, moved = list(self.names), np.abs(self.travel)
+        moved[[names.index(name) for name in ("x", "y", "z")]] = 0.0
+        if not moved.max() <= CLOSED:
+            worst = self.names[int(np.argmax(moved))]
+            expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
+            raise ParameterError("orbit", expected, f"{worst} changes by {moved.max():.3g}")
+
+    def _rows(
+        self,
+        gait: Gait,
+        flight: FlightMap,
+        steps: int,
+    ) -> PrescribedRows:
+        """Rows of a beat, and their slopes by each command, of the frequency by the own time."""
+        robot = self.robot
+        base = fourier_series(gait)
+        moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
+        leads = [f"{name}_phase" for k, name in enumerate(base.joints) if moving[k]]
+        named = [name for name in self.commands if name != "frequency"]
+        family = gait_family(robot, gait, tuple(dict.fromkeys([*leads, *named])))
+        found = family.rows(family.neutral, steps, flight.aero.air)
+        places = [family.names.index(name) for name in leads]
+        own = found.slopes[:, places].sum(axis=1) * 2 * np.pi * base.frequency
+        slopes = [
+            own if name == "frequency" else found.slopes[:, family.names.index(name)]
+            for name in self.commands
+        ]
+        for k, name in enumerate(self.commands):
+            if name.endswith("_phase"):  # a response is a lead in the gait's own time
+                slopes[k] = slopes[k] * 2 * np.pi * base.frequency
+        return PrescribedRows(found.table, np.stack(slopes, 1), found.time_step, np.zeros(0))
+
+    def _fly(
+        self,
+        flight: FlightMap,
+        rows: PrescribedRows,
+        part: int,
+        steps: int,
+    ) -> None:
+        """Ends and derivatives of an interval of the beat."""
+        inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
+        given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
+        ways = [len(self.kept), *self._chains]
+        firsts, count = np.cumsum(ways)[:-1], len(self.commands)
+        total = sum(self._chains)
+        slopes = np.zeros((2 * steps + 1, total + count, given.shape[2] * given.shape[3]))
+        for j in range(2 * steps + 1):
+            for i, (first, size) in enumerate(zip(firsts, self._chains, strict=True)):
+                free, forced = self._lag(i, 0.5 * j * rows.time_step)
+                shape, moved, bent = given[j, i]
+                for way, response in enumerate([*free.T, forced]):
+                    value, rate, bend = response[:3]
+                    motion = (
+                        *(shape * value, moved * value + shape * rate),
+                        bent * value + 2 * moved * rate + shape * bend,
+                    )
+                    column = first - ways[0] + way if way < size else total + i
+                    slopes[j, column] = np.concatenate(motion)
+        none = np.zeros(total + count)
+        task = PrescribedRows(rows.table[inside], slopes, rows.time_step, none)
+        found = flight.fly(self.states[part : part + 1], task)
+        n, matrix = ways[0], self.by_state[part]
+        self.states[part + 1] = found.ends[0]
+        matrix[:n, :n] = found.by_state[0][np.ix_(self.kept, self.kept)]
+        matrix[:n, n:] = found.by_parameter[0][self.kept, :total]
+        self.by_input[part, :n] = found.by_parameter[0][self.kept, total:]
+        for i, (first, size) in enumerate(zip(firsts, self._chains, strict=True)):
+            own = slice(first, first + size)
+            matrix[own, own], self.by_input[part, own, i] = self._lag(i, self.period)
+
+    def _lag(
+        self,
+        command: int,
+        time: float,
+    ) -> tuple[Array, Array]:
+        sharpness = float(self.steered.sharpness[self.places[command]])
+        return lagged(sharpness, time, self._chains[command] == 4)
+
+    def departure(
+        self,
+        first: int,
+        state: Array,
+        time: float,
+    ) -> Array:
+        """Departure of the flight from the orbit, (n_x,).
+
+        Args:
+            first: Number of the interval that begins now.
+            state: State of the flight, (n,) [SI].
+            time: The time, for what the gait answered so far [s].
+        """
+        beat, part = divmod(first, self.parts)
+        parts = [(state - self.states[part] - beat * self.travel)[self.kept]]
+        own, responses = self.steered.responses_at(time)
+        for place, size in zip(self.places, self._chains, strict=True):
+            if size == 4:
+                parts.append(np.array([own - time]))
+            neutral = np.array([self.steered.neutral[place], 0.0, 0.0])
+            parts.append(responses[:, place] - neutral)
+        return np.concatenate(parts)
+
+    def predict(
+        self,
+        first: int,
+        states: Array,
+        inputs: Array,
+    ) -> Intervals:
+        """Intervals of the linear model, whatever the prediction.
+
+        Args:
+            first: Number of the first interval.
+            states: Departures at the beginning of each, (N, n_x) [SI].
+            inputs: Departures of the commands, (N, n_u) [unit of a response].
+        """
+        places = (first + np.arange(len(states))) % self.parts
+        by_state, by_input = self.by_state[places], self.by_input[places]
+        ends = np.einsum("kij,kj->ki", by_state, states)
+        ends += np.einsum("kij,kj->ki", by_input, inputs)
+        return Intervals(ends, by_state, by_input)
+
+    def costs_to_go(
+        self,
+        state_cost: Array,
+        input_cost: Array,
+    ) -> Array:
+        """Least cost without limits from each phase on, by the periodic Riccati equation.
+
+        Args:
+            state_cost: Q, (n_x, n_x) [1/SI^2].
+            input_cost: R, (n_u, n_u) [1/unit^2].
+
+        Returns:
+            P at the beginning of each interval, (parts, n_x, n_x).
+        """
+        cost, costs = np.array(state_cost), np.zeros_like(self.by_state)
+        for _ in range(_BEATS):
+            before = costs.copy()
+            for part in reversed(range(self.parts)):
+                a, b = self.by_state[part], self.by_input[part]
+                gain = np.linalg.solve(input_cost + b.T @ cost @ b, b.T @ cost @ a)
+                cost = state_cost + a.T @ cost @ (a - b @ gain)
+                cost = costs[part] = 0.5 * (cost + cost.T)
+            if np.abs(costs - before).max() <= 1e-9 * np.abs(costs).max():
+                break
+        return costs
+
+
+CLOSED = 1e-4
+"""Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
+_BEATS = 500
+TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
+"""Departures that cost as much as a command over half its range, where none are given [m, rad]."""
+TOLERABLE_SPEED, TOLERABLE_TURN = 0.3, 2.0
+"""The same of velocities [m/s] and of rates of turn [rad/s]."""
+SOFT = 100.0
+"""Weight of a soft limit over that of the state's departure."""
+
+
+class PredictiveController:
+    """Model predictive controller that flies along a periodic orbit.
+
+    A sample that is missing, late, or not finite, and a program that is not solved, leave the
+    last command in force; `held` counts them by their cause.
+
+    Args:
+        orbit: The orbit, and the model of robot and air that it was found with.
+        commands: Names of the commands, with a range each in the robot's `actuators`.
+        horizon: Number of intervals.
+        parts: Intervals of a beat; one command each.
+        tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
+            as a command over half its range [SI].
+        limits: Soft limits by name of a state, least and most [SI].
+
+    Raises:
+        ParameterError: If a name is none, or a command has no range.
+
+    Attributes:
+        held: Number of samples at which the last command was held, by cause.
+        iteration: The optimal control problem; `states` are departures predicted.
+    """
+
+    def __init__(
+        self,
+        orbit: Reference,
+        commands: Sequence[str],
+        *,
+        horizon: int = 20,
+        parts: int = 10,
+        tolerable: Mapping[str, float] | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        self.model = model = OrbitModel(orbit, commands, parts)
+        weights = self._weights(tolerable or {})
+        ends = [model.steered.limits(name) for name in commands]
+        for name, (low, high, _) in zip(commands, ends, strict=True):
+            if not np.isfinite(high - low):
+                raise ParameterError(f"actuators.{name}", "a range of every command", "none")
+        half = np.array([(high - low) / 2 for low, high, _ in ends])
+        costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
+                          for k in commands])  # fmt: skip
+        state_cost, input_cost = np.diag(weights), np.diag(costs / half**2)
+        self.iteration = RealTimeIteration(model.predict, horizon, state_cost, input_cost)
+        self._costs = model.costs_to_go(state_cost, input_cost)
+        neutral = model.steered.neutral[model.places]
+        program = self.iteration.program
+        program["lower"][...] = [low for low, _, _ in ends] - neutral
+        program["upper"][...] = [high for _, high, _ in ends] - neutral
+        program["rise"][...] = [rate * model.period for _, _, rate in ends]
+        program["fall"][...] = -program["rise"]
+        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
+        for place in self._limits:
+            program["weight"][:, place] = SOFT * max(weights[place], 1.0)
+        self._before = np.zeros(len(commands))
+        self._last: int | None = None
+        self.held: Counter[str] = Counter()
+
+    def __call__(
+        self,
+        time: float,
+        state: FlightState | None,
+    ) -> dict[str, float]:
+        """Commands for the interval that begins now.
+
+        Args:
+            time: Now, since the beginning of the orbit's first beat [s].
+            state: State of the flight now, or None where no sample came.
+
+        Returns:
+            Commands by name; none where the last ones are held.
+        """
+        model, period = self.model, self.model.period
+        if state is None:
+            return self._hold("missing")
+        if not abs(time - state.time) <= 0.5 * period:
+            return self._hold("late")
+        first = round(time / period)
+        if self._last is not None and first > self._last:
+            for _ in range(min(first - self._last, len(self.iteration.inputs))):
+                self.iteration.shift()
+        self._last = first
+        start = model.departure(first, self._measured(state, first), time)
+        if not np.isfinite(start).all():
+            return self._hold("not finite")
+        self._place_limits(first)
+        horizon = len(self.iteration.inputs)
+        self.iteration.final_cost = self._costs[(first + horizon) % model.parts]
+        if self.iteration.iterate(first, start, self._before) is not ProgramStatus.SOLVED:
+            return self._hold("not solved")
+        self._before = self.iteration.inputs[0].copy()
+        values = self._before + model.steered.neutral[model.places]
+        given = {
+            name: float(value / model.steered.scale(name))
+            for name, value in zip(model.commands, values, strict=True)
+        }
+        model.steered.command(time, given)
+        return given
+
+    def _hold(
+        self,
+        cause: str,
+    ) -> dict[str, float]:
+        self.held[cause] += 1
+        return {}
+
+    def report(self) -> str:
+        """Sentence about the samples at which the last command was held."""
+        if not self.held:
+            return "Every sample was answered."
+        causes = ", ".join(f"{count} {cause}" for cause, count in sorted(self.held.items()))
+        return f"The last command was held at {self.held.total()} samples: {causes}."
+
+    def _state(
+        self,
+        name: str,
+    ) -> int:
+        names = [self.model.names[k] for k in self.model.kept]
+        if name not in names:
+            raise ParameterError("state", f"one of {', '.join(names)}", name)
+        return names.index(name)
+
+    def _weights(
+        self,
+        tolerable: Mapping[str, float],
+    ) -> Array:
+        """Weights of the departures, those of lags and commands zero, (n_x,)."""
+        weights = np.zeros(self.model.size)
+        given = dict(TOLERABLE)
+        for name in self.model.names:
+            turning = name.rpartition(" ")[2] in ("roll", "pitch", "yaw")
+            if name.startswith("velocity of "):
+                given[name] = TOLERABLE_TURN if turning else TOLERABLE_SPEED
+        for name, value in (given | dict(tolerable)).items():
+            weights[self._state(name)] = positive(name, value) ** -2.0
+        return weights
+
+    def _measured(
+        self,
+        state: FlightState,
+        first: int,
+    ) -> Array:
+        """State of the model, its unmeasured lags as on the orbit, (n,)."""
+        beat, part = divmod(first, self.model.parts)
+        found: Array = self.model.states[part] + beat * self.model.travel
+        robot = self.model.robot
+        for k, name in enumerate(self.model.names):
+            moving = name.removeprefix("velocity of ")
+            if moving != name:
+                found[k] = state.velocity(moving)
+            elif name in robot.coordinate_names:
+                found[k] = state.position(name)
+        return found
+
+    def _place_limits(
+        self,
+        first: int,
+    ) -> None:
+        """Soft limits about the orbit, at each interval of the horizon."""
+        program, model = self.iteration.program, self.model
+        beats, places = np.divmod(first + np.arange(len(program["x"])), model.parts)
+        for place, (low, high) in self._limits.items():
+            own = model.kept[place]
+            along = model.states[places, own] + beats * model.travel[own]
+            program["least"][:, place], program["most"][:, place] = low - along, high - along

@@ -1,0 +1,158 @@
+"""The predictive controller: its model is the simulator's, and no sample that is wrong moves it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.control.predictive import OrbitModel, PredictiveController
+from patagium.control.wingbeat import FlightMap
+from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
+from patagium.simulation.simulator import FlightState
+
+FLAPPER = """
+name: flapper
+gravity: 0
+bodies:
+  body: {floating: true, mass: 100 g, shape: {type: box, size: [20 cm, 4 cm, 4 cm]}}
+  left_wing:
+    parent: body
+    at: [0, 3 cm, 0]
+    joints:
+      - {name: left_plunge, axis: x, limits: [-60 deg, 60 deg]}
+      - {name: left_feather, axis: y, limits: [-60 deg, 60 deg]}
+    mass: 4 g
+    center_of_mass: [0, 10 cm, 0]
+    shape: {type: plate, chord: 8 cm, span: 20 cm, thickness: 1 mm}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_wing
+        strips: 1
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -6 cm}
+          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
+mirror:
+  - {from: left, to: right}
+actuators:
+  frequency: {range: [3, 8], response_time: 0.15 s}
+  plunge_amplitude: {range: [10 deg, 40 deg], rate_limit: 200 deg/s}
+  left_feather_offset: {range: [-20 deg, 20 deg], cost: 2}
+  plunge_phase: {range: [-1, 1]}
+"""
+COMMANDS = ("frequency", "plunge_amplitude", "left_feather_offset", "plunge_phase")
+ROBOT = load_robot_text(FLAPPER)
+AERO = pt.QuasiSteady(ROBOT, pt.Air(density=1e-9))  # momentum is conserved: every beat repeats
+GAIT = pt.gaits.sinusoidal(ROBOT, frequency=5.0, plunge=0.4, feather=0.2, phase={"feather": 1.0})
+
+
+def an_orbit(gait=GAIT, robot=ROBOT, aero=AERO):
+    """Orbit without forces: any state without rotation that the wings' recoil does not turn."""
+    flight = FlightMap(robot, aero)
+    state = np.zeros((1, flight.size))
+    state[0, flight.names.index("velocity of x")] = 3.0
+    return SimpleNamespace(map=flight, gait=gait, states=state, steps=200)
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    """That orbit, its pitch rate such that recoil turns nothing on the whole."""
+    found = an_orbit()
+    place = found.map.names.index("velocity of pitch")
+    for _ in range(3):  # the drift is linear in the rate, nearly
+        v = ROBOT.velocities(x=3.0, pitch=found.states[0, place])
+        flight = pt.simulate(ROBOT, AERO, GAIT, duration=0.2, time_step=1e-3, v=v)
+        found.states[0, place] -= flight.q.sel(dof="pitch").values[-1] * GAIT.frequency
+    return found
+
+
+def test_its_model_is_the_simulator_near_the_orbit(orbit):
+    """Every command moves the flight as the linear model says, to second order."""
+    model = OrbitModel(orbit, COMMANDS)
+    start = dict(zip(orbit.map.names, orbit.states[0], strict=True))
+    v = ROBOT.velocities(x=3.0, pitch=start["velocity of pitch"])
+    for place, name in enumerate(COMMANDS):
+        errors = []
+        for size in (2e-2, 1e-2):
+            departure, inputs, given = np.zeros(model.size), np.zeros((1, len(COMMANDS))), []
+
+            def controller(time, state, size=size, given=given, name=name, model=model):
+                own = model.steered.neutral[model.places[COMMANDS.index(name)]]
+                value = own + size * (1 if len(given) < 7 else -0.5)
+                given.append(value - own)
+                return {name: value / model.steered.scale(name)}
+
+            flight = pt.simulate(
+                ROBOT, AERO, GAIT, duration=0.28, time_step=1e-3, v=v, controller=controller,
+                control_period=model.period,
+            )  # fmt: skip
+            for k, value in enumerate(given):
+                inputs[0, place] = value
+                departure = model.predict(k, departure[None], inputs).ends[0]
+            end = np.concatenate([flight.q.values[-1], flight.v.values[-1]])
+            passive = [ROBOT.dof_names.index(n.removeprefix("velocity of ")) for n in model.names]
+            shift = [ROBOT.dof * n.startswith("velocity of ") for n in model.names]
+            state = end[np.array(passive) + shift]
+            steered = OrbitModel(orbit, COMMANDS)
+            for k, value in enumerate(given):
+                own = steered.steered.neutral[steered.places[place]]
+                steered.steered.command(
+                    k * model.period, {name: (value + own) / steered.steered.scale(name)}
+                )
+            found = steered.departure(14, state, 14 * model.period)
+            errors.append(np.abs(found - departure).max() / np.abs(departure).max())
+        # quadratic: half the step errs by half as much, relative to it
+        assert errors[1] < 0.05 and errors[1] < 0.65 * errors[0], (name, errors)
+
+
+def test_a_sample_that_is_wrong_leaves_the_last_command(orbit):
+    controller = PredictiveController(orbit, COMMANDS)
+    period = controller.model.period
+    q, v = ROBOT.coordinates(pitch=0.02), ROBOT.velocities(x=3.1)
+    assert set(controller(0.0, FlightState(ROBOT, 0.0, q, v))) == set(COMMANDS)
+    wrong = v.copy()
+    wrong[2] = np.nan
+    assert controller(period, None) == {}
+    assert controller(2 * period, FlightState(ROBOT, 0.0, q, v)) == {}
+    assert controller(3 * period, FlightState(ROBOT, 3 * period, q, wrong)) == {}
+    assert controller(4 * period, FlightState(ROBOT, np.nan, q, v)) == {}
+    assert controller.held == {"missing": 1, "late": 2, "not finite": 1}
+    assert "held at 4 samples: 2 late, 1 missing, 1 not finite" in controller.report()
+    found = controller(5 * period, FlightState(ROBOT, 5 * period, q, v))
+    assert set(found) == set(COMMANDS) and all(map(np.isfinite, found.values()))
+    assert PredictiveController(orbit, COMMANDS).report() == "Every sample was answered."
+
+
+def test_commands_keep_ranges_and_rates(orbit):
+    controller = PredictiveController(orbit, COMMANDS, limits={"velocity of z": (-0.1, 0.1)})
+    period, seen = controller.model.period, []
+    rng = np.random.default_rng(0)
+    for k in range(30):
+        q = ROBOT.coordinates(**{n: rng.normal() for n in ("z", "roll", "pitch", "yaw")})
+        v = ROBOT.velocities(x=3.0, y=rng.normal(), pitch=5 * rng.normal())
+        seen.append(controller(k * period, FlightState(ROBOT, k * period, q, v)))
+    assert not controller.held
+    table = {name: np.array([one[name] for one in seen]) for name in COMMANDS}
+    assert table["frequency"].min() >= 3 - 1e-6 and table["frequency"].max() <= 8 + 1e-6
+    size = table["plunge_amplitude"] * 0.4
+    assert size.min() >= np.radians(10) - 1e-6 and size.max() <= np.radians(40) + 1e-6
+    assert np.abs(np.diff(size)).max() <= np.radians(200) * period + 1e-6
+    assert np.ptp(table["frequency"]) > 1  # it does something
+    assert controller.model.steered.limited == 0  # nothing was left to the gait to cut
+
+
+def test_what_cannot_be_controlled_is_refused(orbit):
+    with pytest.raises(ParameterError, match="tail_offset"):
+        PredictiveController(orbit, ("tail_offset",))
+    with pytest.raises(ParameterError, match="a range of every command"):
+        PredictiveController(orbit, ("feather_amplitude",))
+    with pytest.raises(ParameterError, match="velocity of pitch"):
+        PredictiveController(orbit, COMMANDS, tolerable={"height": 1.0})
+    turning = an_orbit()
+    turning.states[0, turning.map.names.index("velocity of roll")] = 0.5
+    with pytest.raises(ParameterError, match="returns after a beat"):
+        PredictiveController(turning, COMMANDS)
