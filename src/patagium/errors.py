@@ -68,9 +68,25 @@ class ParameterError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: str, found: object, known: Iterable[str] = ()) -> None:
-        seen = shown(_plain(found), 400) + similar(found, known)
+        seen = "nothing" if found is None else shown(_plain(found), 400) + similar(found, known)
         super().__init__(f"{name}: expected {expected}, found {seen}")
         self.name, self.expected, self.found = name, expected, found
+
+
+def of_kind(name: str, value: object, kind: type, example: str) -> None:
+    """Refuse an argument of another kind.
+
+    Args:
+        name: The argument.
+        value: What was given.
+        kind: What it has to be.
+        example: Expression that gives such a thing.
+
+    Raises:
+        ParameterError: If it is of another kind.
+    """
+    if not isinstance(value, kind):
+        raise ParameterError(name, f"a {kind.__name__} such as {example}", value)
 
 
 def shown(value: object, most: int = SHOWN) -> str:
@@ -84,6 +100,8 @@ def shown(value: object, most: int = SHOWN) -> str:
         text = repr(value)
     except (RecursionError, ValueError):  # a number of thousands of digits
         text = type(value).__name__
+    if len(text) > SHOWN and type(value).__module__.startswith(("patagium", "xarray")):
+        return f"a {type(value).__name__}"
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
@@ -326,16 +344,17 @@ def finite(name: str, value: Any) -> float:
     return float(value)
 
 
-def positive(name: str, value: Any) -> float:
+def positive(name: str, value: Any, expected: str = "a positive number") -> float:
     """A finite number above zero.
 
     Args:
         name: The argument.
         value: What was given.
+        expected: What it may be, in words.
 
     Raises:
         ParameterError: If it is not.
     """
     if not (isinstance(value, Real) and isfinite(value) and float(value) > 0):
-        raise ParameterError(name, "a positive number", value)
+        raise ParameterError(name, expected, value)
     return float(value)

@@ -142,8 +142,11 @@ def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) 
     except PatagiumError as problem:
         raise error(str(problem)) from problem
     except Exception as problem:  # of the libraries, in many kinds
-        said = str(problem) or type(problem).__name__
-        raise error(f"{path}: expected {expected}, found: {said[:200]}") from problem
+        if isinstance(problem, OSError) and problem.strerror:  # of the C library, path included
+            said = "other or damaged content"
+        else:
+            said = (str(problem) or type(problem).__name__)[:200]
+        raise error(f"{path}: expected {expected}, found {said}") from problem
 
 
 def loaded_dataset(

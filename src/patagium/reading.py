@@ -7,10 +7,11 @@ refused, because a reader would wait for them or never end.
 from __future__ import annotations
 
 import json
+import os
 import re
 import stat
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, get_args
 
@@ -44,9 +45,13 @@ def regular_file(path: str | Path, most: int | None = None) -> Path:
     try:
         found = file.stat()
     except (OSError, ValueError) as problem:  # of a null byte in the path
-        reason = getattr(problem, "strerror", None) or str(problem)
+        reason, near = getattr(problem, "strerror", None) or str(problem), ""
         if isinstance(problem, FileNotFoundError):
-            reason = "no such file"
+            with suppress(OSError):
+                beside = [Path(name) for name in os.listdir(file.parent)]
+                alike = {one.stem: one.name for one in beside if one.suffix == file.suffix}
+                near = similar(file.stem, alike)
+            reason = f"no such file{near}"
         raise Unreadable(str(path), "", "a file that can be read", reason) from None
     if not stat.S_ISREG(found.st_mode):
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
@@ -301,7 +306,8 @@ def _fault(error: Any, model: Any) -> tuple[str, str, str]:
     example = next((str(one) for f in found for one in f.examples or ()), "")
     if kind == "missing":
         return where, f"`{loc[-1]}: {example}`" if example else "a value here", "nothing"
-    return where, f"{words} such as {example}" if example else words, shown(error["input"])
+    seen = "nothing" if error["input"] is None else shown(error["input"])
+    return where, f"{words} such as {example}" if example else words, seen
 
 
 _SENTENCE = re.compile(r"(?:([^:]+): )?expected (.*), found (.*)", re.DOTALL)

@@ -149,6 +149,21 @@ def make_folder(path: str | Path) -> Path:
     return Path(path)
 
 
+def placed(path: str | Path) -> None:
+    """Refuse an output that has no folder, or is one, before long work is done for it.
+
+    Args:
+        path: The file, which need not exist.
+
+    Raises:
+        OutputError: If it cannot be written there.
+    """
+    file = Path(path)
+    number = errno.EISDIR if file.is_dir() else 0 if file.parent.is_dir() else errno.ENOENT
+    if number:
+        raise OutputError(path, OSError(number, os.strerror(number)))
+
+
 @contextmanager
 def locked(path: str | Path) -> Iterator[None]:
     """Block that one process at a time enters, by a lock beside a file; a killed one leaves it.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description
 from patagium.aerodynamics.named_descriptions import check_keys
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, positive
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,7 @@ class Air:
     gust: Gust | None = None
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.density) and self.density > 0):
-            raise ParameterError("density", "a positive number [kg/m^3]", self.density)
+        positive("density", self.density, "a positive number [kg/m^3]")
         wind = np.asarray(self.wind, float)
         if wind.shape != (3,):
             raise ShapeError("wind", (3,), wind.shape)

@@ -91,12 +91,12 @@ def _log_facts(file: Path) -> dict[str, Any]:
 
 
 def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
-    from patagium.cli.words import existing
+    from patagium.cli.words import MEANING, existing
     from patagium.errors import ParameterError
     from patagium.sensing import read_table
 
     if mapping is None:
-        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+        raise ParameterError("--mapping", f"a YAML file {MEANING.format(file)}", None)
     table = read_table(existing(file), existing(mapping))
     return {
         "kind": "table",

@@ -39,11 +39,11 @@ def cycles(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Lift, thrust and power over a wingbeat: means, spread, cost of transport."""
-    from patagium.cli.words import answer, existing, say_next
+    from patagium.cli.words import answer, flight_file, say_next
     from patagium.simulation import cycle_statistics, load_flight
 
     statistics = cycle_statistics(
-        load_flight(existing(flight)), period=period, skip=skip, phases=phases
+        load_flight(flight_file(flight)), period=period, skip=skip, phases=phases
     )
     outputs, facts = Outputs(), {str(name): value for name, value in statistics.attrs.items()}
     if figure is not None:

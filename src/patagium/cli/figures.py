@@ -55,7 +55,7 @@ def figures(
 
     One style, colors told apart by every eye and alike in every figure, units on every axis.
     """
-    from patagium.cli.words import answer, existing, say_next
+    from patagium.cli.words import answer, existing, flight_file, say_next
     from patagium.learning.model_file import load_model
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
@@ -63,7 +63,7 @@ def figures(
     from patagium.whole_file import make_folder
 
     learned = None if model is None else load_model(existing(model))
-    drawn = flight_figures(load_flight(existing(flight)), look.value, learned)
+    drawn = flight_figures(load_flight(flight_file(flight)), look.value, learned)
     folder = make_folder(flight.with_suffix("") if output is None else output)
     outputs, files = Outputs(), {}
     for name, figure in drawn.items():

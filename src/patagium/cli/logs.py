@@ -76,7 +76,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import existing
+    from patagium.cli.words import MEANING, existing, no_robot
     from patagium.errors import ParameterError
     from patagium.sensing import read_table
     from patagium.simulation import load_flight
@@ -92,7 +92,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
         return load_flight(existing(file)), None
     if mapping is None:
-        raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
+        raise ParameterError("--mapping", f"a YAML file {MEANING.format(no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)
     tell = lambda found: show_findings(found, err=True)  # noqa: E731
     return None, read_table(place, existing(mapping), tell)

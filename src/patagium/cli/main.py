@@ -37,6 +37,7 @@ from patagium.cli import (
     tune,
     view,
 )
+from patagium.cli.usage import UsageError, usage_sentence
 from patagium.errors import PatagiumError, RobotFileWarning
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
@@ -129,7 +130,17 @@ def run(arguments: Sequence[str] | None = None) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("always", RobotFileWarning)
             warnings.showwarning = _say_warning
-            app([word for word in words if word != "--debug"], prog_name="patagium")
+            said = [word for word in words if word != "--debug"]
+            code = app(said, prog_name="patagium", standalone_mode=False)
+            raise SystemExit(code if isinstance(code, int) else 0)
+    except UsageError as error:
+        if not said or said == ["study"]:  # the help of a program without words
+            error.show()
+        else:
+            typer.echo(f"patagium: {usage_sentence(error, said)}", err=True)
+        raise SystemExit(2) from None
+    except typer.Abort:
+        raise SystemExit(1) from None
     except (PatagiumError, OSError) as error:
         if debug:
             raise

@@ -230,6 +230,7 @@ def simulate(
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
 
+    _check_outputs(output, figure)
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
@@ -268,7 +269,7 @@ def simulate(
         pitch = own.pitch if pitch is None else pitch
     q, v = _start(machine, speed or 0.0, pitch or 0.0)
     conditions = {
-        "duration": duration or (machine.cruise.duration if machine.cruise else _DURATION),
+        "duration": _duration(machine) if duration is None else duration,
         "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip
@@ -276,6 +277,21 @@ def simulate(
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
     _keep(flight, output, figure, as_json)
+
+
+def _check_outputs(output: Path, figure: Path | None) -> None:
+    """Refuse places that cannot be written before the flight is flown."""
+    from patagium.report.figures import figure_kind
+    from patagium.whole_file import placed
+
+    placed(output)
+    if figure is not None:
+        placed(figure)
+        figure_kind(figure)
+
+
+def _duration(machine: Robot) -> float:
+    return machine.cruise.duration if machine.cruise else _DURATION
 
 
 _DURATION = 1.0
@@ -388,6 +404,10 @@ def _gait(
     if kind == "still":
         return gaits.still(machine, **means)
     if kind not in ("sinusoidal", "linkage"):
+        if not Path(kind).suffix and not Path(kind).exists():
+            known = ("sinusoidal", "linkage", "still")
+            expected = "sinusoidal, linkage, still or a CSV table of one period"
+            raise ParameterError("--gait", expected, kind, known)
         return gaits.from_csv(machine, existing(Path(kind)))
     if frequency is None:
         raise ParameterError(
@@ -503,7 +523,7 @@ def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     shown = facts if as_json else flight_table(facts)
     outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
-    for warning in facts["warnings"]:
+    for warning in () if broken else facts["warnings"]:
         typer.echo(f"patagium: {warning}", err=True)
     outputs.check()
     if broken:

@@ -68,7 +68,7 @@ def view(
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
     """
-    from patagium.cli.words import existing, say_next
+    from patagium.cli.words import flight_file, say_next
     from patagium.errors import ParameterError
     from patagium.simulation import load_flight
     from patagium.viewer import replay
@@ -89,32 +89,34 @@ def view(
     page = flight.with_suffix(".html") if out is None else out
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
-    beside = {other.stem: load_flight(existing(other)) for other in others}
+    beside = {other.stem: load_flight(flight_file(other)) for other in others}
     options = {"title": title, "start": start, "end": end, "beside": beside}
-    replay(load_flight(existing(flight)), page, predicted=_predicted(model, predictions), **options)
+    replay(
+        load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
+    )
     typer.echo(f"The page is in {page}", err=True)
     say_next(f"open {page} in a browser", f"patagium cycles {flight}")
 
 
 def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:
-    from patagium.cli.words import existing
+    from patagium.cli.words import flight_file
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
     from patagium.viewer import still
 
-    save_figure(still(load_flight(existing(flight)), at, predicted=predicted), picture)
+    save_figure(still(load_flight(flight_file(flight)), at, predicted=predicted), picture)
     typer.echo(f"The picture is in {picture}", err=True)
 
 
 def _film(
     flight: Path, path: Path, predicted: Predicted | None, start: float | None, end: float | None
 ) -> None:
-    from patagium.cli.words import existing, progress_bar
+    from patagium.cli.words import flight_file, progress_bar
     from patagium.simulation import load_flight
     from patagium.viewer.film import film
 
     with progress_bar("Filming") as progress:
-        recorded = load_flight(existing(flight))
+        recorded = load_flight(flight_file(flight))
         film(recorded, path, predicted=predicted, start=start, end=end, progress=progress)
     typer.echo(f"The film is in {path}", err=True)
 

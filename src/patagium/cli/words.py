@@ -36,6 +36,8 @@ class Numbers(tuple[float, ...]):
 
 Progress = Callable[[int, int], None]
 Stages = Callable[[str, float], None]
+MEANING = "that says what the columns mean, which patagium inspect {} lists"
+"""What a mapping is, for messages."""
 BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
@@ -52,12 +54,19 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
         from patagium.robot.units import UnitMismatch, in_si
 
         try:
-            return in_si(text, unit, noun)
+            value = in_si(text, unit, noun)
         except UnitMismatch as error:
             raise typer.BadParameter(str(error)) from None
+        if unit == "rad" and abs(value) > _TURN and text.strip()[-1:].isdigit():
+            seen = f"{text} rad, more than a turn; did you mean '{text} deg'?"
+            raise typer.BadParameter(f"expected an angle such as '30 deg', found {seen}")
+        return value
 
     read.__name__ = unit or "NUMBER"
     return read
+
+
+_TURN = 2 * 3.14159265358979
 
 
 def vector(unit: str, noun: str) -> Callable[[str], Vector]:
@@ -238,8 +247,37 @@ def existing(path: Path) -> Path:
     Raises:
         LogError: If it is not.
     """
-    if not path.is_file():
-        raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
+    from patagium.reading import regular_file
+
+    return regular_file(path)
+
+
+def flight_file(path: Path) -> Path:
+    """Path of a flight that exists.
+
+    Args:
+        path: The file.
+
+    Raises:
+        LogError: If it is a robot's, or none.
+    """
+    return existing(no_robot(path))
+
+
+def no_robot(path: Path) -> Path:
+    """Path that is not a robot's, which is refused with what flies it.
+
+    Args:
+        path: The file.
+
+    Raises:
+        LogError: If it is a preset's name or a robot file.
+    """
+    from patagium.robot import preset_names
+
+    if path.suffix.lower() in (".yaml", ".yml", ".urdf") or str(path) in preset_names():
+        robot = f"a robot; fly it first: patagium simulate {path}"
+        raise LogError(f"{path}: expected a flight or log, found {robot}")
     return path
 
 

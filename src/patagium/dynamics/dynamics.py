@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
-from patagium.errors import ShapeError
+from patagium.errors import ShapeError, of_kind
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
 
@@ -211,6 +211,7 @@ class Dynamics(_Methods):
     """
 
     def __init__(self, robot: Robot) -> None:
+        of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
         self.robot = robot
         self._parameters = robot.parameters
         self._functions = load_functions(

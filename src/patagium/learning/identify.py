@@ -89,6 +89,7 @@ def identify(
         ShapeError: If the network does not fit the inputs or the outputs.
         ParameterError: If an input has no such name.
     """
+    _check_kinds(flight, learner)
     chosen = learner or default_learner(flight if robot is None else robot)
     time, x, y, units = samples(flight, chosen.network, inputs, robot)
     motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
@@ -110,10 +111,16 @@ def identify(
         period=period,
         progress=progress,
     )
-    result.scores["chosen"] = choices(
-        chosen, taken, step, learner_given=learner is not None, every_given=every is not None
-    )
+    given = {"learner_given": learner is not None, "every_given": every is not None}
+    result.scores["chosen"] = choices(chosen, taken, step, **given)
     return result
+
+
+def _check_kinds(flight: object, learner: object) -> None:
+    if not isinstance(flight, (xr.Dataset, ForceSamples)):
+        raise ParameterError("flight", "one such as pt.load_flight('flight.nc')", flight)
+    if learner is not None and not hasattr(learner, "network"):
+        raise ParameterError("learner", "one such as pt.CubatureLearner(network)", learner)
 
 
 def evaluate(
@@ -143,6 +150,8 @@ def evaluate(
     """
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
+    if not hasattr(model, "network"):
+        raise ParameterError("model", "one such as pt.load_model('model.json')", model)
     time, x, y, units = samples(flight, model.network, inputs, robot)
     return compare(model, time, x, y, every=every, units=units)
 

@@ -171,6 +171,9 @@ def load_model(path: str | Path) -> Model:
         LogError: If there is no such file, or it is not a model of this version.
     """
     file = Path(path)
+    if file.suffix.lower() == ".nc":
+        expected = "a model (.json) such as patagium identify writes"
+        raise LogError(f"{file}: expected {expected}, found a flight or log (.nc)")
     words = json_object(text_of(file, free_memory() // 8), str(file))
     found = words.get("format")
     if found not in (FORMAT, _FIRST_FORMAT):

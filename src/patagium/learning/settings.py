@@ -100,7 +100,8 @@ class Meaning(NamedTuple):
         under = numbers <= self.low if self.above else numbers < self.low
         over = numbers >= self.high if self.below else numbers > self.high
         if (under | over | ~(abs(numbers) < inf)).any():
-            raise ParameterError(name, self.range, value)
+            finite = self.range.startswith("a ")
+            raise ParameterError(name, self.range if finite else f"a number {self.range}", value)
 
     @property
     def range(self) -> str:
@@ -477,7 +478,9 @@ class FilterSettings:
         values = renamed(description)
         for name in values:
             if name not in known:
-                raise ParameterError("settings", f"names among {', '.join(known)}", name)
+                raise ParameterError(
+                    "settings", f"names among {', '.join(known)}", name, list(known)
+                )
         return cls(**{name: _made(known[name], value) for name, value in values.items()})
 
 
@@ -628,7 +631,9 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
     values, known = with_new_names(given, OLD_NAMES, 4), [one.name for one in settings_of(learner)]
     for name in values:
         if name not in known:
-            raise ParameterError(f"{learner} learner", f"settings among {', '.join(known)}", name)
+            raise ParameterError(
+                f"{learner} learner", f"settings among {', '.join(known)}", name, list(known)
+            )
     return replace(RECORDS[learner]() if settings is None else settings, **values)
 
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 from patagium.report.style import SMALLEST_LETTERS
 from patagium.whole_file import make_folder, write_whole
 
@@ -361,8 +361,13 @@ def write_page(
 
     Returns:
         The path written.
+
+    Raises:
+        ParameterError: If the name ends otherwise than a page's.
     """
     path, told = Path(path), dict(facts or {})
+    if path.suffix not in ("", ".html", ".htm", ".md"):
+        raise ParameterError("page", "a name ending in .html", path.name)
     if path.suffix == ".md":
         text, pictures = markdown_page(title, sections, summary, told, path.stem, opening)
         for name, image in pictures.items():

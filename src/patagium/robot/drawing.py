@@ -36,6 +36,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
     for strip in robot.strips:
         strips.setdefault(strip.wing, []).append(placed(places[strip.body], strip_corners(strip)))
     middles = [placed(places[s.body], np.array(s.quarter_chord, float)) for s in robot.strips]
+    winged = {strip.body for strip in robot.strips}
     return machine(
         robot.name,
         strips={wing: np.array(corners) for wing, corners in strips.items()},
@@ -47,7 +48,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
         outlines=[
             placed(places[solid.body], surface_points(solid))
             for solid in solids(robot)
-            if solid.body not in {strip.body for strip in robot.strips}
+            if solid.kind != "capsule" or solid.body not in winged
         ],
         lines=[np.array([middles[i] for i in chain.strips]) for chain in strip_chains(robot)],
     )

@@ -55,7 +55,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
     path = Path(name_or_path)
     if path.suffix.lower() == ".urdf":
         return _reviewed(load_urdf(path), name)
-    if path.suffix not in (".yaml", ".yml") and not path.exists():
+    other = path.suffix.lower() in (".nc", ".json", ".csv", ".parquet")
+    if path.suffix not in (".yaml", ".yml") and (other or not path.exists()):
         known = ", ".join(preset_names())
         raise RobotFileError(
             name,

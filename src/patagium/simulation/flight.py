@@ -28,7 +28,7 @@ from patagium.aerodynamics import (
     aero_from_description,
 )
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, Outcome
+from patagium.errors import FlightError, Outcome, of_kind
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -324,6 +324,7 @@ def gait_period(flight: xr.Dataset) -> float | None:
     Args:
         flight: Record whose attribute `gait` describes the gait; of its parts the slowest counts.
     """
+    _require(flight, ())
     with made_again("the period of the flight's gait", FlightError):
         return _period(json_object(flight.attrs.get("gait", "{}"), "gait"))
 
@@ -337,6 +338,7 @@ def _period(gait: Mapping[str, Any]) -> float | None:
 
 
 def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
+    of_kind("flight", flight, xr.Dataset, "pt.load_flight('flight.nc')")
     missing = [name for name in names if name not in flight.attrs]
     if missing:
         raise FlightError(f"the flight has no attribute {', '.join(missing)}")
@@ -456,6 +458,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
         FlightError: If the flight misses a quantity.
         OutputError: If the file cannot be written.
     """
+    _require(flight, ())
     check_flight(flight, "flight")
     return write_netcdf(path, flight)
 

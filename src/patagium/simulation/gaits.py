@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError, finite, positive
+from patagium.errors import ParameterError, finite, of_kind, positive
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
@@ -232,7 +232,7 @@ def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
     own = robot.cruise
     if own is None:
         raise ParameterError("robot", "a file with a section cruise", robot.name)
-    frequency = frequency or own.frequency
+    frequency = own.frequency if frequency is None else frequency
     if frequency is None:
         return still(robot, **own.offset)
     return sinusoidal(
@@ -274,6 +274,7 @@ def check_gait(robot: Robot, gait: Gait) -> None:
 
 
 def _joints(robot: Robot) -> tuple[str, ...]:
+    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
     return tuple(robot.dof_names[i] for i in robot.actuated)
 
 
@@ -285,7 +286,9 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
     for name, value in values.items():
         targets = robot.joints_named(name)
         if not targets:
-            raise ParameterError(name, f"an actuated joint of {robot.name!r}: {joints}", name)
+            known = [*joints, *(joint.removeprefix("left_") for joint in joints)]
+            expected = f"an actuated joint of {robot.name} ({', '.join(joints)}) or a pair"
+            raise ParameterError(name, expected, name, known)
         for joint in targets:
             if joint in named:
                 raise ParameterError(name, f"{joint} named once", f"also as {named[joint]!r}")

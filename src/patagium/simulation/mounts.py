@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, of_kind
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
@@ -131,6 +131,7 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """
     if mount is None:
         return free() if robot.floating else fixed()
+    of_kind("mount", mount, Mount, "pt.mounts.fixed()")
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
     if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:
@@ -305,7 +306,7 @@ def _place(robot: Robot, name: str) -> tuple[int, int]:
                 return index, before
     names = [body.name for body in robot.bodies]
     names += [joint.name for body in robot.bodies for joint in body.joints]
-    raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name)
+    raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name, names)
 
 
 def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:

@@ -20,7 +20,15 @@ from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arrays import real_array
-from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.errors import (
+    Outcome,
+    ParameterError,
+    ShapeError,
+    SimulationFailed,
+    of_kind,
+    positive,
+    similar,
+)
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -66,8 +74,7 @@ def whole_steps(duration: float, time_step: float, name: str = "duration") -> in
         ParameterError: If either is not positive, they do not divide, or steps are too many.
     """
     for which, value in ((name, duration), ("time_step", time_step)):
-        if not (np.isfinite(value) and value > 0):
-            raise ParameterError(which, "a positive number of seconds", value)
+        positive(which, value, "a positive number of seconds")
     if not duration / time_step <= MOST_STEPS:
         expected = f"at most {MOST_STEPS:.0e} time steps of {time_step:g} s (shorten it)"
         raise ParameterError(name, expected, f"{duration:g} s")
@@ -83,6 +90,9 @@ def check_robots(robot: Robot, aero: Aerodynamics) -> None:
     Raises:
         ParameterError: If its coordinates or strips are not the robot's.
     """
+    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
+    if not isinstance(getattr(aero, "robot", None), Robot):
+        raise ParameterError("aero", "a model of the air such as pt.QuasiSteady(robot)", aero)
     if _shape(aero.robot) != _shape(robot):
         raise ParameterError(
             "aero", f"a model of the air around {_named(robot)}", _named(aero.robot)
@@ -542,8 +552,17 @@ def check_keywords(given: Mapping[str, Any], known: type) -> None:
     """
     unknown = sorted(set(given) - set(known.__annotations__))
     if unknown:
-        expected = ", ".join(sorted(known.__annotations__))
-        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, expected one of {expected}")
+        names = sorted(known.__annotations__)
+        near = similar(unknown[0], [*names, "duration", "time_step", "mount"])
+        expected = f"expected one of {', '.join(names)}{near}"
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
+
+
+def _check_controller(controller: object, period: float | None) -> None:
+    if not (controller is None or callable(controller)):
+        raise ParameterError("controller", "a function of time and state", controller)
+    if period is not None and controller is None:
+        raise ParameterError("control_period", "a controller with it", None)
 
 
 def _base_motion(
@@ -665,8 +684,7 @@ def simulate(
     throw, progress = options.pop("throw", True), options.pop("progress", None)
     controller, period = options.pop("controller", None), options.pop("control_period", None)
     started: FlightOptions = options
-    if period is not None and controller is None:
-        raise ParameterError("control_period", "a controller with it", None)
+    _check_controller(controller, period)
 
     def start(step: float | None) -> Simulator:
         return Simulator(

@@ -530,6 +530,7 @@ def still(
         FlightError: If the flight does not carry its robot.
         ParameterError: If the time is not within the flight, or the eye straight above.
     """
+    robot_of(flight)
     first, last = float(flight["time"][0]), float(flight["time"][-1])
     when = (first + last) / 2 if time is None else float(time)
     if not first <= when <= last:

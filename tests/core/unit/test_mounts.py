@@ -7,7 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.robot import drawing
+from patagium.robot.planform import poses
 from patagium.simulation.mounts import with_load_cells
 
 ROCKING = pt.paths.sinusoid(
@@ -100,7 +100,7 @@ def test_several_cells_may_cut_one_chain(rng):
     assert machine.dof == robot.dof + 24 and machine.floating
     q = rng.normal(size=robot.dof)
     held = np.concatenate([np.zeros(24), q])
-    ours, theirs = (drawing._poses(k, x) for k, x in ((machine, held), (robot, q)))
+    ours, theirs = (poses(k, x) for k, x in ((machine, held), (robot, q)))
     for body in robot.bodies:
         found = ours[machine.body_index(body.name)]
         for one, other in zip(found, theirs[robot.body_index(body.name)], strict=True):

@@ -126,6 +126,18 @@ def test_blocks_of_a_page_run_one_after_the_other(
                 _said(line, capsys)
 
 
+def test_an_own_ornithopter_takes_sixty_lines_and_six_commands() -> None:
+    text = (DOCS / "robot_file.md").read_text("utf-8")
+    section = text[text.index("## Your own ornithopter") :].partition("\n## What there is")[0]
+    blocks = BLOCK.findall(section)
+    typed = [line for _, block in blocks for line in block.splitlines() if line.strip()]
+    commands = [line for line in typed if line.startswith("patagium ")]
+    assert [line.split()[1] for line in commands] == [
+        "robots", "check", "simulate", "identify", "view",
+    ]  # fmt: skip
+    assert len(typed) <= 60 and len(commands) <= 6
+
+
 def _said_names(code: str) -> set[str]:
     """Dotted names of patagium that code says, such as `sensors.presets.as5600`."""
     tree, known = ast.parse(code), dict[str, str]()

@@ -83,7 +83,7 @@ class LearnerSettings(BaseModel):
         known = {one.name: one.metadata["meaning"] for one in settings_of(self.kind)}
         for name in self.values:
             if name not in known:
-                raise ParameterError(name, f"one of {', '.join(known)}", name, known)
+                raise ParameterError(name, f"one of {', '.join(known)}", name, list(known))
         settings_from(self.kind, self.values)
         return self
 

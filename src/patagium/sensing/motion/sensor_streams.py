@@ -299,7 +299,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
         rows = model.rows(reading)[kept]
         found.append(Stream(name, model, stamps[kept] - shifts.get(name, 0.0), rows))
     if not found:
-        held = ", ".join(log.readings)
+        held = ", ".join(log.readings) or "none"
         raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
     return found
 

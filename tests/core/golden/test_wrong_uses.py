@@ -1,0 +1,216 @@
+"""Wrong uses of the program and of the package: each is answered by one sentence.
+
+The sentences stand in `wrong_uses.txt`: what was expected, what was found, what to type.
+`make golden` writes them anew; read the difference.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.robot import preset_text
+
+SAID = Path(__file__).with_name("wrong_uses.txt")
+ORNITHOPTER = preset_text("ornithopter")
+FILES = {
+    "typo.yaml": ORNITHOPTER.replace("mass: 45 g", "mas: 45 g"),
+    "unit.yaml": ORNITHOPTER.replace("mass: 45 g", "mass: 45 cm"),
+    "missing.yaml": ORNITHOPTER.replace("    mass: 45 g\n", ""),
+    "shape.yaml": ORNITHOPTER.replace("type: plate, chord: 25", "type: plat, chord: 25"),
+    "parent.yaml": ORNITHOPTER.replace("parent: body\n    at: [-2", "parent: boddy\n    at: [-2"),
+    "strips.yaml": ORNITHOPTER.replace("strips: 8", "strips: eight"),
+    "limits.yaml": ORNITHOPTER.replace("[-45 deg, 60 deg]", "[60 deg, -45 deg]"),
+    "cruise.yaml": ORNITHOPTER.replace("{plunge: 0.784 rad}", "{plung: 0.784 rad}"),
+    "joins.yaml": ORNITHOPTER.replace(
+        "- name: tailplane\n", "- name: tailplane\n    joins: [fn]\n"
+    ),
+    "still.yaml": ORNITHOPTER[: ORNITHOPTER.index("# nearly level")],
+    "broken.yaml": "name: [a\nb: {",
+    "empty.yaml": "",
+    "text.nc": "hello",
+    "log.csv": "t,a,b\n0.0,1,2\n0.1,2,3\n0.2,3,4\n",
+    "map.yaml": "time: {colum: t, unit: s}\ninputs: [{column: a, unit: m}]\n"
+    "outputs: [{column: b, unit: N}]\n",
+    "settings.yaml": "format: patagium settings 1\nevery: 10\n"
+    "network: {kind: dense, hidden: [3]}\nlearner: {kind: extended, prior_st: 0.5}\n",
+}
+PROGRAM = """
+simulte aerobat
+study reprodce
+simulate
+simulate aerobot
+simulate flight.nc
+simulate nothing.yaml
+simulate typo.yaml
+simulate unit.yaml
+simulate missing.yaml
+simulate shape.yaml
+simulate parent.yaml
+simulate strips.yaml
+simulate limits.yaml
+simulate cruise.yaml
+simulate joins.yaml
+simulate still.yaml
+simulate broken.yaml
+simulate empty.yaml
+simulate aerobat --freqency 5
+simulate aerobat --frequency '5 kg'
+simulate aerobat --frequency fast
+simulate aerobat --frequency 0
+simulate aerobat --plunge 30
+simulate aerobat --pitch '5 m'
+simulate aerobat --duration 0
+simulate aerobat --duration '2 m'
+simulate aerobat --duration 1 --time-step 3e-4
+simulate aerobat --time-step 1e-2 --duration 0.1
+simulate aerobat --amplitude elbow
+simulate aerobat --amplitude elbw='3 deg'
+simulate aerobat --aero lifting_line
+simulate aerobat --wind 3
+simulate aerobat --gait sinus
+simulate aerobat --gait gait.csv
+simulate aerobat --mount arm
+simulate aerobat --figure flight.bmp
+simulate aerobat -o nowhere/flight.nc
+simulate aerobat -o .
+identify
+identify flght.nc
+identify text.nc
+identify aerobat
+identify typo.yaml
+identify log.csv
+identify log.csv --mapping map.yaml
+identify flight.nc --settings settings.yaml
+identify flight.nc --network flow
+identify flight.nc --hidden 8,x
+identify flight.nc --prior-std -1
+identify flight.nc --every 0
+identify flight.nc --horizon soon
+view aerobat
+view flight.nc --model flight.nc
+view flight.nc --model modl.json
+view flight.nc --out page.txt
+view flight.nc --still picture.bmp
+view model.json
+cycles flight.nc --skip 100
+figures flight.nc --for poster
+robots aerobt
+robots --new hawk
+robots aerobat --draw a.bmp
+robots --draw a.png
+check model.json
+check log.csv
+evaluate flight.nc model.json
+import log.csv
+"""
+PACKAGE = """
+pt.Quasisteady
+pt.gait
+pt.loadrobot
+pt.load_robot("aerobt")
+pt.load_flight("model.json")
+pt.load_model("flight.nc")
+pt.Air(density=-1)
+pt.Air(density="1.2 kg/m^3")
+pt.Air(wind=3)
+pt.Dynamics("aerobat")
+pt.gaits.sinusoidal("aerobat", frequency=5)
+pt.gaits.sinusoidal(robot, frequency=5, pluge=0.5)
+pt.gaits.sinusoidal(robot, frequency="5 Hz")
+pt.simulate("aerobat", aero, gait, duration=0.1)
+pt.simulate(robot, gait, aero, duration=0.1)
+pt.simulate(pt.load_robot("hawk"), aero, gait, duration=0.1)
+pt.simulate(robot, aero, gait, duration="1 s")
+pt.simulate(robot, aero, gait, duration=0.1, time_step=0.03)
+pt.simulate(robot, aero, gait, duration=0.1, timestep=0.01)
+pt.simulate(robot, aero, gait, duration=0.1, v=np.zeros(3))
+pt.simulate(robot, aero, gait, duration=0.1, mount="fixed")
+pt.simulate(robot, aero, gait, duration=0.1, controller=3)
+robot.coordinates(left_plung=0.1)
+robot.with_parameters({"body.mas": 0.1})
+pt.identify("flight.nc")
+pt.identify(flight, "cubature")
+pt.identify(flight, every=0)
+pt.evaluate(flight, "model.json")
+pt.replay("flight.nc", "page.html")
+pt.cycle_statistics(robot)
+pt.save_flight(robot, "robot.nc")
+pt.CubatureLearner(network, prior_st=1.0, measurement_std=0.1)
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with a flight, a model and wrong files."""
+    folder = tmp_path_factory.mktemp("wrong")
+    flight, model = str(folder / "flight.nc"), str(folder / "model.json")
+    for words in (
+        ["simulate", "aerobat", "--duration", "0.3", "--time-step", "1e-3", "-o", flight],
+        ["identify", flight, "--model", model],
+    ):
+        with pytest.raises(SystemExit):
+            run(words)
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+def _answer(words: str, capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as left:
+        run(shlex.split(words))
+    said = capsys.readouterr().err
+    assert left.value.code == 2, said
+    said = re.sub(r"(reached|answers at) \S+", r"\1 NUMBER", said)  # of a run that broke down
+    return "\n".join(re.findall(r"^patagium: (?!compiling)(.*)", said, re.MULTILINE))
+
+
+def _raised(words: str, names: dict[str, Any]) -> str:
+    try:
+        eval(words, names)  # noqa: S307 - words of this file
+    except (pt.PatagiumError, AttributeError, TypeError) as error:
+        return f"{type(error).__name__}: {error}"
+    raise AssertionError(f"{words} was not refused")
+
+
+def _is_sentence(answer: str, place: Path) -> bool:
+    """One line that says what was expected and found, or what to do."""
+    inner = ("0x", "Traceback", "Value error", str(place))
+    mended = "cannot be written", "has no attribute", "shorten the time step"
+    told = re.search(r"expected .+(found|did you mean) ", answer) or any(
+        k in answer for k in mended
+    )
+    return bool(told) and len(answer) < 420 and not any(k in answer for k in ("\n", *inner))
+
+
+def test_every_wrong_use_is_answered_by_a_sentence(
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    accepted: bool,
+) -> None:
+    monkeypatch.chdir(place)
+    robot = pt.load_robot("aerobat")
+    names = {
+        "pt": pt, "np": np, "robot": robot, "aero": pt.QuasiSteady(robot),
+        "gait": pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5),
+        "flight": pt.load_flight("flight.nc"), "network": pt.StripNetwork(robot),
+    }  # fmt: skip
+    before = (place / "flight.nc").read_bytes()
+    said = {f"$ patagium {k}": _answer(k, capsys) for k in PROGRAM.strip().splitlines()}
+    said |= {f">>> {k}": _raised(k, names) for k in PACKAGE.strip().splitlines()}
+    assert len(said) >= 60
+    bad = {words: answer for words, answer in said.items() if not _is_sentence(answer, place)}
+    assert not bad
+    assert (place / "flight.nc").read_bytes() == before
+    text = "".join(f"{words}\n{answer}\n\n" for words, answer in said.items())
+    if accepted:
+        SAID.write_text(text)
+    assert text == SAID.read_text()
