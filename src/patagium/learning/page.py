@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from patagium.learning.parameter_paths import parameter_table
 from patagium.report import (
@@ -77,14 +78,7 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
     name = "z" if "z" in loud else loud[0]
     late = record.isel(time=slice(-max(2, record.sizes["time"] // _SHOWN), None)).sel(output=[name])
     with figures_for("phone"):
-        plot = comparison(
-            late["time"].values,
-            late["measurement"].values,
-            {"predicted": late["prediction"].values},
-            names=[name],
-            units=[str(unit) for unit in late["unit"].values],
-            truth_name="measured",
-        )
+        plot = _compared(late)
     error, held = (scores[f"{key}_second_half_mean"] for key in ("nmse", "persistence"))
     return [
         picture(plot, f"The last {100 // _SHOWN} %: measured, and predicted before it was used."),
@@ -216,17 +210,25 @@ def _remarks(scores: Mapping[str, Any]) -> list[Note]:
     return remarks + [Note(f"{name.capitalize()}: {text}.") for name, text in chosen.items()]
 
 
-def _calibration(scores: Mapping[str, Any]) -> list[Any]:
-    nominal = np.array([float(p) for p in scores["reliability"]])
-    observed = np.array(list(scores["reliability"].values()))
+def reliability_picture(found: Mapping[str, Mapping[str, float]]) -> Picture:
+    """Picture of the share of errors inside each predicted interval.
+
+    Args:
+        found: That share [1] by the probability of the interval, for each of several runs.
+    """
+    nominal = [float(p) for p in next(iter(found.values()))]
     figure = curves(
         nominal,
         nominal,
-        {"found": observed},
+        {name: list(shares.values()) for name, shares in found.items()},
         abscissa="probability of the predicted interval [1]",
-        ordinate="share of samples inside [1]",
+        ordinate="share of errors inside [1]",
     )
-    shown = [picture(figure, "Reliability: on the diagonal, intervals are what they say.")]
+    return picture(figure, "Reliability: on the diagonal, intervals are what they say.")
+
+
+def _calibration(scores: Mapping[str, Any]) -> list[Any]:
+    shown = [reliability_picture({"found": scores["reliability"]})]
     if "nis_per_channel" not in scores or not np.isfinite(scores["nis_per_channel"]):
         return shown
     color = [value for value in scores["innovation_correlation"].values() if np.isfinite(value)]
@@ -241,16 +243,19 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
 
 def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     loud = [name for name in record["output"].values if name not in scores["silent"]]
-    chosen = record.sel(output=loud[:DRAWN])
-    figure = comparison(
+    figure = _compared(record.sel(output=loud[:DRAWN]))
+    return picture(figure, "Measured, and predicted before the sample was used.", "png")
+
+
+def _compared(record: xr.Dataset) -> Figure:
+    return comparison(
         record["time"].values,
-        chosen["measurement"].values,
-        {"predicted": chosen["prediction"].values},
-        names=[str(name) for name in chosen["output"].values],
-        units=[str(unit) for unit in chosen["unit"].values],
+        record["measurement"].values,
+        {"predicted": record["prediction"].values},
+        names=[str(name) for name in record["output"].values],
+        units=[str(unit) for unit in record["unit"].values],
         truth_name="measured",
     )
-    return picture(figure, "Measured, and predicted before the sample was used.", "png")
 
 
 def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:

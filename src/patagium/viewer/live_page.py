@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -39,6 +39,11 @@ from patagium.viewer.replay import center_of_mass, quaternions
 Array = NDArray[np.float64]
 Row = tuple[str, str]
 
+_STEER = "<b>First:</b> move Frequency below, or press space to pause, R to fly again. "
+_LOOK = "Drag turns the view, scroll zooms, F follows the robot or stays."
+_WAIT = (
+    f'<p style="padding:4px 12px;font-size:13px"><b>Waiting for the first sample.</b> {_LOOK}</p>'
+)
 _STYLE = (
     "width:100%;border-collapse:collapse;font-size:13px;line-height:1.5;"
     "font-variant-numeric:tabular-nums"
@@ -91,30 +96,33 @@ def learner_rows(letter: Any, rate: float) -> list[Row]:
     return rows
 
 
-def picture_rows(drawn: int, sent: int, meters_per_newton: float, refused: int) -> list[Row]:
+def picture_rows(drawn: int, sent: int, scales: Mapping[str, float], refused: int) -> list[Row]:
     """Rows about the picture and the page.
 
     Args:
         drawn: Frames drawn.
         sent: Frames sent.
-        meters_per_newton: Length of arrows.
+        scales: Length of the arrows of each kind [m/N].
         refused: Requests and messages that were refused.
     """
     rows = [("Frames drawn", f"{drawn} of {sent} sent")]
-    if meters_per_newton > 0:
-        rows.append(("Arrows", f"1 N is {100 * meters_per_newton:g} cm"))
+    for kind, scale in scales.items():
+        rows.append((f"Arrow of 0.1 N, {kind}", f"{10 * scale:g} cm"))
     if refused:
         rows.append(("Requests refused", f"{refused}"))
     return rows
 
 
-def table(*groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any) -> str:
+def table(
+    *groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any, steered: bool = False
+) -> str:
     """Groups of rows as HTML, with a message above them and the key of the colors below.
 
     Args:
         *groups: Names and values.
         key: What each color stands for.
         letter: The last frame, for its words.
+        steered: Whether the gait can be steered.
     """
     words = message_of_frame(letter)
     tint = "#8f2d1d" if letter["ended"] else "#46627a"
@@ -133,7 +141,8 @@ def table(*groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any) -
     return (
         f'<div id="live-numbers" style="padding:4px 12px 8px">{said if words else ""}'
         f'<table style="{_STYLE}">{"".join(lines)}</table>'
-        f'<p style="margin:6px 0 0;font-size:12px">Force of the air: {marks}</p></div>'
+        f'<p style="margin:6px 0 0;font-size:12px">Force of the air: {marks}</p>'
+        f'<p style="margin:6px 0 0;font-size:12px">{_STEER if steered else ""}{_LOOK}</p></div>'
     )
 
 
@@ -246,7 +255,10 @@ def _plot(gui: Any, title: str, names: Sequence[str], *, log: bool = False) -> A
         scales["y"] = {"distr": 3}
     high = _HIGH if names[0] == "measured" else _LOW
     axis = {"font": "11px sans-serif", "size": 26, "labelFont": "11px sans-serif"}
-    axes = ({**axis, "label": "t [s]", "labelSize": 15, "labelGap": 0}, {**axis, "size": 52})
+    axes = (
+        {**axis, "label": "t [s]", "labelSize": 15, "labelGap": 0},
+        {**axis, "size": 52, "space": 18},
+    )
     band = ({"series": (4, 3), "fill": "rgba(213, 94, 0, 0.16)"},) if "high" in names else None
     start = tuple(np.full(2, np.nan) if k else np.array([0.0, 1.0]) for k in range(len(series)))
     return gui.add_uplot(
@@ -261,6 +273,7 @@ _AXES = {"x": "#c23b3b", "y": "#3a8f4d", "z": "#3a62c2"}
 _BEHIND = (-0.72, -0.75, 0.62)  # where the camera is, from the robot
 _AWAY = 5.2  # times the reach
 _TRAIL = 240  # points
+_FADING = 0.995  # of the largest force, from frame to frame
 _STILL = 0.2  # s over which the path is averaged where there is no wingbeat
 
 
@@ -297,7 +310,8 @@ class LiveScene:
         reaches += list(position[0] - position[0, 0])
         self.reach = float(max(np.linalg.norm(place) for place in reaches)) or 0.5
         self.following = True
-        self.meters_per_newton = 0.0
+        self.scales: dict[str, float] = {}
+        self._largest: dict[str, float] = {}
         self._anchor, self._time, self._ground = position[0, 0].copy(), np.nan, np.inf
         self._before, self._velocity = self._anchor, np.zeros(3)
         self._trail: list[Array] = []
@@ -350,21 +364,23 @@ class LiveScene:
             std: Standard deviation of the total, (3,) [N]; drawn as the ellipsoid whose
                 semi-axes are the 95 % interval of each component.
         """
-        self._rescale(total, strips)
+        for name, force in (("total", total), ("strip", strips)):
+            self._rescale(name, force)
         at, color = self._center[None], arrow_rgb(TRUTH if kind == "true" else COLORS[0])
-        width = self.reach * (0.011 if kind == "true" else 0.016)
+        width = self.reach * (0.013 if kind == "true" else 0.02)
         whole = None if total is None else total[None]
-        self._arrows(f"/forces/{kind}", at, whole, color, width)
+        self._arrows(f"/forces/{kind}", at, whole, color, width, "total")
         for body, carried in self._carried.items():  # in its axes, so that they move with it
             inside = None if strips is None else strips[carried] @ self._rotation[body]
             name = f"/robot/{self._robot.bodies[body].name}/{kind}"
-            self._arrows(name, self._quarter[carried], inside, color, 0.55 * width)
+            self._arrows(name, self._quarter[carried], inside, color, 0.7 * width, "strip")
         shown = total is not None and std is not None and bool(np.isfinite(std).all())
         if kind == "predicted":
             self._interval.visible = shown
         if shown and total is not None and std is not None:
-            self._interval.position = self._center + self.meters_per_newton * total
-            size = np.maximum(INTERVAL * self.meters_per_newton * std, 1e-3 * self.reach)
+            scale = self.scales.get("total", 0.0)
+            self._interval.position = self._center + scale * total
+            size = np.maximum(INTERVAL * scale * std, 1e-3 * self.reach)
             self._interval.scale = tuple(map(float, size))
 
     def _build(self) -> None:
@@ -391,13 +407,14 @@ class LiveScene:
         )  # fmt: skip
         self._axes = scene.add_frame("/axes", show_axes=False)
         for number, (name, color) in enumerate(_AXES.items()):
-            tip = 0.55 * self._square * np.eye(3)[number]
+            tip = self._square * np.eye(3)[number]
             points, width = np.array([[np.zeros(3), tip]]), 0.008 * reach
             scene.add_arrows(
                 f"/axes/{name}", points, arrow_rgb(color), shaft_radius=width,
                 head_radius=2.6 * width, head_length=8 * width,
             )  # fmt: skip
-            scene.add_label(f"/axes/{name}/name", name, position=1.12 * tip)
+            length = f"{name}, {100 * self._square:g} cm" if name == "x" else name
+            scene.add_label(f"/axes/{name}/name", length, position=1.12 * tip)
         self._interval = scene.add_icosphere(
             "/forces/interval", 1.0, rgb(COLORS[0]), opacity=0.28, cast_shadow=False,
             receive_shadow=False, visible=False,
@@ -464,29 +481,35 @@ class LiveScene:
             )
         self._path.points = pieces
 
-    def _rescale(self, total: Array | None, strips: Array | None) -> None:
-        """Meters a newton, a round number, such that the largest force so far fits."""
-        given = [force for force in (total, strips) if force is not None and _drawn(force)]
-        if not given:
+    def _rescale(self, kind: str, force: Array | None) -> None:
+        """Meters a newton, a round number, such that the largest force of late fits and is seen."""
+        if force is None or not _drawn(force):
             return
-        largest = max(float(np.linalg.norm(force, axis=-1).max()) for force in given)
-        fits = 0.0 < self.meters_per_newton * largest < 1.3 * self.reach
-        if largest > 0 and not fits:
-            self.meters_per_newton = round_down(0.9 * self.reach / largest)
+        now = float(np.linalg.norm(force, axis=-1).max())
+        largest = self._largest[kind] = max(now, _FADING * self._largest.get(kind, 0.0))
+        length = self.scales.get(kind, 0.0) * largest / self.reach
+        if largest > 0 and not 0.3 < length < 1.3:
+            self.scales[kind] = round_down(0.9 * self.reach / largest)
 
     def _arrows(
-        self, name: str, at: Array, force: Array | None, color: tuple[int, int, int], width: float
+        self,
+        name: str,
+        at: Array,
+        force: Array | None,
+        color: tuple[int, int, int],
+        width: float,
+        kind: str,
     ) -> None:
         handle = self._handles.get(name)
         if force is None or not _drawn(force):
             if handle is not None:
                 handle.visible = False
             return
-        points = np.stack([at, at + self.meters_per_newton * np.nan_to_num(force)], axis=1)
+        points = np.stack([at, at + self.scales.get(kind, 0.0) * np.nan_to_num(force)], axis=1)
         if handle is None:
             self._handles[name] = self._scene.add_arrows(
                 name, points, color, shaft_radius=width, head_radius=2.6 * width,
-                head_length=7 * width,
+                head_length=5 * width,
             )  # fmt: skip
             return
         handle.points, handle.visible = points, True
@@ -600,7 +623,7 @@ class LivePage:
         camera.position, camera.look_at, camera.up = place, target, (0.0, 0.0, 1.0)
         camera.fov = np.radians(32.0)
         gui.set_panel_label(subject.title)
-        self._numbers = gui.add_html("", order=0)
+        self._numbers = gui.add_html(_WAIT, order=0)
         if subject.steering is not None:
             self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
@@ -704,9 +727,8 @@ class LivePage:
         self._numbers.content = table(
             flight_rows(letter, subject, pace),
             learner_rows(letter, rate) if subject.network is not None else [],
-            picture_rows(
-                self._asked["drawn"], sent, self._scene.meters_per_newton, self._door.refused
-            ),
+            picture_rows(self._asked["drawn"], sent, self._scene.scales, self._door.refused),
             key=[("true", TRUTH), *([("learned", COLORS[0])] if subject.network else [])],
             letter=letter,
+            steered=subject.steering is not None,
         )

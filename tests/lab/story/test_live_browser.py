@@ -124,6 +124,7 @@ def test_a_browser_sees_a_flight_and_steers_it(
 
     until(words, lambda said: number_of(said, "Frames drawn") > 5)
     browser.ask("document.querySelector('.mantine-Notification-closeButton')?.click()")
+    assert "move Frequency below" in words() and "Arrow of 0.1 N, strip" in words()
     pictures = []
     for count in range(3):
         flown = number_of(words(), "Time")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.scores import NOMINAL
+from patagium.learning.page import reliability_picture
 from patagium.report import Block, PageSection, Picture, Table, picture
 from patagium.report.figures import curves
 from patagium.report.page import Cell
@@ -314,13 +314,6 @@ def _calibration(rows: list[dict[str, Any]]) -> list[Block]:
         "correlation of innovations [1]": "innovation_correlation",
         "NMSE, second half [1]": "nmse",
     }
-    figure = curves(
-        NOMINAL,
-        NOMINAL,
-        {row["subject"]: list(row["reliability"].values()) for row in rows},
-        abscissa="probability of the predicted interval [1]",
-        ordinate="share of errors inside [1]",
-    )
     return [
         "Every sample is used, and the noise is estimated online. A filter with the right "
         "uncertainty has a NIS per channel of 1 and innovations without correlation. On the flight "
@@ -328,7 +321,7 @@ def _calibration(rows: list[dict[str, Any]]) -> list[Block]:
         "correlated and have heavier tails than a normal distribution, so that the interval holds "
         "its share of the errors but says little about a single sample.",
         table_of(columns, rows, "Calibration of the predicted intervals."),
-        picture(figure, "Reliability: predicted probability, and share of errors inside."),
+        reliability_picture({row["subject"]: row["reliability"] for row in rows}),
     ]
 
 

@@ -26,12 +26,12 @@ from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.learning.table_network import network_for
 from patagium.report import PageSection
-from patagium.report import Table as ReportTable
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.table import LogTable
 from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.measured.thrust import thrust_network_for
+from patagium_lab.study import table_of
 
 EVERY = (1, 10, 100)
 HORIZONS = {"10ms": 0.01, "100ms": 0.1, "1s": 1.0}
@@ -127,15 +127,14 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
     """
     columns = {
         "samples": "part",
-        "one in": "every",
+        "one sample in": "every",
         "learner": "learner",
-        "second half": "second_half",
-        **{f"{label} ahead": f"horizon_{label}" for label in HORIZONS},
-        "second flight, frozen": "second_flight_frozen",
-        "in the 95 % interval": "coverage",
+        "second half [1]": "second_half",
+        **{f"{label} ahead [1]": f"horizon_{label}" for label in HORIZONS},
+        "second flight, frozen [1]": "second_flight_frozen",
+        "share in the 95 % interval [1]": "coverage",
         "update [µs]": "microseconds_per_update",
     }
-    rows = [[row.get(key) for key in columns.values()] for row in study.rows]
     return [
         PageSection(
             "A real log (Crazyflie quadrotor, 1 kHz)",
@@ -151,9 +150,9 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
                 "before each, and the noise of the measurement is found online; the others take "
                 f"it as {MEASUREMENT_STD} m/s^2, which learners with bounded memory only "
                 "start from.",
-                ReportTable(
-                    list(columns),
-                    rows,
+                table_of(
+                    columns,
+                    study.rows,
                     "Normalized mean square error over the second half. Holding a sample needs "
                     "that sample; a frozen model does not.",
                 ),
