@@ -1,5 +1,6 @@
 """Control: exact derivatives of a wingbeat, periodic orbits, their stability, feedback."""
 
+from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.trimming import free_parameters, trim
@@ -7,11 +8,14 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 
 __all__ = [
     "FlightMap",
+    "Floquet",
     "GaitFamily",
+    "Mode",
     "NoOrbit",
     "Orbit",
     "PrescribedRows",
     "Segments",
+    "floquet",
     "free_parameters",
     "gait_family",
     "trim",

@@ -58,6 +58,21 @@ class Frame:
         slope[self._along, self._yaw] = across, -along
         return found, slope
 
+    def seen_rate(self, state: Array, rate: Array, slope: Array) -> Array:
+        """Jacobian of the rate of what is kept, as seen along the heading, (n - 4, n - 4) [1/s].
+
+        Args:
+            state: State in the world, (n,) [SI].
+            rate: Its rate, (n,) [SI over s].
+            slope: Jacobian of the rate in the world, (n, n) [SI over s].
+        """
+        _, turned = self.seen(state)
+        found = turned @ slope @ np.linalg.inv(turned)
+        along, across = self._along
+        found[along, across] += rate[self._yaw]
+        found[across, along] -= rate[self._yaw]
+        return np.asarray(found[np.ix_(self.kept, self.kept)])
+
     def generators(self, state: Array) -> Array:
         """Change of a state with position and heading, (n, 4) [SI].
 

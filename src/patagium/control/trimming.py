@@ -452,7 +452,14 @@ def _orbit(search: _Search, at: _Point, added_mass: AddedMass | None) -> Orbit:
     )
 
 
-_COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+_COMPONENTS = (
+    "force_x",
+    "force_y",
+    "force_z",
+    "moment_x",
+    "moment_y",
+    "moment_z",
+)
 
 
 def _not_found(search: _Search, at: _Point, trouble: str) -> NoOrbit:
@@ -502,4 +509,4 @@ def _mean_wrench(search: _Search, at: _Point, left: Array) -> dict[str, float]:
     q[:6] = at.states[0][[names.index(name) for name in robot.dof_names[:6]]]
     mass = Dynamics(robot).mass_matrix(q)[:6, :6]
     wrench = mass @ change / at.period
-    return dict(zip(_COMPONENTS, map(float, wrench), strict=True))
+    return {name: float(value) for name, value in zip(_COMPONENTS, wrench, strict=True)}

@@ -166,6 +166,21 @@ class FlightMap:
                 return _flown(self._slopes, np.array(states, float), task, self._quaternions)
             return _flown_compiled(library, self._slopes, states, task, self._quaternions)
 
+    def slopes(self, states: Array, rows: Array) -> tuple[Array, Array]:
+        """Rates of states and their Jacobians.
+
+        Args:
+            states: (m, n) [SI].
+            rows: Prescribed row of each, (m, 3 n_a + 3) [SI].
+
+        Returns:
+            Rates, (m, n) [SI over s], and derivatives by the state, (m, n, n) [SI over s].
+        """
+        ways = np.tile(np.eye(self.size), (len(states), 1, 1))
+        given = np.zeros((len(states), 0, self._row_size - 3 + len(self.parameters)))
+        with np.errstate(all="ignore"):
+            return _rate_and_slope(self._slopes, np.asarray(states, float), rows, ways, given)
+
 
 def _compiled_slopes(flight: FlightMap) -> _Slopes:
     """Compiled rate of the state and its Jacobian; the same code for all values of parameters."""

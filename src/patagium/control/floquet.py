@@ -1,0 +1,296 @@
+"""Floquet analysis of a periodic orbit: multipliers, modes, and where averaged models fail.
+
+A small change of the state on the orbit becomes M times itself after a beat. Eigenvalues of M
+are the multipliers; position and heading have 1, for nothing depends on them. Beside them stand
+two averaged models of the same beat: the mean of its linearization, and the first order of
+averaging, which takes the mean of the rate with the state held. Neglected: what is not small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.control.orbit import Frame, Orbit
+from patagium.control.wingbeat import FlightMap
+
+Array = NDArray[np.float64]
+
+NEUTRAL_WITHIN = 1e-9
+"""Distance from 1 of a multiplier that is neutral."""
+GONE = 1e-12
+"""Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""
+FAILS = 0.2
+"""Relative error of an averaged rate from which on averaging fails."""
+_NEWTON = 20
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Mode of a periodic orbit.
+
+    Attributes:
+        name: The field's name where the motion is that, else its largest states.
+        multiplier: Factor of a beat; of a pair the one with the positive angle [1].
+        rate: Growth rate and angular frequency, log(multiplier) / period [1/s].
+        shares: Share of each state in the mode at the beginning of the beat, by name, largest
+            first [1].
+        averaged: Rate by the mean of the beat's linearization [1/s].
+        first_order: Rate by averaging of first order [1/s]; nan where it has no equilibrium.
+    """
+
+    name: str
+    multiplier: complex
+    rate: complex
+    shares: dict[str, float]
+    averaged: complex
+    first_order: complex
+
+    @property
+    def time(self) -> float:
+        """Time to double, positive, or to halve, negative [s]; infinite where neither."""
+        return float(np.log(2.0) / self.rate.real) if self.rate.real else float("inf")
+
+    def fails(self, rate: complex) -> bool:
+        """Whether an averaged rate is further from the mode's than a fifth of it."""
+        if abs(self.multiplier) < GONE:
+            return not rate.real < 0.5 * self.rate.real
+        return not abs(rate - self.rate) <= FAILS * abs(self.rate)
+
+
+@dataclass(frozen=True)
+class Floquet:
+    """Stability of a periodic orbit.
+
+    Attributes:
+        modes: Modes, least stable first.
+        neutral: Multipliers of position and heading, (4,) [1].
+        period: Time of a beat [s].
+        vectors: Eigenvector of each mode in the coordinates of `states`, (n - 4, modes) [SI].
+        states: Names of the states, position and heading left out.
+    """
+
+    modes: tuple[Mode, ...]
+    neutral: NDArray[np.complex128]
+    period: float
+    vectors: NDArray[np.complex128] = field(repr=False)
+    states: tuple[str, ...] = field(repr=False)
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Multipliers of all modes, both of a pair, least stable first, (n - 4,) [1]."""
+        found = []
+        for mode in self.modes:
+            found.append(mode.multiplier)
+            if mode.multiplier.imag:
+                found.append(mode.multiplier.conjugate())
+        return np.array(found)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every mode fades."""
+        return all(abs(mode.multiplier) < 1.0 for mode in self.modes)
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Modes as rows of a table, with units in the names."""
+        return [
+            {
+                "mode": mode.name,
+                "multiplier": abs(mode.multiplier),
+                "doubles_in_s": mode.time if mode.time > 0 else None,
+                "halves_in_s": -mode.time if mode.time < 0 else None,
+                "period_s": 2 * np.pi / abs(mode.rate.imag) if mode.rate.imag else None,
+                "averaging_fails": mode.fails(mode.averaged),
+                "first_order_fails": mode.fails(mode.first_order),
+            }
+            for mode in self.modes
+        ]
+
+    def __repr__(self) -> str:
+        far = float(np.abs(self.neutral - 1.0).max())
+        lines = [f"modes of a beat of {self.period:.4g} s; position and heading 1 within {far:.0e}"]
+        for mode in self.modes:
+            word = "doubles" if mode.time > 0 else "halves"
+            swings = f", period {2 * np.pi / mode.rate.imag:.3g} s" if mode.rate.imag else ""
+            failing = [
+                words
+                for words, rate in (("mean", mode.averaged), ("first order", mode.first_order))
+                if mode.fails(rate)
+            ]
+            note = f"; averaging fails ({', '.join(failing)})" if failing else ""
+            size = abs(mode.multiplier)
+            told = f"{word} in {abs(mode.time):.3g} s{swings}"
+            if mode.name.startswith("neutral"):
+                told, note = "stays", ""
+            elif size < GONE:
+                told = "gone within a beat"
+            lines.append(f"  {mode.name}: |multiplier| {size:.5g}, {told}{note}")
+        return "\n".join(lines)
+
+
+def floquet(orbit: Orbit) -> Floquet:
+    """Multipliers and modes of a periodic orbit, beside those of averaged models.
+
+    Args:
+        orbit: The orbit.
+
+    Returns:
+        Modes, least stable first; multipliers are exact for the map of the flight.
+    """
+    frame, slope = Frame(orbit.names), orbit.return_slope
+    values, vectors = np.linalg.eig(slope)
+    period = orbit.period
+    averaged, first = _averaged_rates(orbit), _first_order_rates(orbit)
+    order = np.argsort(-np.abs(values), kind="stable")
+    kept = [k for k in order if values[k].imag >= 0]
+    rates = np.array([_rate(values[k], period) for k in kept])
+    near, nearer = _matched(rates, averaged), _matched(rates, first)
+    shares = [_shares(frame.names, vectors[:, k]) for k in kept]
+    names = _names(shares, rates, orbit)
+    modes = tuple(
+        Mode(name, complex(values[k]), complex(rate), part, one, other)
+        for name, k, rate, part, one, other in zip(
+            names, kept, rates, shares, near, nearer, strict=True
+        )
+    )
+    return Floquet(modes, _neutral(orbit), period, vectors[:, kept], frame.names)
+
+
+def _rate(multiplier: complex, period: float) -> complex:
+    """Rate of a multiplier [1/s]; that of rounding for one that is zero."""
+    return complex(np.log(complex(multiplier) or 1e-300) / period)
+
+
+def _neutral(orbit: Orbit) -> NDArray[np.complex128]:
+    """Multipliers of position and heading: how their generators map onto themselves, (4,)."""
+    frame = Frame(orbit.names)
+    _, slope = frame.seen(orbit.segments.ends[-1])
+    moved = slope @ orbit.monodromy @ frame.generators(orbit.states[0])
+    left = np.abs(moved[frame.kept]).max(axis=0)  # of a generator nothing else is left
+    # the yaw's shifts the position too, which is the block above the diagonal
+    values = np.linalg.eigvals(np.triu(moved[frame.neutral]))
+    return np.asarray(values + left, complex)
+
+
+def _beat_slopes(orbit: Orbit, states: Array) -> tuple[Array, Array]:
+    """Rate of the state and its Jacobian at the beginning of each segment, (m, n), (m, n, n)."""
+    flight_map: FlightMap = orbit.map
+    rows = orbit.family.rows(orbit.values, orbit.steps, orbit.aero.air)
+    each = len(rows.table) // len(states)
+    return flight_map.slopes(states, rows.table[: each * len(states) : each])
+
+
+def _averaged_rates(orbit: Orbit) -> NDArray[np.complex128]:
+    """Rates of the mean of the beat's linearization, (n - 4,) [1/s]."""
+    frame, states = Frame(orbit.names), orbit.states
+    beat = zip(states, *_beat_slopes(orbit, states), strict=True)
+    seen = [frame.seen_rate(state, rate, slope) for state, rate, slope in beat]
+    return np.asarray(np.linalg.eigvals(np.mean(seen, axis=0)), complex)
+
+
+def _first_order_rates(orbit: Orbit) -> NDArray[np.complex128]:
+    """Rates of averaging of first order about its own equilibrium, (n - 4,) [1/s].
+
+    The mean rate of a held state vanishes at the equilibrium, which Newton's method finds from
+    the mean state of the orbit.
+    """
+    frame, m = Frame(orbit.names), len(orbit.states)
+    kept = frame.kept
+    state = np.array([frame.seen(one)[0] for one in orbit.states]).mean(axis=0)
+    state[frame.neutral] = 0.0
+    for _ in range(_NEWTON):
+        rate, slope = (part.mean(axis=0) for part in _beat_slopes(orbit, np.tile(state, (m, 1))))
+        if not (np.isfinite(slope).all() and np.abs(state).max() < 1e6):
+            break
+        seen = frame.seen_rate(state, rate, slope)
+        step = np.linalg.lstsq(seen, -(frame.seen(state)[1] @ rate)[kept], rcond=None)[0]
+        state[kept] += step
+        if np.abs(step).max() <= 1e-9 * (1.0 + np.abs(state).max()):
+            return np.asarray(np.linalg.eigvals(seen), complex)
+    return np.full(len(kept), np.nan, complex)
+
+
+def _matched(rates: Array, others: NDArray[np.complex128]) -> list[complex]:
+    """Partner of each rate among others, the nearest as a whole."""
+    from scipy.optimize import linear_sum_assignment  # slow to import, rarely needed
+
+    if not np.isfinite(others).all():
+        return [complex(np.nan)] * len(rates)
+    apart = np.abs(rates[:, None] - others[None, :])
+    sizes = np.abs(rates)[:, None] + np.abs(others)[None, :]
+    places = linear_sum_assignment(apart / (sizes + 1e-12))[1]
+    return [complex(others[k]) for k in places]
+
+
+_LONGITUDINAL = ("pitch", "velocity of x", "velocity of z", "velocity of pitch")
+_LATERAL = ("roll", "velocity of y", "velocity of roll", "velocity of yaw")
+
+
+def _size(name: str) -> float:
+    """Size that shares of a state are measured by [SI]."""
+    if not name.startswith("velocity of "):
+        return 0.1
+    return 1.0 if name[12:] in ("x", "y", "z") else 2.0
+
+
+def _shares(names: tuple[str, ...], vector: NDArray[np.complex128]) -> dict[str, float]:
+    """Share of each state in a mode by name, the largest first."""
+    parts = np.abs(vector) / np.array([_size(name) for name in names])
+    parts = parts / parts.sum()
+    order = np.argsort(-parts, kind="stable")
+    return {names[k]: float(parts[k]) for k in order}
+
+
+def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[str]:
+    """The field's names of modes that are these motions, else their largest states.
+
+    An airplane's names are for forward flight; of two oscillations in the plane of symmetry the
+    slower is the phugoid, and spiral and roll subsidence are the slowest and the fastest of the
+    lateral motions that do not oscillate.
+    """
+    found = [_largest(part, rate, orbit.period) for part, rate in zip(shares, rates, strict=True)]
+    if orbit.speed < _SLOWEST:
+        return found
+    order = np.argsort(np.abs(rates))
+    along = [k for k in order if _part(shares[k], _LONGITUDINAL) and rates[k].imag]
+    across = [k for k in order if _part(shares[k], _LATERAL)]
+    straight = [k for k in across if not rates[k].imag]
+    if along and _part(shares[along[0]], ("velocity of x", "velocity of z", "pitch"), 0.8):
+        found[along[0]] = "phugoid"
+    if len(along) > 1:
+        found[along[-1]] = "short period"
+    if len(across) - len(straight) == 1:
+        found[next(k for k in across if rates[k].imag)] = "dutch roll"
+    if straight and next(iter(shares[straight[0]])) == "roll":
+        found[straight[0]] = "spiral"
+    last = straight[-1] if len(straight) > 1 else None
+    if last is not None and _part(shares[last], ("velocity of roll", "roll"), 0.5):
+        found[last] = "roll subsidence"
+    return found
+
+
+_SLOWEST = 1.0
+"""Speed forward from which on modes bear an airplane's names [m/s]."""
+
+
+def _part(shares: dict[str, float], names: tuple[str, ...], most: float = 0.95) -> bool:
+    """Whether some states make up most of a mode."""
+    return sum(shares.get(name, 0.0) for name in names) > most
+
+
+def _largest(shares: dict[str, float], rate: complex, period: float) -> str:
+    """Name of a mode by its largest states."""
+    kind = "divergence" if rate.real > 0 else "subsidence"
+    if abs(rate) * period < _STILL:
+        kind = "neutral motion"
+    elif rate.imag:
+        kind = "oscillation"
+    told = [name for name in shares if shares[name] > 0.15][:3] or [*shares][:1]
+    return f"{kind} of {', '.join(told)}"
+
+
+_STILL = 1e-6
+"""Change of a mode in a beat that rounding makes of a double multiplier 1."""
