@@ -3,6 +3,8 @@
 from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
 from patagium.control.orbit import NoOrbit, Orbit
+from patagium.control.predictive import PredictiveController, RealTimeIteration
+from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.trimming import free_parameters, trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 
@@ -13,7 +15,11 @@ __all__ = [
     "Mode",
     "NoOrbit",
     "Orbit",
+    "PredictiveController",
     "PrescribedRows",
+    "ProgramStatus",
+    "QuadraticProgram",
+    "RealTimeIteration",
     "Segments",
     "floquet",
     "free_parameters",

@@ -495,6 +495,11 @@ class PredictiveController:
         self._last: int | None = None
         self.held: Counter[str] = Counter()
 
+    @property
+    def period(self) -> float:
+        """Length of an interval: the `control_period` of a flight [s]."""
+        return self.model.period
+
     def __call__(
         self,
         time: float,

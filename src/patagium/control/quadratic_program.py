@@ -164,7 +164,7 @@ def _possible(program: QuadraticProgram) -> ProgramStatus:
     return ProgramStatus.SOLVED
 
 
-def _condensed(program: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
+def condensed(program: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
     """Hessian and gradient of the cost in the inputs; slopes and offsets of the states.
 
     Returns:
@@ -198,7 +198,7 @@ def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
     if status is not ProgramStatus.SOLVED:
         return status
     count, _, nu = program.sizes
-    hessian, gradient, slopes, offsets = _condensed(program)
+    hessian, gradient, slopes, offsets = condensed(program)
     own, none = np.eye(count * nu), np.zeros(count * nu)
     rows = np.vstack([own, own - np.eye(count * nu, k=-nu), slopes])
     base = np.r_[none, -program["before"], none[nu:], offsets]

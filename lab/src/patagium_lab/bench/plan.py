@@ -57,6 +57,12 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "prediction with its covariance, update. At 10 kHz the response counts from when a packet "
         "was due.",
     ),
+    (
+        "Predictive control",
+        ("programs",),
+        "Quadratic programs of predictive control, from nothing and as the next sample of a "
+        "controller, beside solvers with a wheel of their own.",
+    ),
     ("A flight", ("simulation",), "Simulating free flight, everything recorded."),
     (
         "Compiling",

@@ -1,0 +1,304 @@
+"""Times of quadratic programs of predictive control, beside PIQP, OSQP and qpOASES.
+
+The same random programs of 20 stages, 12 states and 6 inputs for all, in one run: once from
+nothing, once from the solution of a program whose first state was a little different, as a
+controller meets them. Rivals are called directly by their own Python wheels, prepared once and
+given new numbers; qpOASES through CasADi, which bundles it and is the only one to do so.
+Neglected: rivals without a wheel; models that change from sample to sample.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from time import perf_counter_ns
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from patagium.control.quadratic_program import (
+    ProgramStatus,
+    QuadraticProgram,
+    condensed,
+)
+from patagium_lab.bench.result import Result, compared
+
+Array = NDArray[np.float64]
+
+STAGES, STATES, INPUTS = 20, 12, 6
+PROGRAMS = 60
+NEXT = 0.02
+"""Standard deviation by which the next sample's state differs, of states of some units."""
+KINDS = {
+    "ranges": (False, False),
+    "ranges, rates, soft limits": (True, True),
+}
+"""Limits of the programs: whether rates of inputs, and whether states."""
+
+
+def fill(program: QuadraticProgram, seed: int, rates: bool, soft: bool) -> None:
+    """Write a random program: a model at the verge of stability, inputs that saturate.
+
+    Args:
+        program: Program of the sizes of this module.
+        seed: Its number.
+        rates: Whether inputs may change by .3 a stage only.
+        soft: Whether states are held within 1 by a weight of 100.
+    """
+    rng = np.random.default_rng(seed)
+    model = np.eye(STATES) + 0.2 * rng.normal(size=(STATES, STATES)) / STATES**0.5
+    program["A"][...] = model / np.abs(np.linalg.eigvals(model)).max()
+    program["B"][...] = 0.3 * rng.normal(size=(STATES, INPUTS))
+    program["Q"][...] = np.diag(rng.uniform(0.1, 10.0, STATES))
+    program["R"][...] = np.diag(rng.uniform(0.01, 0.1, INPUTS))
+    program["start"][...] = 3.0 * rng.normal(size=STATES)
+    program["lower"][...], program["upper"][...] = -1.0, 1.0
+    change = 0.3 if rates else np.inf
+    program["fall"][...], program["rise"][...] = -change, change
+    program["least"][...], program["most"][...] = -1.0, 1.0
+    program["weight"][...] = 100.0 if soft else 0.0
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """A program by matrices: 1/2 z'P z, A z = b, g_low <= G z <= g_high, stage by stage.
+
+    Attributes:
+        cost: P.
+        equal: A.
+        limited: G.
+        right: b, whose first entries are the first state.
+        low: g_low.
+        high: g_high.
+    """
+
+    cost: Any
+    equal: Any
+    limited: Any
+    right: Array
+    low: Array
+    high: Array
+
+
+def sparse(program: QuadraticProgram, rates: bool, soft: bool) -> Sparse:
+    """A program with states, inputs and slacks of soft limits as unknowns.
+
+    Args:
+        program: The program.
+        rates: Whether rates are limited.
+        soft: Whether states are.
+    """
+    slacks = STATES if soft else 0
+    width = STATES + INPUTS + slacks
+    last = STATES + slacks
+    size = STAGES * width + last
+    x, u, s = _pickers(width, size, slacks)
+    costs = []
+    for k in range(STAGES + 1):
+        costs.append(program["Q"][k])
+        costs += [program["R"][k]] if k < STAGES else []
+        costs += [np.diag(program["weight"][k])] if soft else []
+    equal, limited, low, high = [x(0)], [], [], []
+    for k in range(STAGES):
+        equal.append(program["A"][k] @ x(k) + program["B"][k] @ u(k) - x(k + 1))
+        limited.append(u(k))
+        low.append(program["lower"][k])
+        high.append(program["upper"][k])
+        if rates:
+            limited.append(u(k) - u(k - 1) if k else u(k))
+            low.append(program["fall"][k])
+            high.append(program["rise"][k])
+        if soft:
+            limited.append(x(k + 1) - s(k + 1))
+            low.append(program["least"][k])
+            high.append(program["most"][k])
+    right = np.r_[program["start"], np.zeros(STAGES * STATES)]
+    stacked = [sp.vstack([sp.csc_matrix(one) for one in part]) for part in (equal, limited)]
+    return Sparse(
+        cost=sp.block_diag(costs, format="csc"),
+        equal=stacked[0].tocsc(),
+        limited=stacked[1].tocsc(),
+        right=right,
+        low=np.concatenate(low),
+        high=np.concatenate(high),
+    )
+
+
+def _pickers(width: int, size: int, slacks: int) -> list[Callable[[int], Any]]:
+    """Functions from a stage to the rows that pick its states, inputs and slacks."""
+    whole = sp.identity(size, format="csr")
+
+    def rows(offset: int, count: int, k: int) -> Any:
+        first = k * width + (offset if k < STAGES else min(offset, STATES))
+        return whole[first : first + count]
+
+    return [
+        partial(rows, 0, STATES),
+        partial(rows, STATES, INPUTS),
+        partial(rows, STATES + INPUTS, slacks),
+    ]
+
+
+Solver = Callable[[Array], float]
+"""Function from the first state to the cost; begins where it ended, if it can."""
+
+
+def _piqp(form: Sparse) -> Solver:
+    piqp = importlib.import_module("piqp")
+    solver = piqp.SparseSolver()
+    solver.settings.kkt_solver = piqp.KKTSolver.sparse_multistage
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-8
+    none = np.zeros(form.cost.shape[0])
+    solver.setup(
+        form.cost, none, form.equal, form.right, form.limited, form.low, form.high, None, None
+    )
+    right = form.right.copy()
+
+    def solve(start: Array) -> float:
+        right[:STATES] = start
+        solver.update(b=right)
+        if solver.solve() != piqp.PIQP_SOLVED:
+            return np.nan
+        return float(solver.result.info.primal_obj)
+
+    return solve
+
+
+def _osqp(form: Sparse) -> Solver:
+    osqp = importlib.import_module("osqp")
+    solver = osqp.OSQP()
+    low, high = np.r_[form.right, form.low], np.r_[form.right, form.high]
+    solver.setup(
+        sp.triu(form.cost, format="csc"), np.zeros(form.cost.shape[0]),
+        sp.vstack([form.equal, form.limited], format="csc"), low, high,
+        eps_abs=1e-6, eps_rel=1e-6, max_iter=20_000, verbose=False,
+    )  # fmt: skip
+
+    def solve(start: Array) -> float:
+        low[:STATES] = high[:STATES] = start
+        solver.update(l=low, u=high)
+        found = solver.solve(raise_error=False)
+        return float(found.info.obj_val) if found.info.status == "solved" else np.nan
+
+    return solve
+
+
+def _qpoases(program: QuadraticProgram) -> Solver:
+    """Solver of the program in the inputs alone, as fits an active set method; ranges only."""
+    hessian, _, _, _ = condensed(program)
+    shapes = {"h": ca.DM(hessian).sparsity(), "a": ca.Sparsity(0, len(hessian))}
+    options = {"printLevel": "none", "error_on_fail": False}
+    solver = ca.conic("rival", "qpoases", shapes, options)
+    low, high = program["lower"].ravel(), program["upper"].ravel()
+    weights = sp.block_diag(list(program["Q"]), format="csr")
+    last: dict[str, Any] = {}
+
+    def solve(start: Array) -> float:
+        program["start"][...] = start
+        _, gradient, _, offsets = condensed(program)
+        found = solver(h=hessian, g=gradient, lbx=low, ubx=high, **last)
+        last.update(x0=found["x"], lam_x0=found["lam_x"])
+        if not solver.stats()["success"]:
+            return np.nan
+        return float(found["cost"]) + float(offsets @ (weights @ offsets)) / 2
+
+    return solve
+
+
+RIVALS: dict[str, Callable[[Sparse], Solver]] = {
+    "PIQP (multistage)": _piqp,
+    "OSQP (1e-6)": _osqp,
+}
+"""Functions that prepare a rival for a program by sparse matrices."""
+CONDENSED = "qpOASES through CasADi"
+"""Rival that gets the program in the inputs alone, where only their ranges are limited."""
+
+
+def program_results() -> Iterator[Result]:
+    """Times of our programs, from nothing and as the next sample, beside each rival's.
+
+    Yields:
+        Medians [ns]; the note holds both 99th percentiles and how far costs differ.
+    """
+    for kind, (rates, soft) in KINDS.items():
+        rivals: dict[str, Callable[[QuadraticProgram], Solver]] = {
+            name: partial(_from_sparse, prepare, rates, soft) for name, prepare in RIVALS.items()
+        }
+        if not (rates or soft):
+            rivals[CONDENSED] = _qpoases
+        ours, times = _Times(), {name: _Times() for name in rivals}
+        worst: dict[str, float] = {}
+        reasons: dict[str, str] = {}
+        for seed in range(PROGRAMS):
+            program = QuadraticProgram(STAGES, STATES, INPUTS)
+            fill(program, seed, rates, soft)
+            first = program["start"].copy()
+            later = first + NEXT * np.random.default_rng(seed).normal(size=STATES)
+            costs = ours.take(partial(_own, program), (first, later))
+            for name, prepare in rivals.items():
+                program["start"][...] = first
+                try:
+                    solver = prepare(program)
+                except ImportError as error:
+                    reasons[name] = str(error)
+                    continue
+                found = times[name].take(solver, (first, later))
+                gap = np.abs(np.subtract(found, costs)) / np.abs(costs)
+                worst[name] = max(worst.get(name, 0.0), *np.nan_to_num(gap, nan=np.inf))
+        for name, found_times in times.items():
+            yield from _rows(kind, ours, found_times, name, worst.get(name), reasons.get(name))
+
+
+@dataclass
+class _Times:
+    """Times of a solver [ns], from nothing and as the next sample."""
+
+    nothing: list[int] = field(default_factory=list)
+    following: list[int] = field(default_factory=list)
+
+    def take(self, solve: Solver, starts: tuple[Array, Array]) -> list[float]:
+        """Costs from two first states, one after the other."""
+        costs = []
+        for times, start in zip((self.nothing, self.following), starts, strict=True):
+            began = perf_counter_ns()
+            costs.append(solve(start))
+            times.append(perf_counter_ns() - began)
+        return costs
+
+
+def _own(program: QuadraticProgram, start: Array) -> float:
+    program["start"][...] = start
+    solved = program.solve() is ProgramStatus.SOLVED
+    return float(program["cost"]) if solved else float("nan")
+
+
+def _from_sparse(
+    prepare: Callable[[Sparse], Solver], rates: bool, soft: bool, program: QuadraticProgram
+) -> Solver:
+    return prepare(sparse(program, rates, soft))
+
+
+def _rows(
+    kind: str, ours: _Times, found: _Times, name: str, worst: float | None, reason: str | None
+) -> Iterator[Result]:
+    ways = {
+        "from nothing": (ours.nothing, found.nothing),
+        "next sample": (ours.following, found.following),
+    }
+    for way, pair in ways.items():
+        title = f"quadratic program, {kind}, {way}"
+        if reason is not None:
+            yield Result(f"{title}: {name} left out", None, "ns", note=reason)
+            continue
+        own, other = (float(np.median(times)) for times in pair)
+        slow = [float(np.percentile(times, 99)) / 1e3 for times in pair]
+        note = (
+            f"20 stages, 12 states, 6 inputs; 99 % within {slow[0]:.0f} us and {slow[1]:.0f} us; "
+            f"costs differ by {worst:.0e} at most"
+        )
+        yield compared(title, own, "ns", name, other, note)
