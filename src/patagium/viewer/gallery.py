@@ -1,13 +1,12 @@
 """The gallery: every robot that comes along, in a flight of its own, and its picture.
 
-Gaits are such that the robot flies, not such that it flies well.
+Each flies its cruise, as its file has it.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,83 +16,45 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.polars import SmoothPolar
 from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.errors import ParameterError
 from patagium.report.page import draw
-from patagium.report.still import OBLIQUE
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, paths, simulate
 from patagium.viewer import still
 from patagium.whole_file import make_folder, whole_file
 
-
-@dataclass(frozen=True)
-class Exhibit:
-    """Flight of a robot of the gallery.
-
-    Attributes:
-        gait: Of `gaits.sinusoidal`; empty: joints held still.
-        speed: Forward at the beginning [m/s].
-        time_step: Small beside the fastest damper and beat [s].
-        shown: When the picture is taken [s].
-        held: Where joints stand still, by name [rad].
-        smooth: Whether the polar is smooth, for wings that do not flap.
-        seen_from: Direction from the robot to the eye.
-    """
-
-    gait: Mapping[str, Any] = field(default_factory=dict)
-    speed: float = 0.0
-    time_step: float = 5e-4
-    shown: float = 0.2
-    held: Mapping[str, float] = field(default_factory=dict)
-    smooth: bool = False
-    seen_from: tuple[float, float, float] = OBLIQUE
-
-
 EXHIBITS = {
-    "aerobat": Exhibit({"frequency": 5.0, "plunge": 0.6}, 3.0, 1e-4, 0.3),
-    "aerobat-beta": Exhibit({"frequency": 5.0, "plunge": 0.5}, 3.0, 5e-4, 0.14),
-    "yeo-wing": Exhibit({"frequency": 3.3, "plunge": 0.38}, 0.0, 5e-4, 0.45),
-    "hawk": Exhibit({}, 8.0, 1e-3, 0.6, {"elevation": np.radians(5.0)}, smooth=True),
-    "dragonfly": Exhibit(
-        {
-            "frequency": 18.0,
-            **dict.fromkeys(("fore_plunge", "hind_plunge", "fore_feather", "hind_feather"), 0.6),
-            "phase": {
-                "fore_feather": -np.pi / 2,
-                "hind_feather": np.pi / 2,
-                "hind_plunge": np.pi,
-            },
-            "offset": {"fore_feather": -0.4, "hind_feather": -0.4},
-        },
-        1.0,
-        2e-4,
-        0.12,
-    ),
-    "ornithopter": Exhibit(
-        {"frequency": 4.0, "plunge": 0.6, "offset": {"elevation": -0.05}}, 6.0, 1e-3, 0.37
-    ),
+    "aerobat": 0.3,
+    "aerobat-beta": 0.14,
+    "yeo-wing": 0.45,
+    "hawk": 0.6,
+    "dragonfly": 0.12,
+    "ornithopter": 0.37,
 }
+"""Robots of the gallery, and when the picture of each is taken [s]."""
 
 
 def gallery_flight(name: str, duration: float) -> xr.Dataset:
-    """A flight of a robot of the gallery.
+    """Cruise of a robot of the gallery; one that does not float stands in the wind.
 
     Args:
         name: One of `EXHIBITS`.
         duration: How long [s].
+
+    Raises:
+        ParameterError: If its file has no cruise.
     """
-    exhibit, robot = EXHIBITS[name], load_robot(name)
-    aero = QuasiSteady(robot, Air())
-    if exhibit.smooth:
-        aero = QuasiSteady(robot, Air(), polar=SmoothPolar(zero_lift_drag=0.03))
-    gait = (
-        gaits.sinusoidal(robot, **exhibit.gait)
-        if exhibit.gait
-        else gaits.still(robot, **exhibit.held)
-    )
-    start = robot.coordinates(x=exhibit.speed) if robot.floating else None
-    return simulate(robot, aero, gait, duration=duration, time_step=exhibit.time_step, v=start)
+    robot = load_robot(name)
+    own = robot.cruise
+    if own is None:
+        raise ParameterError("robot", "a file with a section cruise", name)
+    wind = 0.0 if robot.floating else -own.speed
+    aero = QuasiSteady(robot, Air(wind=(wind, 0.0, 0.0)))
+    start: dict[str, Any] = {}
+    if robot.floating:
+        start = {"q": robot.coordinates(pitch=own.pitch), "v": robot.velocities(x=own.speed)}
+    return simulate(robot, aero, gaits.cruise(robot), duration=duration, **start)
 
 
 def arm_flight(duration: float) -> xr.Dataset:
@@ -119,9 +80,8 @@ def draw_gallery(folder: Path) -> Iterator[Path]:
     Args:
         folder: Where they go; made if missing.
     """
-    for name, exhibit in EXHIBITS.items():
-        flight = gallery_flight(name, exhibit.shown)
-        yield save_picture(still(flight, exhibit.shown, seen_from=exhibit.seen_from), folder, name)
+    for name, shown in EXHIBITS.items():
+        yield save_picture(still(gallery_flight(name, shown), shown), folder, name)
     yield save_picture(still(arm_flight(0.5), 0.5, seen_from=(0.8, -1.0, 0.4)), folder, "ur5e")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from shutil import copyfile
 
 import pytest
 
@@ -26,7 +27,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for words in (
         ["simulate", "aerobat", "--duration", "0.5", "-o", flight],
         ["identify", flight, "--report", str(out / "report.html"), "--model", str(out / "m.json")],
-        ["figures", flight, "--model", str(out / "m.json"), "--output", str(out / "figures")],
+        [
+            "figures",
+            flight,
+            "--model",
+            str(out / "m.json"),
+            "--format",
+            "png",
+            "--output",
+            str(out / "figures"),
+        ],
     ):
         with pytest.raises(SystemExit) as left:
             run(words)
@@ -52,6 +62,7 @@ def test_the_report_of_an_identification_fits(
     artefacts = Path(os.environ.get("PATAGIUM_ARTEFACTS", tmp_path))
     artefacts.mkdir(parents=True, exist_ok=True)
     browser.screenshot(artefacts / f"identification-{screen}.png")
+    copyfile(folder / "figures" / "flight.png", artefacts / "figures-flight.png")
     first = browser.ask("document.querySelector('header').innerText")
     assert "Intervals" in first and "NIS" in first and "Right: 95 %" in first
     assert browser.ask("document.querySelectorAll('header img').length") == 2
