@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields
 from numbers import Real
+from reprlib import Repr
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import ParameterError
+
+_SHORT = Repr()
+_SHORT.maxstring = _SHORT.maxother = 60
+
+
+def brief(record: Any) -> str:
+    """Record in a line: arrays by their shape, long values shortened.
+
+    Args:
+        record: A dataclass, which takes this as its `__repr__`.
+    """
+    said = []
+    for one in fields(record):
+        value = getattr(record, one.name)
+        if isinstance(value, np.ndarray):
+            text = f"array{value.shape}"
+        elif isinstance(value, Mapping):
+            text = f"{{{', '.join(map(str, value))}}}"
+        else:
+            text = _SHORT.repr(value)
+        said += [f"{one.name}={text[:200]}"] if one.repr else []
+    return f"{type(record).__name__}({', '.join(said)})"
 
 
 def real_array(name: str, values: Any) -> NDArray[np.float64]:

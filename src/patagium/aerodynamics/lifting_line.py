@@ -46,6 +46,7 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arrays import brief
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import StripChain, strip_chains
@@ -69,6 +70,8 @@ class StateSpace:
     b: NDArray[np.float64]
     c: NDArray[np.float64]
     d: NDArray[np.float64]
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

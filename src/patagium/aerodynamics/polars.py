@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.named_descriptions import from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arrays import brief
 from patagium.errors import ParameterError
 
 
@@ -287,6 +288,7 @@ class TablePolar(Polar):
     drag: tuple[float, ...]
 
     name = "table"
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for column in _COLUMNS:

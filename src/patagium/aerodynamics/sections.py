@@ -30,6 +30,7 @@ from patagium.aerodynamics.polars import (
     table_values,
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
+from patagium.arrays import brief
 from patagium.errors import ParameterError
 
 
@@ -254,6 +255,7 @@ class MeasuredSection(StripSection):
     stalled: TablePolar
 
     numbers = _MEASURED_NUMBERS
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "separated", tuple(map(float, self.separated)))

@@ -24,6 +24,7 @@ from patagium.cli import (
     check,
     cycles,
     evaluate,
+    export,
     figures,
     identify,
     import_log,
@@ -81,8 +82,8 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    simulate, trim, cycles, figures, view, inspect, import_log, motion, identify, tune, evaluate,
-    stream, send, robots, check, cache,
+    simulate, trim, cycles, figures, view, export, inspect, import_log, motion, identify, tune,
+    evaluate, stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")

@@ -210,6 +210,9 @@ class Dynamics(_Methods):
             robot that differs only in values (`with_parameters`) compiles nothing.
     """
 
+    def __repr__(self) -> str:
+        return f"<Dynamics of {self.robot!r}>"
+
     def __init__(self, robot: Robot) -> None:
         of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
         self.robot = robot

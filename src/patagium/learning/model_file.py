@@ -17,6 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
@@ -72,6 +73,7 @@ class Model:
     learner: dict[str, Any] = field(default_factory=dict, repr=False)
     source: str = ""
     usual_std: Array | None = None
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse weights, a covariance or deviations of another network."""

@@ -24,6 +24,7 @@ from patagium.report import (
     write_page,
 )
 from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
+from patagium.report.page import snippet
 from patagium.report.style import figures_for
 
 _SHOWN = 10
@@ -256,6 +257,26 @@ def _compared(record: xr.Dataset) -> Figure:
         units=[str(unit) for unit in record["unit"].values],
         truth_name="measured",
     )
+
+
+def result_snippet(record: xr.Dataset, facts: Mapping[str, str]) -> str:
+    """Result of an identification as a notebook shows it, in HTML.
+
+    Args:
+        record: Predictions and measurements.
+        facts: Main scores by name.
+    """
+    loud = record["measurement"].std("time").values.argsort()[::-1]
+    chosen = record.isel(output=loud[:2])
+    figure = comparison(
+        record["time"].values,
+        chosen["measurement"].values,
+        {"predicted": chosen["prediction"].values},
+        names=[str(name) for name in chosen["output"].values],
+        units=[str(unit) for unit in chosen["unit"].values],
+        truth_name="measured",
+    )
+    return snippet("Identification", facts, figure)
 
 
 def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:

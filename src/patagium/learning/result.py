@@ -52,6 +52,27 @@ class Identification:
     outcome: Outcome = Outcome.COMPLETED
     message: str = ""
 
+    def __repr__(self) -> str:
+        return "\n".join([f"<Identification {self.outcome.name}>", *map(": ".join, self._facts())])
+
+    def _repr_html_(self) -> str:
+        from patagium.learning.page import result_snippet
+
+        return result_snippet(self.prediction, dict(self._facts()))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        """Main scores in words."""
+        named = {
+            "samples": "samples",
+            "nmse_mean": "NMSE, mean of the outputs",
+            "nmse_second_half_worst": "NMSE of the second half, worst output",
+            "coverage": "share of errors in the 95 % interval",
+            "nis": "normalized innovation squared, per output",
+        }
+        facts = [(text, self.scores.get(name)) for name, text in named.items()]
+        found = [(text, f"{value:.4g}") for text, value in facts if isinstance(value, int | float)]
+        return found + [("learner", repr(self.learner))] * (self.learner is not None)
+
     def save(self, path: str | Path) -> None:
         """Write scores and predictions as one netCDF file, whole or not at all.
 

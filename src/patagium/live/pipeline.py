@@ -146,6 +146,9 @@ class Pipeline:
         self._memory = _memory(learner)
         self._chain = _chain(learner, self.form)
 
+    def __repr__(self) -> str:
+        return f"<Pipeline of {self.robot.name}: {self.learner!r}>"
+
     @property
     def inputs(self) -> tuple[str, ...] | None:
         """Names of what the network sees; None: q, then v."""

@@ -207,6 +207,22 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
     return Picture(f"data:{kinds[kind]};base64,{address}", caption)
 
 
+def snippet(title: str, facts: Mapping[str, Cell], figure: Figure | None = None) -> str:
+    """Picture and table of one thing in HTML, as a notebook shows it.
+
+    Args:
+        title: The thing in a line.
+        facts: Its facts by name, with units.
+        figure: Picture of it; None for none.
+    """
+    cells = [(escape(name), escape(cell_text(value))) for name, value in facts.items()]
+    rows = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in cells)
+    image = ""
+    if figure is not None:
+        image = f'<img src="{picture(figure, title).source}" style="max-width: 100%">'
+    return f"<div><b>{escape(title)}</b></div>{image}<table>{rows}</table>"
+
+
 _DOTS = 160
 """Dots of a figure that is a PNG [1/inch]."""
 _LEGIBLE = 11

@@ -27,7 +27,7 @@ from patagium.errors import (
 from patagium.limits import ROBOT_FILE
 from patagium.reading import faults, lines_of, parsed_yaml, text_of
 from patagium.robot.assembly import AssemblyError, assemble, with_file_parameters
-from patagium.robot.model import Robot
+from patagium.robot.model import PAGES, Robot
 from patagium.robot.review import robot_warnings
 from patagium.robot.schema import CompositionFile, RobotFile
 from patagium.robot.urdf import read_urdf
@@ -227,3 +227,14 @@ def _parsed(text: str, name: str) -> Any:
 
 def _refusal(error: Unreadable) -> RobotFileError:
     return RobotFileError(error.file, [(error.where, error.expected, error.found)])
+
+
+def _page(robot: Robot) -> str:
+    """Drawing and facts of a robot in HTML."""
+    from patagium.report.page import snippet
+    from patagium.robot.drawing import describe_robot, draw_robot
+
+    return snippet(repr(robot), describe_robot(robot), draw_robot(robot))
+
+
+PAGES.append(_page)

@@ -10,8 +10,8 @@ Neglected: flexible bodies, closed chains (a gait may come from one), ground.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -221,7 +221,11 @@ class Actuator:
     cost: float
 
 
-@dataclass(frozen=True)
+PAGES: list[Callable[[Robot], str]] = []
+"""Page of a robot in a notebook, which a module above adds: it knows how a robot is drawn."""
+
+
+@dataclass(frozen=True, repr=False)
 class Robot:
     """A morphing-wing robot: a tree of bodies, their wings, damping and limits.
 
@@ -344,7 +348,17 @@ class Robot:
     def structure(self) -> str:
         """Text of all that the generated equations depend on, values of the parameters aside."""
         same = _with_values(self, dict.fromkeys(self.parameter_names, 1.0))
-        return repr(replace(same, name="", lower=(), upper=()))
+        plain = replace(same, name="", lower=(), upper=())
+        parts = [f"{one.name}={getattr(plain, one.name)!r}" for one in fields(plain) if one.repr]
+        return f"Robot({', '.join(parts)})"
+
+    def __repr__(self) -> str:
+        wings = len({strip.wing for strip in self.strips})
+        counts = f"{len(self.bodies)} bodies, {wings} wings, {len(self.strips)} strips"
+        return f"<Robot {self.name}: {self.dof} degrees of freedom, {counts}>"
+
+    def _repr_html_(self) -> str | None:
+        return PAGES[0](self) if PAGES else None
 
     def symbolic(self) -> tuple[Robot, ca.SX]:
         """Copy of the robot with a symbol for each run-time parameter, and the symbols (n_p,)."""

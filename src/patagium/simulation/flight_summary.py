@@ -31,7 +31,27 @@ SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
 
 
-def flight_summary(flight: xr.Dataset) -> dict[str, Any]:
+class FlightSummary(dict[str, Any]):
+    """Facts of a flight by name, which a notebook shows with a picture.
+
+    Args:
+        facts: The facts.
+        flight: The flight.
+    """
+
+    def __init__(self, facts: dict[str, Any], flight: xr.Dataset) -> None:
+        super().__init__(facts)
+        self._flight = flight
+
+    def _repr_html_(self) -> str:
+        from patagium.report.figures import flight_overview
+        from patagium.report.page import snippet
+
+        facts = {name: str(value) for name, value in self.items()}
+        return snippet("Flight", facts, flight_overview(self._flight))
+
+
+def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """Summary of a flight, and what is wrong with it in sentences.
 
     Args:
@@ -58,7 +78,8 @@ def flight_summary(flight: xr.Dataset) -> dict[str, Any]:
     }
     facts |= _of_body(robot, flight, chosen)
     warnings = _warnings(facts) + _hover(flight, facts, chosen) if "speed" in facts else []
-    return facts | {"warnings": warnings + _overloads(robot, flight)}
+    facts["warnings"] = warnings + _overloads(robot, flight)
+    return FlightSummary(facts, flight)
 
 
 def _second_half(time: Array, beat: float | None) -> slice:

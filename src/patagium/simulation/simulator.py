@@ -260,6 +260,9 @@ class Simulator:
         ShapeError: If q is not (n_q,) or v not (n,).
     """
 
+    def __repr__(self) -> str:
+        return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
+
     def __init__(
         self,
         robot: Robot,

@@ -131,6 +131,16 @@ class OnlineLearner(Learner):
         self._network, self._stopwatch = network, Stopwatch()
         self.memory = memory_of(network)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.count} samples learned by {self._network!r}>"
+
+    def _repr_html_(self) -> str:
+        from patagium.report.page import snippet
+
+        facts = {"samples learned": self.count, "time of an update [s]": self.time_per_update}
+        facts |= {name: count for name, count in self.events.items() if count}
+        return snippet(type(self).__name__, facts) + self._network._repr_html_()
+
     @property
     def network(self) -> Network:
         """Network whose weights are learned."""

@@ -57,6 +57,24 @@ class Network(Protocol):
     A network gives its size, encoding, values, slopes and description; the rest follows.
     """
 
+    def __repr__(self) -> str:
+        names = ", ".join(self.output_names[:3]) + ", ..." * (self.outputs > 3)
+        shape = f"{self.inputs} inputs, {self.outputs} outputs ({names})"
+        return f"<{type(self).__name__}: {shape}, {self.size} weights>"
+
+    def _repr_html_(self) -> str:
+        from patagium.report.page import snippet
+        from patagium.robot.drawing import draw_robot
+
+        robot = getattr(self, "robot", None)
+        facts: dict[str, Any] = {
+            "inputs": self.inputs,
+            "outputs": ", ".join(self.output_names),
+            "neurons of hidden layers": ", ".join(map(str, self.hidden)) or "none",
+            "weights": self.size,
+        }
+        return snippet(repr(self), facts, None if robot is None else draw_robot(robot))
+
     @property
     def inputs(self) -> int:
         """Length of x, n_x, lag states included."""

@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.identify import samples
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
@@ -125,6 +126,7 @@ class Tuned:
     trials: tuple[Trial, ...]
     network: Network
     rule: str
+    __repr__ = brief
 
     def learner(self, network: Network | None = None) -> Any:
         """New learner with the best settings.

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_simpson
 
 from patagium.aerodynamics import AddedMass
+from patagium.arrays import brief
 from patagium.dynamics import equations
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError, positive
@@ -64,6 +65,7 @@ class ForceSamples:
     robot: Robot
     source: str
     a: Array | None = None
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         shape = (len(self.time), self.robot.dof)
@@ -500,6 +502,9 @@ class MomentumObserver:
         self._time: float | None = None
         self._past = self._momentum = np.zeros(robot.dof)
         self._force = np.zeros(robot.dof)
+
+    def __repr__(self) -> str:
+        return f"<MomentumObserver of {self.robot.name}, gain {self.gain:g}/s>"
 
     @property
     def force(self) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import brief
 from patagium.errors import LogError
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
@@ -55,6 +56,7 @@ class LogTable:
     gaps: NDArray[np.int64]
     gap: float
     source: str
+    __repr__ = brief
 
     def where(self, kept: slice | ArrayLike) -> LogTable:
         """LogTable of some of the samples with their times; left-out samples become gaps.

@@ -139,6 +139,9 @@ class MotionTracker:
             if group
         ]
 
+    def __repr__(self) -> str:
+        return f"<MotionTracker of {self.robot.name}: {', '.join(self._names)}>"
+
     @property
     def started(self) -> bool:
         """Whether every encoder and camera has given a sample."""

@@ -13,6 +13,7 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
+from patagium.arrays import brief
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.netcdf_file import loaded_dataset, write_netcdf
 from patagium.reading import json_object, made_again
@@ -47,6 +48,7 @@ class SensorLog:
     truth: Mapping[str, xr.Dataset]
     robot: Robot
     mount: str
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name in self.readings:

@@ -1,0 +1,226 @@
+"""Flights, forces and predictions as recordings of other tools: MCAP and Rerun.
+
+A topic is a variable over time. Its names along the other axes are those of the file, its unit
+is in the schema; bodies are frames in the world. Neglected: what is not over time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from importlib import import_module
+from itertools import product
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from patagium.dynamics.dynamics import poses_at
+from patagium.errors import LogError, ParameterError
+from patagium.simulation import robot_of
+from patagium.version import __version__
+from patagium.whole_file import whole_file
+
+Array = NDArray[np.float64]
+
+
+class Topic(NamedTuple):
+    """Quantity over time.
+
+    Attributes:
+        name: Name, such as `aero_force`.
+        unit: SI unit.
+        labels: Names of the numbers, such as `left_plunge` or `left_wing[3]/x`.
+        values: Numbers, (N, k) [`unit`].
+    """
+
+    name: str
+    unit: str
+    labels: tuple[str, ...]
+    values: Array
+
+
+def topics_of(record: xr.Dataset) -> list[Topic]:
+    """Quantities over time of a flight, a stream, a motion or predictions.
+
+    Args:
+        record: The file.
+
+    Raises:
+        LogError: If there is none.
+    """
+    found = []
+    for name, variable in record.data_vars.items():
+        if variable.dims[:1] != ("time",) or variable.dtype.kind not in "fiub":
+            continue
+        axes = [_names(record, str(dim)) for dim in variable.dims[1:]]
+        labels = tuple("/".join(names) for names in product(*axes)) if axes else ("value",)
+        values = variable.to_numpy().reshape(len(variable), -1).astype(float)
+        if values.shape[1]:
+            unit = str(variable.attrs.get("units", ""))
+            found.append(Topic(str(name), unit, labels, values))
+    if not found:
+        raise LogError("file: expected quantities over time, found none")
+    return found
+
+
+def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
+    """Position, (N, 3) [m], and quaternion x, y, z, w, (N, 4) [1], of each body of the robot.
+
+    Args:
+        record: The file; without a robot or its coordinates no body has a frame.
+    """
+    if "q" not in record or "robot" not in record.attrs:
+        return {}
+    robot = robot_of(record)
+    q = record["q"].to_numpy()
+    if q.shape[1] != robot.coordinate_count:
+        return {}
+    origins, axes = poses_at(robot, q)
+    turns = Rotation.from_matrix(axes.reshape(-1, 3, 3)).as_quat()
+    turns = turns.reshape(len(q), -1, 4)
+    names = [body.name for body in robot.bodies]
+    return {name: (origins[:, k], turns[:, k]) for k, name in enumerate(names)}
+
+
+def export(record: xr.Dataset, path: str | Path) -> Path:
+    """Write a record for Foxglove and PlotJuggler (.mcap) or Rerun (.rrd), whole or not at all.
+
+    Args:
+        record: A flight, a stream, a motion or predictions, over time.
+        path: The file, replaced if it exists.
+
+    Raises:
+        ParameterError: If the kind of file is unknown, or the package that writes it is missing.
+        LogError: If nothing in it is over time.
+        OutputError: If the file cannot be written.
+    """
+    target = Path(path)
+    kinds = {".mcap": ("mcap.writer", _write_mcap), ".rrd": ("rerun", _write_rerun)}
+    if target.suffix.lower() not in kinds:
+        raise ParameterError("out", "a file of the kind .mcap or .rrd", target.name)
+    package, write = kinds[target.suffix.lower()]
+    try:
+        library = import_module(package)
+    except ImportError:
+        name, extra = ("rerun",) * 2 if package == "rerun" else ("mcap", "export")
+        expected = f"{name}: pip install 'patagium[{extra}]'"
+        raise ParameterError("export", expected, None) from None
+    topics = topics_of(record)
+    with whole_file(target) as draft:
+        write(library, draft, record, topics)
+    return target
+
+
+def _names(record: xr.Dataset, dim: str) -> list[str]:
+    """Names along an axis; numbers where it has none."""
+    if dim in record.coords:
+        return [str(name) for name in record[dim].to_numpy()]
+    return [str(k) for k in range(record.sizes[dim])]
+
+
+def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic]) -> None:
+    """Messages in JSON, each with the JSON schema of its topic."""
+    times = (record["time"].to_numpy() * 1e9).round().astype(np.int64)
+    times = times - min(0, int(times.min(initial=0)))  # stamps of MCAP are no less than zero
+    with path.open("wb") as file:
+        writer = library.Writer(file)
+        writer.start(library=f"patagium {__version__}")
+        about = {name: str(value) for name, value in record.attrs.items()}
+        writer.add_metadata("patagium", about)
+        streams = [(_channel(writer, one), _messages(one)) for one in topics]
+        frames = body_frames(record)
+        if frames:
+            streams.append((_frame_channel(writer), _frame_messages(frames, times)))
+        for number, time in enumerate(times.tolist()):
+            for channel, messages in streams:
+                writer.add_message(channel, time, next(messages).encode(), time, number)
+        writer.finish()
+
+
+def _channel(writer: Any, topic: Topic) -> int:
+    """Channel of a topic with its schema."""
+    number = {"type": "number", "description": topic.unit}
+    schema = {"type": "object", "properties": dict.fromkeys(topic.labels, number)}
+    return _registered(writer, f"patagium.{topic.name}", f"/{topic.name}", schema)
+
+
+def _registered(writer: Any, name: str, topic: str, schema: dict[str, Any]) -> int:
+    words = json.dumps(schema).encode()
+    known = writer.register_schema(name=name, encoding="jsonschema", data=words)
+    return int(writer.register_channel(topic=topic, message_encoding="json", schema_id=known))
+
+
+def _messages(topic: Topic) -> Iterator[str]:
+    """Numbers of each time by name, in JSON, to 12 digits; null for those that are not finite."""
+    words = [json.dumps(label).replace("%", "%%") + ": %s" for label in topic.labels]
+    mixed = f"{{{', '.join(words)}}}"
+    plain = mixed.replace("%s", "%.12g")
+    lost = set(np.flatnonzero(~np.isfinite(topic.values).all(axis=1)).tolist())
+    for k, row in enumerate(topic.values.tolist()):
+        if k not in lost:
+            yield plain % tuple(row)
+        else:
+            yield mixed % tuple(repr(one) if isfinite(one) else "null" for one in row)
+
+
+def _frame_channel(writer: Any) -> int:
+    """Channel of the bodies' frames, by the schema that Foxglove draws."""
+    return _registered(writer, "foxglove.FrameTransforms", "/tf", _FRAMES)
+
+
+def _frame_messages(
+    frames: dict[str, tuple[Array, Array]], times: NDArray[np.int64]
+) -> Iterator[str]:
+    """Frames of all bodies at each time, in JSON."""
+    for k, time in enumerate(times.tolist()):
+        seconds, rest = divmod(time, 10**9)
+        stamp = {"sec": seconds, "nsec": rest}
+        found = []
+        for name, (place, turn) in frames.items():
+            one = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
+            one["translation"] = dict(zip("xyz", place[k].tolist(), strict=True))
+            one["rotation"] = dict(zip("xyzw", turn[k].tolist(), strict=True))
+            found.append(one)
+        yield json.dumps({"transforms": found})
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties}
+
+
+_NUMBER = {"type": "number"}
+_FRAMES = _object(
+    transforms={
+        "type": "array",
+        "items": _object(
+            timestamp=_object(sec={"type": "integer"}, nsec={"type": "integer"}),
+            parent_frame_id={"type": "string"},
+            child_frame_id={"type": "string"},
+            translation=_object(**dict.fromkeys("xyz", _NUMBER)),
+            rotation=_object(**dict.fromkeys("xyzw", _NUMBER)),
+        ),
+    }
+)
+
+
+def _write_rerun(library: Any, path: Path, record: xr.Dataset, topics: list[Topic]) -> None:
+    """Scalars of each topic, and the frames of the bodies, over time."""
+    recording = library.RecordingStream("patagium")
+    recording.save(path)
+    time = library.TimeColumn("time", duration=record["time"].to_numpy())
+    for topic in topics:
+        words = [f"{label} [{topic.unit}]" for label in topic.labels]
+        recording.log(topic.name, library.SeriesLines(names=words), static=True)
+        columns = library.Scalars.columns(scalars=topic.values)
+        recording.send_columns(topic.name, indexes=[time], columns=columns)
+    for name, (place, turn) in body_frames(record).items():
+        columns = library.Transform3D.columns(translation=place, quaternion=turn)
+        recording.send_columns(f"world/{name}", indexes=[time], columns=columns)
+        recording.log(f"world/{name}", library.TransformAxes3D(0.05), static=True)
+    recording.flush()
+    recording.disconnect()

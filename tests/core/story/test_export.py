@@ -1,0 +1,101 @@
+"""Flights in other tools: what is written is read back by the readers of these tools."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from mcap.reader import make_reader
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import LogError, ParameterError
+from patagium.viewer.export import body_frames, export
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    robot = pt.load_robot("aerobat")
+    gait, aero = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6), pt.QuasiSteady(robot)
+    start = robot.coordinates(x=3.0)
+    return pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, v=start)
+
+
+def read(path: Path) -> tuple[dict[str, list[tuple[int, dict]]], dict[str, dict], dict[str, str]]:
+    """Messages and schemas by topic, and the metadata."""
+    messages: dict[str, list[tuple[int, dict]]] = {}
+    schemas = {}
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        about = {k: v for one in reader.iter_metadata() for k, v in one.metadata.items()}
+        for schema, channel, message in reader.iter_messages():
+            assert schema.encoding == "jsonschema" and channel.message_encoding == "json"
+            schemas[channel.topic] = json.loads(schema.data)
+            row = message.log_time, json.loads(message.data)
+            messages.setdefault(channel.topic, []).append(row)
+    return messages, schemas, about
+
+
+def test_a_flight_is_read_back_as_it_was(flight: xr.Dataset, tmp_path: Path) -> None:
+    record = flight.copy()
+    record["u1"] = record["u1"].copy()
+    record["u1"][3, 6] = np.nan
+    messages, schemas, about = read(export(record, tmp_path / "flight.mcap"))
+    assert about["robot"] == flight.attrs["robot"]
+    for name in ("q", "v", "aero_force"):
+        names = [str(one) for one in flight["dof"].values]
+        rows = [[row[key] for key in names] for _, row in messages[f"/{name}"]]
+        np.testing.assert_allclose(rows, flight[name], rtol=1e-11, atol=1e-12)  # 12 digits
+        assert list(schemas[f"/{name}"]["properties"]) == names
+    seconds = np.array([time for time, _ in messages["/q"]]) * 1e-9
+    np.testing.assert_allclose(seconds, flight["time"], atol=1e-9)
+    assert messages["/u1"][3][1]["left_plunge"] is None  # JSON has no nan
+    strip = flight["strip_force"].isel(time=50, strip=3).values
+    label = str(flight["strip"].values[3]) if "strip" in flight.coords else "3"
+    said = messages["/strip_force"][50][1]
+    np.testing.assert_allclose([said[f"{label}/{axis}"] for axis in "xyz"], strip, rtol=1e-11)
+    assert schemas["/v"]["properties"]["x"]["description"] == flight["v"].attrs["units"]
+    frame = messages["/tf"][50][1]["transforms"][0]
+    place, turn = body_frames(flight)["body"]
+    assert frame["child_frame_id"] == "body"
+    np.testing.assert_allclose([frame["translation"][k] for k in "xyz"], place[50])
+    np.testing.assert_allclose([frame["rotation"][k] for k in "xyzw"], turn[50])
+
+
+def test_predictions_go_with_it(flight: xr.Dataset, tmp_path: Path) -> None:
+    pt.save_flight(flight, tmp_path / "flight.nc")
+    result = pt.identify(flight)
+    pt.learning.save_model(tmp_path / "model.json", result.learner)
+    words = ["export", str(tmp_path / "flight.nc"), "-o", str(tmp_path / "flight.mcap")]
+    with pytest.raises(SystemExit) as left:
+        run([*words, "--model", str(tmp_path / "model.json")])
+    assert left.value.code == 0
+    messages, _, _ = read(tmp_path / "flight.mcap")
+    assert set(messages["/prediction"][0][1]) == set(flight["dof"].values)
+    said = [row["z"] for _, row in messages["/prediction"]]
+    seen = [row["z"] for _, row in messages["/measurement"]]
+    assert np.var(np.subtract(said, seen)) < 0.1 * np.var(seen)  # learned, from 100 samples
+    alone, _, _ = read(export(result.prediction, tmp_path / "alone.mcap"))
+    assert len(alone["/prediction"]) == len(flight["time"]) and "/tf" not in alone
+
+
+def test_what_cannot_be_written_is_told(
+    flight: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ParameterError, match="a file of the kind .mcap or .rrd"):
+        export(flight, tmp_path / "flight.bag")
+    with pytest.raises(LogError, match="quantities over time, found none"):
+        export(xr.Dataset({"time": [0.0]}), tmp_path / "flight.mcap")
+    monkeypatch.setitem(__import__("sys").modules, "rerun", None)
+    with pytest.raises(ParameterError, match=r"rerun: pip install 'patagium\[rerun\]'"):
+        export(flight, tmp_path / "flight.rrd")
+    assert not list(tmp_path.iterdir())
+
+
+def test_rerun_takes_it_where_it_is_installed(flight: xr.Dataset, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    path = export(flight, tmp_path / "flight.rrd")
+    assert path.stat().st_size > 10_000 and path.read_bytes()[:3] == b"RRF"
