@@ -2,6 +2,7 @@
 
 from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
+from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import PredictiveController, RealTimeIteration
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
@@ -12,6 +13,7 @@ __all__ = [
     "FlightMap",
     "Floquet",
     "GaitFamily",
+    "LinearRegulator",
     "Mode",
     "NoOrbit",
     "Orbit",

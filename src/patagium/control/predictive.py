@@ -437,68 +437,66 @@ SOFT = 100.0
 """Weight of a soft limit over that of the state's departure."""
 
 
-class PredictiveController:
-    """Model predictive controller that flies along a periodic orbit.
+class OrbitController:
+    """Controller that flies along a periodic orbit, but for its law.
 
-    A sample that is missing, late, or not finite, and a program that is not solved, leave the
-    last command in force; `held` counts them by their cause.
+    A sample that is missing, late, or not finite, and an answer that is none, leave the last
+    command in force; `held` counts them by their cause.
 
     Args:
         orbit: The orbit, and the model of robot and air that it was found with.
         commands: Names of the commands, with a range each in the robot's `actuators`.
-        horizon: Number of intervals.
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].
-        limits: Soft limits by name of a state, least and most [SI].
 
     Raises:
         ParameterError: If a name is none, or a command has no range.
 
     Attributes:
         held: Number of samples at which the last command was held, by cause.
-        iteration: The optimal control problem; `states` are departures predicted.
     """
 
     def __init__(
         self,
         orbit: Reference,
         commands: Sequence[str],
-        *,
-        horizon: int = 20,
-        parts: int = 10,
-        tolerable: Mapping[str, float] | None = None,
-        limits: Mapping[str, tuple[float, float]] | None = None,
+        parts: int,
+        tolerable: Mapping[str, float] | None,
     ) -> None:
         self.model = model = OrbitModel(orbit, commands, parts)
-        weights = self._weights(tolerable or {})
-        ends = [model.steered.limits(name) for name in commands]
-        for name, (low, high, _) in zip(commands, ends, strict=True):
+        self.weights = self._weights(tolerable or {})
+        self.ends = [model.steered.limits(name) for name in commands]
+        for name, (low, high, _) in zip(commands, self.ends, strict=True):
             if not np.isfinite(high - low):
                 raise ParameterError(f"actuators.{name}", "a range of every command", "none")
-        half = np.array([(high - low) / 2 for low, high, _ in ends])
+        half = np.array([(high - low) / 2 for low, high, _ in self.ends])
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
-        state_cost, input_cost = np.diag(weights), np.diag(costs / half**2)
-        self.iteration = RealTimeIteration(model.predict, horizon, state_cost, input_cost)
-        self._costs = model.costs_to_go(state_cost, input_cost)
-        neutral = model.steered.neutral[model.places]
-        program = self.iteration.program
-        program["lower"][...] = [low for low, _, _ in ends] - neutral
-        program["upper"][...] = [high for _, high, _ in ends] - neutral
-        program["rise"][...] = [rate * model.period for _, _, rate in ends]
-        program["fall"][...] = -program["rise"]
-        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
-        for place in self._limits:
-            program["weight"][:, place] = SOFT * max(weights[place], 1.0)
-        self._before = np.zeros(len(commands))
-        self._last: int | None = None
+        self.state_cost, self.input_cost = np.diag(self.weights), np.diag(costs / half**2)
+        self.costs = model.costs_to_go(self.state_cost, self.input_cost)
         self.held: Counter[str] = Counter()
 
     @property
     def period(self) -> float:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.model.period
+
+    def answer(
+        self,
+        first: int,
+        start: Array,
+    ) -> Array | None:
+        """Departures of the commands for the interval that begins now, (n_u,) [response's unit].
+
+        Args:
+            first: Number of the interval.
+            start: Departure of the flight from the orbit, (n_x,) [SI].
+
+        Returns:
+            The departures; None where there is no answer.
+        """
+        raise NotImplementedError
 
     def __call__(
         self,
@@ -520,20 +518,13 @@ class PredictiveController:
         if not abs(time - state.time) <= 0.5 * period:
             return self._hold("late")
         first = round(time / period)
-        if self._last is not None and first > self._last:
-            for _ in range(min(first - self._last, len(self.iteration.inputs))):
-                self.iteration.shift()
-        self._last = first
         start = model.departure(first, self._measured(state, first), time)
         if not np.isfinite(start).all():
             return self._hold("not finite")
-        self._place_limits(first)
-        horizon = len(self.iteration.inputs)
-        self.iteration.final_cost = self._costs[(first + horizon) % model.parts]
-        if self.iteration.iterate(first, start, self._before) is not ProgramStatus.SOLVED:
+        inputs = self.answer(first, start)
+        if inputs is None:
             return self._hold("not solved")
-        self._before = self.iteration.inputs[0].copy()
-        values = self._before + model.steered.neutral[model.places]
+        values = inputs + model.steered.neutral[model.places]
         given = {
             name: float(value / model.steered.scale(name))
             for name, value in zip(model.commands, values, strict=True)
@@ -595,6 +586,77 @@ class PredictiveController:
             elif name in robot.coordinate_names:
                 found[k] = state.position(name)
         return found
+
+
+class PredictiveController(OrbitController):
+    """Model predictive controller that flies along a periodic orbit.
+
+    Args:
+        orbit: The orbit, and the model of robot and air that it was found with.
+        commands: Names of the commands, with a range each in the robot's `actuators`.
+        horizon: Number of intervals.
+        parts: Intervals of a beat; one command each.
+        tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
+            as a command over half its range [SI].
+        limits: Soft limits by name of a state, least and most [SI].
+
+    Raises:
+        ParameterError: If a name is none, or a command has no range.
+
+    Attributes:
+        iteration: The optimal control problem; `states` are departures predicted.
+    """
+
+    def __init__(
+        self,
+        orbit: Reference,
+        commands: Sequence[str],
+        *,
+        horizon: int = 20,
+        parts: int = 10,
+        tolerable: Mapping[str, float] | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        super().__init__(orbit, commands, parts, tolerable)
+        model, ends = self.model, self.ends
+        self.iteration = RealTimeIteration(model.predict, horizon, self.state_cost, self.input_cost)
+        neutral = model.steered.neutral[model.places]
+        program = self.iteration.program
+        program["lower"][...] = [low for low, _, _ in ends] - neutral
+        program["upper"][...] = [high for _, high, _ in ends] - neutral
+        program["rise"][...] = [rate * model.period for _, _, rate in ends]
+        program["fall"][...] = -program["rise"]
+        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
+        for place in self._limits:
+            program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
+        self._before = np.zeros(len(commands))
+        self._last: int | None = None
+
+    def answer(
+        self,
+        first: int,
+        start: Array,
+    ) -> Array | None:
+        """Departures of the commands by one iteration, (n_u,) [response's unit].
+
+        Args:
+            first: Number of the interval.
+            start: Departure of the flight from the orbit, (n_x,) [SI].
+
+        Returns:
+            The departures; None where the program is not solved.
+        """
+        if self._last is not None and first > self._last:
+            for _ in range(min(first - self._last, len(self.iteration.inputs))):
+                self.iteration.shift()
+        self._last = first
+        self._place_limits(first)
+        horizon = len(self.iteration.inputs)
+        self.iteration.final_cost = self.costs[(first + horizon) % self.model.parts]
+        if self.iteration.iterate(first, start, self._before) is not ProgramStatus.SOLVED:
+            return None
+        self._before = self.iteration.inputs[0].copy()
+        return self._before
 
     def _place_limits(
         self,

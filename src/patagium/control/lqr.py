@@ -1,0 +1,91 @@
+"""Linear-quadratic regulators of a periodic orbit: gains over the phase, or of the averaged beat.
+
+The design model is that of `predictive.OrbitModel`: exact derivatives of every interval of the
+beat, and the lags by which the steered gait answers as states. u = -K(phase) x, where K follows
+from the periodic Riccati equation; of the averaged regulator one K from the mean of the intervals.
+Neglected: limits of commands, which the steered gait keeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.control.predictive import OrbitController, Reference
+from patagium.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+
+class LinearRegulator(OrbitController):
+    """Linear-quadratic regulator that flies along a periodic orbit, one flight each.
+
+    Args:
+        orbit: The orbit, and the model of robot and air that it was found with.
+        commands: Names of the commands, with a range each in the robot's `actuators`.
+        parts: Intervals of a beat; one command each.
+        tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
+            as a command over half its range [SI].
+        averaged: Whether one gain from the mean of the intervals serves the whole beat.
+
+    Raises:
+        ParameterError: If a name is none, a command has no range, or no gain is finite.
+
+    Attributes:
+        gains: Feedback gain of each interval of a beat, (parts, n_u, n_x) [unit over SI].
+    """
+
+    def __init__(
+        self,
+        orbit: Reference,
+        commands: Sequence[str],
+        *,
+        parts: int = 10,
+        tolerable: Mapping[str, float] | None = None,
+        averaged: bool = False,
+    ) -> None:
+        super().__init__(orbit, commands, parts, tolerable)
+        own = self.model.by_state, self.model.by_input
+        if averaged:
+            means = [np.broadcast_to(part.mean(axis=0), part.shape) for part in own]
+            self.model.by_state, self.model.by_input = (np.array(part) for part in means)
+            self.costs = self.model.costs_to_go(self.state_cost, self.input_cost)
+        self.gains = self._gains()
+        self.model.by_state, self.model.by_input = own
+        if not np.isfinite(self.gains).all():
+            raise ParameterError("commands", "commands that can hold the orbit", tuple(commands))
+
+    def _gains(self) -> Array:
+        """Gains that the costs to go ask for, (parts, n_u, n_x) [unit over SI]."""
+        found = []
+        for part in range(self.model.parts):
+            a, b = self.model.by_state[part], self.model.by_input[part]
+            cost = self.costs[(part + 1) % self.model.parts]
+            found.append(np.linalg.solve(self.input_cost + b.T @ cost @ b, b.T @ cost @ a))
+        return np.array(found)
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Multipliers of the beat under feedback, lags of the commands included, (n_x,) [1]."""
+        beat = np.eye(self.model.size)
+        for gain, a, b in zip(self.gains, self.model.by_state, self.model.by_input, strict=True):
+            beat = (a - b @ gain) @ beat
+        return np.asarray(np.linalg.eigvals(beat), complex)
+
+    def answer(
+        self,
+        first: int,
+        start: Array,
+    ) -> Array | None:
+        """Departures of the commands, u = -K x, within their ranges, (n_u,) [response's unit].
+
+        Args:
+            first: Number of the interval.
+            start: Departure of the flight from the orbit, (n_x,) [SI].
+        """
+        neutral = self.model.steered.neutral[self.model.places]
+        low, high, _ = np.array(self.ends).T
+        wanted = -self.gains[first % self.model.parts] @ start
+        return np.asarray(np.clip(wanted, low - neutral, high - neutral))
