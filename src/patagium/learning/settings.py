@@ -100,8 +100,8 @@ class Meaning(NamedTuple):
         under = numbers <= self.low if self.above else numbers < self.low
         over = numbers >= self.high if self.below else numbers > self.high
         if (under | over | ~(abs(numbers) < inf)).any():
-            finite = self.range.startswith("a ")
-            raise ParameterError(name, self.range if finite else f"a number {self.range}", value)
+            kind = {"a": "", "at": "a number of "}.get(self.range.split()[0], "a number ")
+            raise ParameterError(name, kind + self.range, value)
 
     @property
     def range(self) -> str:
