@@ -18,6 +18,7 @@ JOBS ?= 2
 TESTS ?= tests
 OUT ?= out
 UV ?= uv
+EXTRAS := ardupilot bench cluster dev docs export film logs tune viewer
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -87,6 +88,6 @@ pages: $(STAMP)
 # Needs uv. The lock names no index: the one pip is configured with serves it.
 lock:
 	@command -v $(UV) >/dev/null || { echo "make lock needs uv: pip install uv, or UV=path/to/uv" >&2; exit 1; }
-	$(UV) pip compile pyproject.toml --all-extras --universal --python-version 3.11 \
+	$(UV) pip compile pyproject.toml $(foreach one,$(EXTRAS),--extra $(one)) --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
 	  --output-file requirements.lock
