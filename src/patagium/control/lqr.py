@@ -74,11 +74,7 @@ class LinearRegulator(OrbitController):
             beat = (a - b @ gain) @ beat
         return np.asarray(np.linalg.eigvals(beat), complex)
 
-    def answer(
-        self,
-        first: int,
-        start: Array,
-    ) -> Array | None:
+    def answer(self, first: int, start: Array) -> Array | None:
         """Departures of the commands, u = -K x, within their ranges, (n_u,) [response's unit].
 
         Args:

@@ -78,11 +78,7 @@ class RealTimeIteration:
     """
 
     def __init__(
-        self,
-        predict: Predict,
-        horizon: int,
-        state_cost: Array,
-        input_cost: Array,
+        self, predict: Predict, horizon: int, state_cost: Array, input_cost: Array
     ) -> None:
         size, count = len(state_cost), len(input_cost)
         self.predict = predict
@@ -102,12 +98,7 @@ class RealTimeIteration:
         constant += np.einsum("ki,kij,kj", wanted, program["R"], wanted)
         return float(program["cost"] + constant / 2)
 
-    def iterate(
-        self,
-        first: int,
-        start: Array,
-        before: Array,
-    ) -> ProgramStatus:
+    def iterate(self, first: int, start: Array, before: Array) -> ProgramStatus:
         """One iteration: the model at the last prediction, then one quadratic program.
 
         Args:
@@ -133,12 +124,7 @@ class RealTimeIteration:
             self.states, self.inputs = program["x"].copy(), program["u"].copy()
         return status
 
-    def converge(
-        self,
-        first: int,
-        start: Array,
-        before: Array,
-    ) -> ProgramStatus:
+    def converge(self, first: int, start: Array, before: Array) -> ProgramStatus:
         """Iterations at one state until the inputs settle.
 
         Args:
@@ -187,11 +173,7 @@ class Reference(Protocol):
         """States of the orbit, the first at the beginning of a beat, (m, n) [SI]."""
 
 
-def lagged(
-    sharpness: float,
-    time: float,
-    integrated: bool,
-) -> tuple[Array, Array]:
+def lagged(sharpness: float, time: float, integrated: bool) -> tuple[Array, Array]:
     """Response of three equal lags after a time, s(t) = E s(0) + F u.
 
     Args:
@@ -250,12 +232,7 @@ class OrbitModel:
         by_input: Derivative by the commands, (parts, n_x, n_u).
     """
 
-    def __init__(
-        self,
-        orbit: Reference,
-        commands: Sequence[str],
-        parts: int = 10,
-    ) -> None:
+    def __init__(self, orbit: Reference, commands: Sequence[str], parts: int = 10) -> None:
         robot, gait = orbit.map.robot, orbit.gait
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
         self.names = orbit.map.names
@@ -286,12 +263,7 @@ class OrbitModel:
             expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
             raise ParameterError("orbit", expected, f"{worst} changes by {moved.max():.3g}")
 
-    def _rows(
-        self,
-        gait: Gait,
-        flight: FlightMap,
-        steps: int,
-    ) -> PrescribedRows:
+    def _rows(self, gait: Gait, flight: FlightMap, steps: int) -> PrescribedRows:
         """Rows of a beat, and their slopes by each command, of the frequency by the own time."""
         robot = self.robot
         base = fourier_series(gait)
@@ -311,13 +283,7 @@ class OrbitModel:
                 slopes[k] = slopes[k] * 2 * np.pi * base.frequency
         return PrescribedRows(found.table, np.stack(slopes, 1), found.time_step, np.zeros(0))
 
-    def _fly(
-        self,
-        flight: FlightMap,
-        rows: PrescribedRows,
-        part: int,
-        steps: int,
-    ) -> None:
+    def _fly(self, flight: FlightMap, rows: PrescribedRows, part: int, steps: int) -> None:
         """Ends and derivatives of an interval of the beat."""
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
@@ -349,20 +315,11 @@ class OrbitModel:
             own = slice(first, first + size)
             matrix[own, own], self.by_input[part, own, i] = self._lag(i, self.period)
 
-    def _lag(
-        self,
-        command: int,
-        time: float,
-    ) -> tuple[Array, Array]:
+    def _lag(self, command: int, time: float) -> tuple[Array, Array]:
         sharpness = float(self.steered.sharpness[self.places[command]])
         return lagged(sharpness, time, self._chains[command] == 4)
 
-    def departure(
-        self,
-        first: int,
-        state: Array,
-        time: float,
-    ) -> Array:
+    def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).
 
         Args:
@@ -380,12 +337,7 @@ class OrbitModel:
             parts.append(responses[:, place] - neutral)
         return np.concatenate(parts)
 
-    def predict(
-        self,
-        first: int,
-        states: Array,
-        inputs: Array,
-    ) -> Intervals:
+    def predict(self, first: int, states: Array, inputs: Array) -> Intervals:
         """Intervals of the linear model, whatever the prediction.
 
         Args:
@@ -399,11 +351,7 @@ class OrbitModel:
         ends += np.einsum("kij,kj->ki", by_input, inputs)
         return Intervals(ends, by_state, by_input)
 
-    def costs_to_go(
-        self,
-        state_cost: Array,
-        input_cost: Array,
-    ) -> Array:
+    def costs_to_go(self, state_cost: Array, input_cost: Array) -> Array:
         """Least cost without limits from each phase on, by the periodic Riccati equation.
 
         Args:
@@ -482,11 +430,7 @@ class OrbitController:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.model.period
 
-    def answer(
-        self,
-        first: int,
-        start: Array,
-    ) -> Array | None:
+    def answer(self, first: int, start: Array) -> Array | None:
         """Departures of the commands for the interval that begins now, (n_u,) [response's unit].
 
         Args:
@@ -498,11 +442,7 @@ class OrbitController:
         """
         raise NotImplementedError
 
-    def __call__(
-        self,
-        time: float,
-        state: FlightState | None,
-    ) -> dict[str, float]:
+    def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now.
 
         Args:
@@ -532,10 +472,7 @@ class OrbitController:
         model.steered.command(time, given)
         return given
 
-    def _hold(
-        self,
-        cause: str,
-    ) -> dict[str, float]:
+    def _hold(self, cause: str) -> dict[str, float]:
         self.held[cause] += 1
         return {}
 
@@ -546,19 +483,13 @@ class OrbitController:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(self.held.items()))
         return f"The last command was held at {self.held.total()} samples: {causes}."
 
-    def _state(
-        self,
-        name: str,
-    ) -> int:
+    def _state(self, name: str) -> int:
         names = [self.model.names[k] for k in self.model.kept]
         if name not in names:
             raise ParameterError("state", f"one of {', '.join(names)}", name)
         return names.index(name)
 
-    def _weights(
-        self,
-        tolerable: Mapping[str, float],
-    ) -> Array:
+    def _weights(self, tolerable: Mapping[str, float]) -> Array:
         """Weights of the departures, those of lags and commands zero, (n_x,)."""
         weights = np.zeros(self.model.size)
         given = dict(TOLERABLE)
@@ -570,11 +501,7 @@ class OrbitController:
             weights[self._state(name)] = positive(name, value) ** -2.0
         return weights
 
-    def _measured(
-        self,
-        state: FlightState,
-        first: int,
-    ) -> Array:
+    def _measured(self, state: FlightState, first: int) -> Array:
         """State of the model, its unmeasured lags as on the orbit, (n,)."""
         beat, part = divmod(first, self.model.parts)
         found: Array = self.model.states[part] + beat * self.model.travel
@@ -632,11 +559,7 @@ class PredictiveController(OrbitController):
         self._before = np.zeros(len(commands))
         self._last: int | None = None
 
-    def answer(
-        self,
-        first: int,
-        start: Array,
-    ) -> Array | None:
+    def answer(self, first: int, start: Array) -> Array | None:
         """Departures of the commands by one iteration, (n_u,) [response's unit].
 
         Args:
@@ -658,10 +581,7 @@ class PredictiveController(OrbitController):
         self._before = self.iteration.inputs[0].copy()
         return self._before
 
-    def _place_limits(
-        self,
-        first: int,
-    ) -> None:
+    def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
         program, model = self.iteration.program, self.model
         beats, places = np.divmod(first + np.arange(len(program["x"])), model.parts)

@@ -452,14 +452,7 @@ def _orbit(search: _Search, at: _Point, added_mass: AddedMass | None) -> Orbit:
     )
 
 
-_COMPONENTS = (
-    "force_x",
-    "force_y",
-    "force_z",
-    "moment_x",
-    "moment_y",
-    "moment_z",
-)
+_COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
 def _not_found(search: _Search, at: _Point, trouble: str) -> NoOrbit:

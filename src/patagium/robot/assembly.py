@@ -413,12 +413,7 @@ def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
         center_of_mass=(cx, side * cy + 0.0, cz),
         inertia=tuple(
             float(k) + 0.0
-            for k in (
-                *np.diag(tensor),
-                side * tensor[0, 1],
-                tensor[0, 2],
-                side * tensor[1, 2],
-            )
+            for k in (*np.diag(tensor), side * tensor[0, 1], tensor[0, 2], side * tensor[1, 2])
         ),  # type: ignore[arg-type]
         attitude=draft.part.attitude or "euler",
     )

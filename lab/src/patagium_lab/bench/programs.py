@@ -21,11 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from patagium.control.quadratic_program import (
-    ProgramStatus,
-    QuadraticProgram,
-    condensed,
-)
+from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram, condensed
 from patagium_lab.bench.result import Result, compared
 
 Array = NDArray[np.float64]
@@ -34,10 +30,7 @@ STAGES, STATES, INPUTS = 20, 12, 6
 PROGRAMS = 60
 NEXT = 0.02
 """Standard deviation by which the next sample's state differs, of states of some units."""
-KINDS = {
-    "ranges": (False, False),
-    "ranges, rates, soft limits": (True, True),
-}
+KINDS = {"ranges": (False, False), "ranges, rates, soft limits": (True, True)}
 """Limits of the programs: whether rates of inputs, and whether states."""
 
 
@@ -210,10 +203,7 @@ def _qpoases(program: QuadraticProgram) -> Solver:
     return solve
 
 
-RIVALS: dict[str, Callable[[Sparse], Solver]] = {
-    "PIQP (multistage)": _piqp,
-    "OSQP (1e-6)": _osqp,
-}
+RIVALS: dict[str, Callable[[Sparse], Solver]] = {"PIQP (multistage)": _piqp, "OSQP (1e-6)": _osqp}
 """Functions that prepare a rival for a program by sparse matrices."""
 CONDENSED = "qpOASES through CasADi"
 """Rival that gets the program in the inputs alone, where only their ranges are limited."""
