@@ -185,7 +185,6 @@ class FlightMap:
 def _compiled_slopes(flight: FlightMap) -> _Slopes:
     """Compiled rate of the state and its Jacobian; the same code for all values of parameters."""
     robot, aero, added_mass = flight.robot, flight.aero, flight.added_mass
-    symbolic, _ = robot.symbolic()
     others = () if added_mass is None else added_mass.parameters
     known = (*robot.parameter_names, *aero.parameter_names)
     for name in flight.parameters:
@@ -194,7 +193,7 @@ def _compiled_slopes(flight: FlightMap) -> _Slopes:
     places = tuple(known.index(name) for name in flight.parameters)
     kind = "" if added_mass is None else " with added mass"
     functions = load_functions(
-        f"slopes{kind} {aero.structure} {places} {symbolic!r}",
+        f"slopes{kind} {aero.structure} {places} {robot.structure}",
         lambda: _slope_functions(robot, aero, added_mass, places),
         label=f"derivatives of a flight of {robot.name}",
         many_only=["slope"],

@@ -510,7 +510,6 @@ def _equations(
     state: Array,
 ) -> Equations:
     """Compiled equations of a flight that starts at a state, (size,)."""
-    symbolic, _ = robot.symbolic()
     kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
     kind += "" if added_mass is None else " with added mass"
     kind += f" on {cells!r}" if cells else ""
@@ -520,7 +519,7 @@ def _equations(
     models += [] if gust is None else [gust.parameters]
     parameters = robot.parameters, np.concatenate(models)
     functions = load_functions(
-        f"flight {kind} {aero.structure} {symbolic!r}",
+        f"flight {kind} {aero.structure} {robot.structure}",
         lambda: flight_functions(robot, aero, mount, added_mass, cells),
         label=f"flight of {robot.name}",
         many_only=["record"],

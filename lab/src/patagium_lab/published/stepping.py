@@ -165,9 +165,8 @@ def published_functions(robot: Robot, aero: Aerodynamics) -> Sequence[ca.Functio
 
 
 def _equations(robot: Robot, aero: Aerodynamics, state: Array) -> Equations:
-    symbolic, _ = robot.symbolic()
     functions = load_functions(
-        f"published flight {aero.structure} {symbolic!r}",
+        f"published flight {aero.structure} {robot.structure}",
         lambda: published_functions(robot, aero),
         label=f"published flight of {robot.name}",
         many_only=["record"],

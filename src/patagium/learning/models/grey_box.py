@@ -482,10 +482,9 @@ class GreyEquations:
         numbers, then the scales of theta.
         """
         model = self.model
-        symbolic, _ = model.robot.symbolic()
         options = f"{self.names} {self.outputs} {self.added_mass is not None}"
         kinds = [parameter.positive for parameter in self.parameters]
-        key = f"grey box {options} {kinds} {model.structure} {symbolic!r}"
+        key = f"grey box {options} {kinds} {model.structure} {model.robot.structure}"
         return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
 
     def functions(self) -> list[ca.Function]:

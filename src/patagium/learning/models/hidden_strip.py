@@ -178,9 +178,8 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         self._reach = coded_reach(self.lags.size)
         constants = [*self.air.wind, self.air.density, self.coefficient_scale]
         self._constants = np.array([*constants, *robot.parameters])
-        symbolic, _ = robot.symbolic()
         self._functions = load_functions(
-            f"hidden strip network {self.lags.size} {strip_chains(robot)} {symbolic!r}",
+            f"hidden strip network {self.lags.size} {strip_chains(robot)} {robot.structure}",
             lambda: hidden_functions(robot, self.lags.size),
             label=f"hidden strip network of {robot.name}",
             many_only=("slopes",),

@@ -148,8 +148,7 @@ class LinearStripNetwork(WingNetwork):
         self.perceptron = Perceptron((_POLYNOMIALS + slots, _OUTPUTS))
         self.offset = np.zeros(len(self._names))
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
-        symbolic, _ = robot.symbolic()
-        key, label = f"linear strip network {self._names} {symbolic!r}", f"air of {robot.name}"
+        key, label = f"linear strip network {self._names} {robot.structure}", f"air of {robot.name}"
         self._encode = load_functions(key, lambda: [_function(robot, rows)], label=label)["encode"]
 
     @property

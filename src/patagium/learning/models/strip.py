@@ -100,10 +100,9 @@ class StripNetwork(WingNetwork):
         self.offset = np.zeros(len(self._names))
         pressure = self.air.density * self.coefficient_scale
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
-        symbolic, _ = robot.symbolic()
         matrix = "" if self._matrix is None else repr(self._matrix.tolist())
         options = f"{self._names} {matrix} {chord_fraction} {rotation}"
-        key, label = f"strip network {options} {symbolic!r}", f"strip network of {robot.name}"
+        key, label = f"strip network {options} {robot.structure}", f"strip network of {robot.name}"
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
 
     @property
