@@ -37,7 +37,7 @@ bodies:
     orientation: [5 deg, 6 deg, 7 deg]
     joints:
       - {name: left_flap, type: revolute, axis: [1, 0.2, 0.1], limits: [-1, 1], damping: 0.1,
-         speed_limit: 3, acceleration_limit: 40, effort_limit: 0.5}
+         speed_limit: 3, acceleration_limit: 40, effort_limit: 0.5, power_limit: 2 W}
       - {name: left_slide, type: prismatic, axis: y, limits: [0, 2 cm], passive: true, damping: 1}
     mass: 4 g
     center_of_mass: [1 mm, 2 cm, 1 mm]
@@ -66,6 +66,7 @@ bodies:
   sensor: {parent: nose, massless: true}
 wings:
   - name: left_wing
+    joins: [rudder]
     segments:
       - body: left_wing
         strips: 3
@@ -90,6 +91,8 @@ cruise:
   speed: 4 m/s
   pitch: -5 deg
   duration: 2 s
+actuators:
+  frequency: {range: [1 Hz, 9 Hz], rate_limit: 5 Hz/s, response_time: 0.1 s, cost: 2}
 """
 TEXTS = {**{name: preset_text(name) for name in preset_names()}, "complete": COMPLETE}
 # Names and words; a change of the text itself is no parameter.
@@ -153,6 +156,15 @@ def _cruise(robot: Robot) -> list[float]:
     return [own.frequency or 0.0, own.speed, own.pitch, own.duration, *joints]
 
 
+def _actuators(robot: Robot) -> list[float]:
+    """Numbers of the commands that gaits and controllers obey."""
+    return [
+        number
+        for one in robot.actuators.values()
+        for number in (*one.range, one.rate_limit, one.response_time or 0.0, one.cost)
+    ]
+
+
 class _Outputs:
     """What the layers above read off a robot, as one vector of numbers."""
 
@@ -172,11 +184,13 @@ class _Outputs:
             [
                 *(robot.lower, robot.upper, robot.speed_limit or robot.upper),
                 *(robot.acceleration_limit or robot.upper, robot.effort_limit or robot.upper),
+                robot.power_limit or robot.upper,
             ],
             posinf=99,
             neginf=-99,
         )
-        return np.concatenate([moving, np.ravel(strips), limits.ravel(), _cruise(robot)])
+        said = np.nan_to_num([*_cruise(robot), *_actuators(robot)], posinf=99)
+        return np.concatenate([moving, np.ravel(strips), limits.ravel(), said])
 
     @staticmethod
     def _compiled(robot: Robot) -> ca.Function:
@@ -303,6 +317,8 @@ _UNITS = (
     "N m",
     "m/s",
     "Hz",
+    "Hz/s",
+    "W",
     "s",
     "",
 )

@@ -43,7 +43,7 @@ def test_a_flight_of_one_beat_has_no_wingbeat_figure(flight: xr.Dataset) -> None
 
 
 def test_an_unknown_place_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"page, paper, slides.*found 'wall'"):
+    with pytest.raises(ParameterError, match=r"page, phone, paper, slides.*found 'wall'"):
         with figures_for("wall"):
             pass
 

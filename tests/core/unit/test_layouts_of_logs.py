@@ -364,6 +364,7 @@ bodies:
     parent: body
     joints: [{name: flap, axis: x}]
     mass: 1 g
+    center_of_mass: [0, 10 cm, 0]
     inertia: {xx: 1e-6 kg m^2, yy: 1e-6 kg m^2, zz: 1e-6 kg m^2}
 wings:
   - name: left

@@ -189,7 +189,7 @@ def test_a_path_carries_a_robot_with_a_quaternion_as_one_with_angles(pair):
         (
             "floating: true\n",
             "floating: true\n    attitude: qaternion\n",
-            "'euler' or 'quaternion'",
+            "one of euler, quaternion, found 'qaternion'",
         ),
         (
             "parent: body\n",
