@@ -65,8 +65,8 @@ class Inflow(Aerodynamics):
         ParameterError: If a number is not finite and positive, or the model has inflow already.
 
     References:
-        Ellington (1984), The aerodynamics of hovering insect flight V, Phil. Trans. R. Soc.
-        Lond. B 305, 115-144 (area swept); Glauert (1935) in Durand, Aerodynamic Theory IV;
+        Ellington (1984), The aerodynamics of hovering insect flight V, Philosophical
+        Transactions B 305, 115-144 (area swept); Glauert (1935) in Durand, Aerodynamic Theory IV;
         Pitt & Peters (1981), Vertica 5, 21-34 (inertia of the inflow).
     """
 

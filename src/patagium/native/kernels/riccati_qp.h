@@ -251,7 +251,7 @@ static int sweep(riccati_qp *o) {
 static inline int side(double x, double low, double high) { return (x > high) - (x < low); }
 
 /* Active limits at values, and the pull of each; how many are others than before. A limit that is
- * met to less than the tolerance stays as it was: rounding must not switch it to and fro. */
+ * met to less than the tolerance stays as it was: rounding must not switch it back and forth. */
 static int classify(riccati_qp *o, const double *value) {
   int changed = 0;
   for (int m = 0; m < LIMITS; m++) {
