@@ -18,7 +18,7 @@ _SHORT.maxstring = _SHORT.maxother = 60
 
 
 def brief(record: Any) -> str:
-    """Record in a line: arrays by their shape, long values shortened.
+    """Representation of a dataclass in one line: arrays by their shape, long values shortened.
 
     Args:
         record: A dataclass, which takes this as its `__repr__`.

@@ -1,4 +1,4 @@
-"""Induced inflow of the strokes: air that the wings have set in motion meets them again.
+"""Induced inflow of flapping wings: the velocity that their own forces give the air.
 
 Flapping wings throw air downwards through the area that they sweep, and work in that stream.
 Momentum theory gives its velocity, the air's own inertia the time that it takes. It is put on
@@ -28,6 +28,7 @@ from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Pose, body_poses, body_velocities
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot, Strip
+from patagium.robot.planform import placed, poses
 
 Array = NDArray[np.float64]
 
@@ -106,6 +107,12 @@ class Inflow(Aerodynamics):
         return self.model.state_size + sum(3 + 3 * len(stroke.wings) for stroke in self.strokes)
 
     @property
+    def _places(self) -> list[int]:
+        """Place of the first state of each stroke."""
+        sizes = [3 + 3 * len(stroke.wings) for stroke in self.strokes]
+        return [self.model.state_size + sum(sizes[:k]) for k in range(len(sizes))]
+
+    @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         return f"{self.name} {self.strokes} on {self.model.structure}"
@@ -130,27 +137,22 @@ class Inflow(Aerodynamics):
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
         own, count = self.model.state_size, len(self.model.parameter_names)
-        winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
-        induced, place = [], own
-        for stroke in self.strokes:
-            induced.append(state[place : place + 3])
+        induced = [state[place : place + 3] for place in self._places]
+        winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
+        for stroke, velocity in zip(self.strokes, induced, strict=True):
             for strip in stroke.strips:
-                winds[:, strip] = winds[:, strip] + induced[-1]
-            place += 3 + 3 * len(stroke.wings)
+                winds[:, strip] += velocity
         air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
         density = parameters[self.model.parameter_names.index("density")]
         numbers = (density, *(parameters[count + k] for k in range(len(NUMBERS))))
-        rates, targets, place = [], [], own
-        if air.memory is not None:
-            rates, targets = [air.memory.rate], [air.memory.target]
-        moving = _Moving(robot, q, v, wind)
-        for stroke in self.strokes:
+        moving, parts = _Moving(robot, q, v, wind), [air.memory] if air.memory is not None else []
+        for stroke, velocity, place in zip(self.strokes, induced, self._places, strict=True):
             means = ca.reshape(state[place + 3 : place + 3 + 3 * len(stroke.wings)], 3, -1)
-            part = _relaxation(stroke, moving, air, state[place : place + 3], means, numbers)
-            rates.append(part.rate)
-            targets.append(part.target)
-            place += 3 + 3 * len(stroke.wings)
-        memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
+            parts.append(_relaxation(stroke, moving, air, velocity, means, numbers))
+        memory = Relaxation(
+            ca.vertcat(*(part.rate for part in parts)),
+            ca.vertcat(*(part.target for part in parts)),
+        )
         return replace(air, state_derivative=memory.derivative(state), memory=memory)
 
 
@@ -160,7 +162,7 @@ class Wing:
 
     Attributes:
         strips: Places of its strips in `robot.strips`, from the root outwards.
-        levels: Bodies between its outermost strip and the body of the robot, beside the first.
+        levels: Bodies on the way from the body of its outermost strip inwards to that of its hinge.
     """
 
     strips: tuple[int, ...]
@@ -192,10 +194,13 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         robot: The machine, in numbers.
     """
     groups: list[list[tuple[Wing, Array, Array]]] = []
+    bodies = poses(robot)
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        wing = Wing(strips, _levels(robot, robot.strips[strips[-1]].body))
-        root, tip = (np.array(ca.DM(point)).ravel() for point in _ends(robot, wing))
+        outermost = robot.strips[strips[-1]]
+        wing = Wing(strips, _levels(robot, outermost.body))
+        root = bodies[_hinge(robot, outermost, wing.levels)][0]
+        tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
         one = wing, root, tip
         for group in groups:
             apart = np.linalg.norm((root - group[0][1])[[0, 2]])  # left and right are one
@@ -210,33 +215,8 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     )
 
 
-def stroke_sizes(robot: Robot, stroke: Stroke) -> tuple[list[Any], Any]:
-    """Length R of each wing of a stroke [m], and area of the circle on their span [m^2].
-
-    Args:
-        robot: The machine, its numbers floats or symbols.
-        stroke: The stroke.
-    """
-    lengths, roots = [], []
-    for wing in stroke.wings:
-        root, tip = _ends(robot, wing)
-        roots.append(root[1])
-        width = robot.strips[wing.strips[-1]].width
-        lengths.append(ca.sqrt(ca.sumsqr(tip - root)) + width / 2)
-    longest = ca.mmax(ca.vertcat(*lengths))
-    between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
-    return lengths, pi * ((stroke.sides * longest + between) / 2) ** 2
-
-
-def _ends(robot: Robot, wing: Wing) -> tuple[ca.SX, ca.SX]:
-    """Hinge and outermost quarter chord of a wing, all coordinates at zero, (3, 1) [m]."""
-    poses = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
-    strip = robot.strips[wing.strips[-1]]
-    return poses[_hinge(robot, strip, wing.levels)].position, _tip(poses, strip)
-
-
 def _levels(robot: Robot, body: int) -> int:
-    """Bodies between a body and the floating body, or the world, beside the first of them."""
+    """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
     levels, parent = 0, robot.bodies[body].parent
     while parent >= 0 and robot.bodies[parent].parent >= 0:
         levels, parent = levels + 1, robot.bodies[parent].parent
@@ -269,6 +249,20 @@ class _Moving:
         self.robot, self.poses = robot, body_poses(robot, q)
         self.wind = ca.sum2(wind) / wind.shape[1]
         self._twists = body_velocities(robot, q, v)
+        self._at_zero = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
+
+    def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
+        """Length R of each wing of a stroke [m], and area of the circle on their span [m^2]."""
+        lengths, roots = [], []
+        for wing in stroke.wings:
+            strip = self.robot.strips[wing.strips[-1]]
+            root = self._at_zero[_hinge(self.robot, strip, wing.levels)].position
+            roots.append(root[1])
+            away = ca.sqrt(ca.sumsqr(_tip(self._at_zero, strip) - root))
+            lengths.append(away + strip.width / 2)
+        longest = ca.mmax(ca.vertcat(*lengths))
+        between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
+        return lengths, pi * ((stroke.sides * longest + between) / 2) ** 2
 
     def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
@@ -305,7 +299,7 @@ def _relaxation(
 ) -> Relaxation:
     """Relaxation of the induced velocity of a stroke and of its wings' mean directions."""
     density, factor, apparent_mass, memory = numbers
-    lengths, circle = stroke_sizes(moving.robot, stroke)
+    lengths, circle = moving.sizes(stroke)
     tandem = len(stroke.wings) // stroke.sides
     swept, rates, targets = ca.SX(0), [], []
     for k, wing in enumerate(stroke.wings):
@@ -341,9 +335,9 @@ def _half_angle(square: ca.SX) -> ca.SX:
     The inverse of sin(a)/a by its series, 2 % at a = pi/2, where it ends.
     """
     short = 1.0 - ca.sqrt(square + 1e-12)
-    angle = short * (6.0 + short * (1.8 + 0.7 * short))
+    angle_square = short * (6.0 + short * (1.8 + 0.7 * short))
     most = (pi / 2) ** 2
-    bounded = (angle + most - ca.sqrt((angle - most) ** 2 + 1e-2)) / 2
+    bounded = (angle_square + most - ca.sqrt((angle_square - most) ** 2 + 1e-2)) / 2
     return ca.sqrt(smooth_norm(bounded * bounded, 1e-3))
 
 

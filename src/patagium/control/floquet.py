@@ -132,7 +132,7 @@ class Floquet:
 
 
 def floquet(orbit: Orbit) -> Floquet:
-    """Multipliers and modes of a periodic orbit, beside those of averaged models.
+    """Multipliers and modes of a periodic orbit, compared with those of averaged models.
 
     Args:
         orbit: The orbit.

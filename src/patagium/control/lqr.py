@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.control.predictive import OrbitController, Reference
-from patagium.errors import ParameterError
+from patagium.control.predictive import OrbitController, Reference, closed_beat
 
 Array = NDArray[np.float64]
 
@@ -31,10 +30,8 @@ class LinearRegulator(OrbitController):
         averaged: Whether one gain from the mean of the intervals serves the whole beat.
 
     Raises:
-        ParameterError: If a name is none, a command has no range, or no gain is finite.
-
-    Attributes:
-        gains: Feedback gain of each interval of a beat, (parts, n_u, n_x) [unit over SI].
+        ParameterError: If a name is none, a command has no range, or the commands cannot hold
+            the orbit.
     """
 
     def __init__(
@@ -46,32 +43,12 @@ class LinearRegulator(OrbitController):
         tolerable: Mapping[str, float] | None = None,
         averaged: bool = False,
     ) -> None:
-        super().__init__(orbit, commands, parts, tolerable)
-        own = self.model.by_state, self.model.by_input
-        if averaged:
-            means = [np.broadcast_to(part.mean(axis=0), part.shape) for part in own]
-            self.model.by_state, self.model.by_input = (np.array(part) for part in means)
-            self.costs = self.model.costs_to_go(self.state_cost, self.input_cost)
-        self.gains = self._gains()
-        self.model.by_state, self.model.by_input = own
-        if not np.isfinite(self.gains).all():
-            raise ParameterError("commands", "commands that can hold the orbit", tuple(commands))
-
-    def _gains(self) -> Array:
-        """Gains that the costs to go ask for, (parts, n_u, n_x) [unit over SI]."""
-        found = []
-        for part in range(self.model.parts):
-            a, b = self.model.by_state[part], self.model.by_input[part]
-            cost = self.costs[(part + 1) % self.model.parts]
-            found.append(np.linalg.solve(self.input_cost + b.T @ cost @ b, b.T @ cost @ a))
-        return np.array(found)
+        super().__init__(orbit, commands, parts, tolerable, averaged)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers of the beat under feedback, lags of the commands included, (n_x,) [1]."""
-        beat = np.eye(self.model.size)
-        for gain, a, b in zip(self.gains, self.model.by_state, self.model.by_input, strict=True):
-            beat = (a - b @ gain) @ beat
+        beat = closed_beat(self.model.by_state, self.model.by_input, self.gains)
         return np.asarray(np.linalg.eigvals(beat), complex)
 
     def answer(self, first: int, start: Array) -> Array | None:

@@ -28,7 +28,7 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError, positive
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
-from patagium.simulation.steered_gait import SteeredGait
+from patagium.simulation.steered_gait import Responses, SteeredGait
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ inputs, (N, n_u), to the intervals."""
 
 
 class RealTimeIteration:
-    """Optimal control problem over N intervals, solved anew from its last solution.
+    """Optimal control problem over N intervals that is warm-started from its last solution.
 
     min sum_k |x_k - x_ref|^2_Q + |u_k - u_ref|^2_R + |x_N - x_ref|^2_P, halved, with the limits of
     `program`, which the caller fills: `lower`, `upper`, `fall`, `rise`, `least`, `most`, `weight`.
@@ -185,24 +185,13 @@ def lagged(sharpness: float, time: float, integrated: bool) -> tuple[Array, Arra
     Returns:
         E, (3 or 4, 3 or 4), and F, (3 or 4,).
     """
-    k, t, (value, rate, bend, target) = sharpness, time, np.eye(4)
-    c0 = value - target
-    c1 = rate + k * c0
-    c2 = (bend + 2 * k * c1 - k**2 * c0) / 2
-    fading = np.exp(-k * t)
-    whole = c0 / k + c1 / k**2 + 2 * c2 / k**3
-    left = whole + (c1 / k + 2 * c2 / k**2) * t + c2 / k * t**2
-    d1, d2 = c1 - k * c0, 2 * c2 - k * c1
-    found = np.array(
-        [
-            target * t + whole - fading * left,
-            target + fading * (c0 + c1 * t + c2 * t**2),
-            fading * (d1 + d2 * t - k * c2 * t**2),
-            fading * (d2 - k * d1 + (-2 * k * c2 - k * d2) * t + k**2 * c2 * t**2),
-        ]
-    )
+    *state, target = np.eye(4)
+    responses = Responses.from_state(np.array(state), target, 0 * target, 0 * target + sharpness)
+    found = np.concatenate(responses.at(np.array([time])))
     if not integrated:
-        return found[1:, :3], found[1:, 3]
+        return found[:, :3], found[:, 3]
+    whole = [float(responses.integral(np.array(time), k)) for k in range(4)]
+    found = np.vstack([whole, found])
     return np.column_stack([[1.0, 0.0, 0.0, 0.0], found[:, :3]]), found[:, 3]
 
 
@@ -233,24 +222,25 @@ class OrbitModel:
     """
 
     def __init__(self, orbit: Reference, commands: Sequence[str], parts: int = 10) -> None:
-        robot, gait = orbit.map.robot, orbit.gait
+        flight, gait = orbit.map, orbit.gait
+        robot = flight.robot
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
-        self.names = orbit.map.names
+        self.names = flight.names
         self.steered = SteeredGait(robot, gait)
         self.places = [self.steered.place(name) for name in commands]
         beat = gait.period or 0.0
         self.period = positive("period of the gait", beat) / parts
         self._chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
-        rows = self._rows(gait, orbit.map, parts * steps)
+        rows = self._rows(gait, flight, parts * steps)
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
         self.size = len(self.kept) + sum(self._chains)
-        self.states = np.zeros((parts + 1, orbit.map.size))
+        self.states = np.zeros((parts + 1, flight.size))
         self.states[0] = orbit.states[0]
         self.by_state = np.zeros((parts, self.size, self.size))
         self.by_input = np.zeros((parts, self.size, len(commands)))
         for part in range(parts):
-            self._fly(orbit.map, rows, part, steps)
+            self._fly(flight, rows, part, steps)
         self.travel = self.states[parts] - self.states[0]
         self.states = self.states[:parts]
         self._check()
@@ -351,32 +341,66 @@ class OrbitModel:
         ends += np.einsum("kij,kj->ki", by_input, inputs)
         return Intervals(ends, by_state, by_input)
 
-    def costs_to_go(self, state_cost: Array, input_cost: Array) -> Array:
-        """Least cost without limits from each phase on, by the periodic Riccati equation.
 
-        Args:
-            state_cost: Q, (n_x, n_x) [1/SI^2].
-            input_cost: R, (n_u, n_u) [1/unit^2].
+def periodic_riccati(
+    by_state: Array, by_input: Array, state_cost: Array, input_cost: Array
+) -> tuple[Array, Array]:
+    """Least cost without limits from each phase on, and the gains that reach it.
 
-        Returns:
-            P at the beginning of each interval, (parts, n_x, n_x).
-        """
-        cost, costs = np.array(state_cost), np.zeros_like(self.by_state)
-        for _ in range(_BEATS):
-            before = costs.copy()
-            for part in reversed(range(self.parts)):
-                a, b = self.by_state[part], self.by_input[part]
-                gain = np.linalg.solve(input_cost + b.T @ cost @ b, b.T @ cost @ a)
-                cost = state_cost + a.T @ cost @ (a - b @ gain)
-                cost = costs[part] = 0.5 * (cost + cost.T)
-            if np.abs(costs - before).max() <= 1e-9 * np.abs(costs).max():
-                break
-        return costs
+    Where nothing that the inputs move is left to a neutral state, its cost grows beat by beat
+    without end; what converges is the gains.
+
+    Args:
+        by_state: Derivative of each interval of a beat by its state, A, (parts, n_x, n_x).
+        by_input: Derivative by the inputs, B, (parts, n_x, n_u).
+        state_cost: Q, (n_x, n_x) [1/SI^2].
+        input_cost: R, (n_u, n_u) [1/unit^2].
+
+    Returns:
+        P at the beginning of each interval, (parts, n_x, n_x), and K of u = -K x,
+        (parts, n_u, n_x).
+
+    Raises:
+        ParameterError: If the gains do not settle, or a departure grows under them.
+    """
+    cost, costs = np.array(state_cost), np.zeros_like(by_state)
+    gains = np.zeros_like(by_input.transpose(0, 2, 1))
+    expected = "commands that can hold the orbit (add those that move the mode that grows)"
+    for _ in range(_BEATS):
+        before = gains.copy()
+        for part in reversed(range(len(by_state))):
+            a, b = by_state[part], by_input[part]
+            gains[part] = np.linalg.solve(input_cost + b.T @ cost @ b, b.T @ cost @ a)
+            cost = state_cost + a.T @ cost @ (a - b @ gains[part])
+            cost = costs[part] = 0.5 * (cost + cost.T)
+        if not np.isfinite(gains).all() or not np.isfinite(costs).all():
+            break
+        if np.abs(gains - before).max() <= _SETTLED_GAINS * np.abs(gains).max():
+            grows = np.abs(np.linalg.eigvals(closed_beat(by_state, by_input, gains))).max()
+            if grows > _GROWS:
+                raise ParameterError("commands", expected, f"a multiplier of {grows:.4g} remains")
+            return costs, gains
+    raise ParameterError("commands", expected, f"gains that do not settle in {_BEATS} beats")
+
+
+def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
+    """Derivative of the state after a beat under feedback by that before it, (n_x, n_x).
+
+    Args:
+        by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
+        by_input: Derivative by the inputs, (parts, n_x, n_u).
+        gains: K of u = -K x, (parts, n_u, n_x).
+    """
+    beat = np.eye(by_state.shape[1])
+    for a, b, gain in zip(by_state, by_input, gains, strict=True):
+        beat = (a - b @ gain) @ beat
+    return beat
 
 
 CLOSED = 1e-4
 """Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
-_BEATS = 500
+_BEATS, _SETTLED_GAINS = 500, 1e-9
+_GROWS = 1.001  # a multiplier; a neutral one that is double is found as 1 + sqrt(rounding)
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
 """Departures that cost as much as a command over half its range, where none are given [m, rad]."""
 TOLERABLE_SPEED, TOLERABLE_TURN = 0.3, 2.0
@@ -397,11 +421,16 @@ class OrbitController:
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].
+        averaged: Whether costs and gains follow from the mean of the intervals.
 
     Raises:
-        ParameterError: If a name is none, or a command has no range.
+        ParameterError: If a name is none, a command has no range, or the commands cannot hold
+            the orbit.
 
     Attributes:
+        costs: Least cost to go without limits from each phase on, (parts, n_x, n_x).
+        gains: Feedback gain of each interval of a beat that gives it, (parts, n_u, n_x)
+            [unit over SI].
         held: Number of samples at which the last command was held, by cause.
     """
 
@@ -411,6 +440,7 @@ class OrbitController:
         commands: Sequence[str],
         parts: int,
         tolerable: Mapping[str, float] | None,
+        averaged: bool = False,
     ) -> None:
         self.model = model = OrbitModel(orbit, commands, parts)
         self.weights = self._weights(tolerable or {})
@@ -422,7 +452,10 @@ class OrbitController:
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
         self.state_cost, self.input_cost = np.diag(self.weights), np.diag(costs / half**2)
-        self.costs = model.costs_to_go(self.state_cost, self.input_cost)
+        a, b = model.by_state, model.by_input
+        if averaged:
+            a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
+        self.costs, self.gains = periodic_riccati(a, b, self.state_cost, self.input_cost)
         self.held: Counter[str] = Counter()
 
     @property
@@ -528,7 +561,8 @@ class PredictiveController(OrbitController):
         limits: Soft limits by name of a state, least and most [SI].
 
     Raises:
-        ParameterError: If a name is none, or a command has no range.
+        ParameterError: If a name is none, a command has no range, or the commands cannot hold
+            the orbit.
 
     Attributes:
         iteration: The optimal control problem; `states` are departures predicted.

@@ -1,4 +1,4 @@
-"""Quadratic program of optimal control, solved in the memory of one structure.
+"""Quadratic program of linear optimal control with box constraints, solved in C or in NumPy.
 
     min sum_k 1/2 x'Q x + u'S x + 1/2 u'R u + q'x + r'u + 1/2 sum_i w_i dist(x_i, [least, most])^2
     x+ = A x + B u + c,  lower <= u <= upper,  fall <= u - u_before <= rise,  x_0 given
@@ -134,10 +134,6 @@ class QuadraticProgram:
     def __getitem__(self, name: str) -> Array:
         return np.asarray(self.data[name])
 
-    def forget(self) -> None:
-        """Have the next call begin without a warm start."""
-        self["penalty"][...] = 0.0
-
     def solve(self) -> ProgramStatus:
         """Solve the program from the solution before, or anew where there was none.
 
@@ -211,8 +207,10 @@ def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
     limits = np.vstack([sign * rows[m] for sign, m, _ in sides])
     room = np.concatenate([sign * (end - base)[m] for sign, m, end in sides])
     give = 1.0 / np.concatenate([weight[m] for _, m, _ in sides])
+    width = (program["upper"] - program["lower"]).ravel()
+    slight = TOLERANCE * np.diag(hessian) * np.where(np.isfinite(width) & (width > 0), width, 1.0)
     try:
-        inputs = _interior(hessian, gradient, limits, room, give)
+        inputs = _interior(hessian, gradient, limits, room, give, slight)
     except np.linalg.LinAlgError:
         inputs = ProgramStatus.NOT_CONVERGED
     if isinstance(inputs, ProgramStatus):
@@ -237,11 +235,12 @@ def _cost(program: QuadraticProgram) -> float:
 
 
 def _interior(
-    hessian: Array, gradient: Array, limits: Array, room: Array, give: Array
+    hessian: Array, gradient: Array, limits: Array, room: Array, give: Array, slight: Array
 ) -> Array | ProgramStatus:
     """Minimum of 1/2 u'H u + h'u under C u <= room + give z, z the duals; or why there is none.
 
-    Mehrotra's predictor and corrector [Nocedal & Wright 2006, ch. 16.6].
+    Mehrotra's predictor and corrector [Nocedal & Wright 2006, ch. 16.6]. `slight` is the gradient
+    that moves an input by less than a limit's tolerance.
     """
     if not np.isfinite(hessian).all():
         return ProgramStatus.NOT_FINITE
@@ -257,7 +256,8 @@ def _interior(
         terms = np.array([hessian @ u, gradient, limits.T @ dual])
         slope, small = terms.sum(axis=0), OPTIMALITY * np.abs(terms).max()
         if product <= GAP * first and np.abs(left).max(initial=0) <= TOLERANCE:
-            return u if np.abs(slope).max() <= small else ProgramStatus.NOT_CONVERGED
+            solved = (np.abs(slope) <= np.maximum(small, slight)).all()
+            return u if solved else ProgramStatus.NOT_CONVERGED
         stiffness = dual / (slack + give * dual)
         stiff = hessian + (limits.T * stiffness) @ limits
         factor: Any = np.linalg.cholesky(stiff)

@@ -100,7 +100,7 @@ class Conditions:
 
 
 class _Point(NamedTuple):
-    """Point of the search: unknowns, the flight of all segments, and misfits."""
+    """Iterate of the search: unknowns, the flight of all segments, and residuals."""
 
     states: Array
     values: Array

@@ -202,7 +202,7 @@ class Cruise:
 
 @dataclass(frozen=True)
 class Actuator:
-    """Limits of a command: a gait's frequency, or a joint's amplitude, offset or phase.
+    """Range, rate limit and response time of a command, and its weight in a controller's cost.
 
     Attributes:
         unit: SI unit of the command [Hz, rad or m].

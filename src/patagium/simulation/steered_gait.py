@@ -40,7 +40,7 @@ _MARGIN = 1e-5  # of the end of a range, since extremes are sampled
 
 
 @dataclass(frozen=True)
-class _Responses:
+class Responses:
     """Quantities that go to their targets, x = u(t - 3/k) + exp(-k t) (c0 + c1 t + c2 t^2).
 
     Three lags follow a ramp u(t) = target + slope t in the end 3/k later.
@@ -75,14 +75,26 @@ class _Responses:
         ahead = (self.target[place] + self.slope[place] * (time / 2 - 3 / k)) * time
         return np.asarray(ahead + whole - np.exp(-k * time) * left)
 
-    def toward(self, target: Array, slope: Array, time: float) -> _Responses:
-        """The answer to other targets, from where this one is t after it began."""
-        value, rate, bend = (part[0] for part in self.at(np.array([time])))
-        k = self.sharpness
+    @staticmethod
+    def from_state(state: Array, target: Array, slope: Array, sharpness: Array) -> Responses:
+        """Responses that begin at given values and their first two rates.
+
+        Args:
+            state: Values and rates, (3, n) [unit of the target, over s, over s^2].
+            target: Where they go at first, (n,) [unit of the target].
+            slope: Rate of the target, (n,) [unit of the target, over s].
+            sharpness: Of each lag k, (n,) [1/s].
+        """
+        (value, rate, bend), k = state, sharpness
         gap = value - target + 3 * slope / k
         c1 = rate - slope + k * gap
         c = np.array([gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2])
-        return _Responses(target, slope, k, c)
+        return Responses(target, slope, k, c)
+
+    def toward(self, target: Array, slope: Array, time: float) -> Responses:
+        """The answer to other targets, from where this one is t after it began."""
+        state = np.concatenate(self.at(np.array([time])))
+        return Responses.from_state(state, target, slope, self.sharpness)
 
 
 @dataclass(frozen=True)
@@ -91,7 +103,7 @@ class _Piece:
 
     time: float
     phase: float
-    responses: _Responses
+    responses: Responses
 
 
 class SteeredGait:
@@ -132,7 +144,7 @@ class SteeredGait:
             self._range[:, places], self._rates[places] = bounds, rate
             if actuator.response_time is not None:
                 times[places] = actuator.response_time
-        first = _Responses(self._target, none, SHARPNESS / times, np.zeros((3, len(none))))
+        first = Responses(self._target, none, SHARPNESS / times, np.zeros((3, len(none))))
         self._pieces = [_Piece(0.0, 0.0, first)]
         self._starts = [0.0]
         self._since = 0.0

@@ -213,3 +213,18 @@ def test_refused(hoverer: Robot) -> None:
         pt.air.Inflow(pt.QuasiSteady(hoverer), induced_factor=0.0)
     with pytest.raises(ParameterError, match="without inflow"):
         pt.air.Inflow(pt.air.Inflow(pt.QuasiSteady(hoverer)))
+
+
+def test_a_traveling_gust_is_recorded_without_the_induced_velocity(hoverer: Robot) -> None:
+    """The wind of each strip is the gust's; the induced velocity moves only what the model sees."""
+    gust = pt.air.TravelingGust(pt.air.RampGust((0.0, 0.0, 1.0), 0.0, 1e-3), (1.0, 0.0, 0.0), 5.0)
+    plain = pt.QuasiSteady(hoverer, pt.Air(gust=gust))
+    induced = np.r_[0.3, -0.1, -2.0, np.zeros(6)]
+    winds = [
+        pt.simulate(
+            hoverer, aero, pt.gaits.still(hoverer), duration=1e-3, time_step=5e-4, aero_state=state
+        )["strip_wind"].to_numpy()[0]
+        for aero, state in ((plain, None), (pt.air.Inflow(plain), induced))
+    ]
+    assert winds[0].max() > 0.1
+    np.testing.assert_array_equal(*winds)

@@ -1,13 +1,15 @@
-"""Predictive control beside IPOPT, on a model that is not linear."""
+"""Predictive control against IPOPT, on a model that is not linear."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy import linalg
 
-from patagium.control.predictive import Intervals, RealTimeIteration, lagged
+from patagium.control.predictive import Intervals, RealTimeIteration, lagged, periodic_riccati
 from patagium.control.quadratic_program import ProgramStatus
+from patagium.errors import ParameterError
 
 N, NX, NU, STEP = 8, 4, 2, 0.15
 STATE_COST, INPUT_COST = np.diag([4.0, 2.0, 0.3, 0.2]), np.diag([0.05, 0.08])
@@ -130,3 +132,22 @@ def test_lags_in_a_row_are_those_of_a_steered_gait():
     assert forced[0] == pytest.approx(whole, rel=1e-9)
     np.testing.assert_allclose(free[0], [1, *free[0, 1:]])
     np.testing.assert_allclose(free[1:, 1] + forced[1:], [1, 0, 0], atol=1e-12)
+
+
+def test_gains_settle_where_a_neutral_cost_grows_and_hold_what_they_can():
+    """Gains of what is held are SciPy's, though a neutral state that nothing moves is there too."""
+    a, b = np.array([[1.1, 0.2], [0.0, 0.9]]), np.array([[0.0], [1.0]])
+    whole = np.zeros((3, 3))
+    whole[:2, :2], whole[2, 2] = a, 1.0
+    moves = np.vstack([b, [[0.0]]])
+    _, gains = periodic_riccati(whole[None], moves[None], np.eye(3), np.eye(1))
+    cost = linalg.solve_discrete_are(a, b, np.eye(2), np.eye(1))
+    expected = np.linalg.solve(np.eye(1) + b.T @ cost @ b, b.T @ cost @ a)
+    np.testing.assert_allclose(gains[0], np.c_[expected, [0.0]], atol=1e-8)  # 1e-9 ends the sweeps
+
+
+def test_a_mode_that_grows_and_that_nothing_moves_is_refused():
+    with pytest.raises(ParameterError, match="multiplier of 1.2 remains"):
+        periodic_riccati(
+            np.diag([1.2, 0.5])[None], np.array([[[0.0], [1.0]]]), np.eye(2), np.eye(1)
+        )

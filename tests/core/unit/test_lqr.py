@@ -43,7 +43,7 @@ def test_a_periodic_regulator_keeps_an_unstable_orbit(orbit):
 
 def test_an_averaged_regulator_says_where_it_fails_and_does(orbit):
     averaged = LinearRegulator(orbit, COMMANDS, averaged=True)
-    assert np.ptp(averaged.gains, axis=0).max() < 1e-9
+    assert np.ptp(averaged.gains, axis=0).max() < 1e-8  # 1e-9 of the gains ends the sweeps
     grows = np.abs(averaged.multipliers).max()
     assert grows > 1.01
     each = (LinearRegulator(orbit, COMMANDS, averaged=True) for _ in range(2))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.control.predictive import OrbitModel, PredictiveController
@@ -14,38 +15,14 @@ from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.simulation.simulator import FlightState
 
-FLAPPER = """
-name: flapper
-gravity: 0
-bodies:
-  body: {floating: true, mass: 100 g, shape: {type: box, size: [20 cm, 4 cm, 4 cm]}}
-  left_wing:
-    parent: body
-    at: [0, 3 cm, 0]
-    joints:
-      - {name: left_plunge, axis: x, limits: [-60 deg, 60 deg]}
-      - {name: left_feather, axis: y, limits: [-60 deg, 60 deg]}
-    mass: 4 g
-    center_of_mass: [0, 10 cm, 0]
-    shape: {type: plate, chord: 8 cm, span: 20 cm, thickness: 1 mm}
-wings:
-  - name: left_wing
-    segments:
-      - body: left_wing
-        strips: 1
-        stations:
-          - {span: 0 cm, leading: 2 cm, trailing: -6 cm}
-          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
-mirror:
-  - {from: left, to: right}
-actuators:
+ACTUATORS = """actuators:
   frequency: {range: [3, 8], response_time: 0.15 s}
   plunge_amplitude: {range: [10 deg, 40 deg], rate_limit: 200 deg/s}
   left_feather_offset: {range: [-20 deg, 20 deg], cost: 2}
   plunge_phase: {range: [-1, 1]}
 """
 COMMANDS = ("frequency", "plunge_amplitude", "left_feather_offset", "plunge_phase")
-ROBOT = load_robot_text(FLAPPER)
+ROBOT = load_robot_text(FLAPPER.replace("9.81 m/s^2", "0") + ACTUATORS)
 AERO = pt.QuasiSteady(ROBOT, pt.Air(density=1e-9))  # momentum is conserved: every beat repeats
 GAIT = pt.gaits.sinusoidal(ROBOT, frequency=5.0, plunge=0.4, feather=0.2, phase={"feather": 1.0})
 
@@ -109,39 +86,54 @@ def test_its_model_is_the_simulator_near_the_orbit(orbit):
         assert errors[1] < 0.05 and errors[1] < 0.65 * errors[0], (name, errors)
 
 
-def test_a_sample_that_is_wrong_leaves_the_last_command(orbit):
-    controller = PredictiveController(orbit, COMMANDS)
-    period = controller.model.period
-    q, v = ROBOT.coordinates(pitch=0.02), ROBOT.velocities(x=3.1)
-    assert set(controller(0.0, FlightState(ROBOT, 0.0, q, v))) == set(COMMANDS)
+BIRD_COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+
+
+@pytest.fixture(scope="module")
+def cruise():
+    return pt.trim(pt.load_robot("ornithopter"))
+
+
+def test_a_sample_that_is_wrong_leaves_the_last_command(cruise):
+    controller, robot = PredictiveController(cruise, BIRD_COMMANDS), cruise.robot
+    period, start = controller.model.period, cruise.start()
+    q, v = start["q"], start["v"]
+    assert set(controller(0.0, FlightState(robot, 0.0, q, v))) == set(BIRD_COMMANDS)
     wrong = v.copy()
     wrong[2] = np.nan
     assert controller(period, None) == {}
-    assert controller(2 * period, FlightState(ROBOT, 0.0, q, v)) == {}
-    assert controller(3 * period, FlightState(ROBOT, 3 * period, q, wrong)) == {}
-    assert controller(4 * period, FlightState(ROBOT, np.nan, q, v)) == {}
+    assert controller(2 * period, FlightState(robot, 0.0, q, v)) == {}
+    assert controller(3 * period, FlightState(robot, 3 * period, q, wrong)) == {}
+    assert controller(4 * period, FlightState(robot, np.nan, q, v)) == {}
     assert controller.held == {"missing": 1, "late": 2, "not finite": 1}
     assert "held at 4 samples: 2 late, 1 missing, 1 not finite" in controller.report()
-    found = controller(5 * period, FlightState(ROBOT, 5 * period, q, v))
-    assert set(found) == set(COMMANDS) and all(map(np.isfinite, found.values()))
-    assert PredictiveController(orbit, COMMANDS).report() == "Every sample was answered."
+    found = controller(5 * period, FlightState(robot, 5 * period, q, v))
+    assert set(found) == set(BIRD_COMMANDS) and all(map(np.isfinite, found.values()))
+    assert PredictiveController(cruise, BIRD_COMMANDS).report() == "Every sample was answered."
 
 
-def test_commands_keep_ranges_and_rates(orbit):
-    controller = PredictiveController(orbit, COMMANDS, limits={"velocity of z": (-0.1, 0.1)})
-    period, seen = controller.model.period, []
-    rng = np.random.default_rng(0)
+def test_commands_keep_ranges_and_rates(cruise):
+    controller = PredictiveController(cruise, BIRD_COMMANDS, limits={"velocity of z": (-0.1, 0.1)})
+    period, robot, seen = controller.model.period, cruise.robot, []
+    rng, start = np.random.default_rng(0), cruise.start()
     for k in range(30):
-        q = ROBOT.coordinates(**{n: rng.normal() for n in ("z", "roll", "pitch", "yaw")})
-        v = ROBOT.velocities(x=3.0, y=rng.normal(), pitch=5 * rng.normal())
-        seen.append(controller(k * period, FlightState(ROBOT, k * period, q, v)))
+        q, v = start["q"].copy(), start["v"].copy()
+        q[[robot.index(n) for n in ("z", "roll", "pitch", "yaw")]] += rng.normal(size=4)
+        v[[robot.index(n) for n in ("y", "pitch")]] += rng.normal(size=2) * [1, 5]
+        seen.append(controller(k * period, FlightState(robot, k * period, q, v)))
     assert not controller.held
-    table = {name: np.array([one[name] for one in seen]) for name in COMMANDS}
-    assert table["frequency"].min() >= 3 - 1e-6 and table["frequency"].max() <= 8 + 1e-6
-    size = table["plunge_amplitude"] * 0.4
-    assert size.min() >= np.radians(10) - 1e-6 and size.max() <= np.radians(40) + 1e-6
-    assert np.abs(np.diff(size)).max() <= np.radians(200) * period + 1e-6
-    assert np.ptp(table["frequency"]) > 1  # it does something
+    plunge = cruise.gait.motion(np.linspace(0, cruise.period, 1001)).position
+    joints = [robot.dof_names[k] for k in robot.actuated]
+    half_strokes = {"plunge_amplitude": np.ptp(plunge, axis=0).max() / 2}  # of the gait's own
+    for name in BIRD_COMMANDS:
+        own = robot.actuators[name]
+        found = np.array([one[name] for one in seen]) * half_strokes.get(name, 1.0)
+        if name.endswith("_offset"):  # from the gait's own mean
+            found += cruise.gait.motion(np.zeros(1)).position[0][joints.index(name[:-7])]
+        slack = 1e-6 * (own.range[1] - own.range[0])
+        assert found.min() >= own.range[0] - slack and found.max() <= own.range[1] + slack
+        assert np.abs(np.diff(found)).max() <= own.rate_limit * period + slack
+    assert np.ptp([one["frequency"] for one in seen]) > 1  # it does something
     assert controller.model.steered.limited == 0  # nothing was left to the gait to cut
 
 

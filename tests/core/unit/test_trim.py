@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.cli.main import run
@@ -78,8 +79,6 @@ def test_one_robot_hovers_and_glides_another(tmp_path):
 
 
 def test_lag_states_are_on_the_orbit(tmp_path):
-    from tests.core.gradient.test_wingbeat_derivatives import FLAPPER
-
     file = tmp_path / "flapper.yaml"
     file.write_text(FLAPPER)
     robot = pt.load_robot(str(file))

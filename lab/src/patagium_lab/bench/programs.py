@@ -1,4 +1,4 @@
-"""Times of quadratic programs of predictive control, beside PIQP, OSQP and qpOASES.
+"""Times of quadratic programs of predictive control, compared with PIQP, OSQP and qpOASES.
 
 The same random programs of 20 stages, 12 states and 6 inputs for all, in one run: once from
 nothing, once from the solution of a program whose first state was a little different, as a
@@ -210,7 +210,7 @@ CONDENSED = "qpOASES through CasADi"
 
 
 def program_results() -> Iterator[Result]:
-    """Times of our programs, from nothing and as the next sample, beside each rival's.
+    """Times of our programs, from nothing and as the next sample, compared with each rival's.
 
     Yields:
         Medians [ns]; the note holds both 99th percentiles and how far costs differ.

@@ -80,7 +80,7 @@ def _summary(metrics: Metrics) -> str:
 
 
 def _opening(metrics: Metrics, gallery: Gallery) -> list[Block]:
-    """First screen: a picture, a plot, and three numbers beside those of the paper."""
+    """First screen: a picture, a plot, and three numbers compared with the paper's."""
     address = metrics["replays"]["corrected"]
     shown = [replace(one, address=address) for one in gallery.pictures("corrected_still")]
     found = scores_of_trial(metrics, "corrected", best_strip("corrected"))

@@ -1,4 +1,4 @@
-"""`patagium study bench`: compiled functions and learners beside their rivals."""
+"""`patagium study bench`: compiled functions and learners compared with their rivals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def bench(
         typer.Option(help="Crazyflie log (log16.csv.gz), a further data set for learners."),
     ] = None,
 ) -> None:
-    """Time dynamics, air, networks and updates, or compare learners, beside other programs.
+    """Time dynamics, air, networks and updates, or compare learners, against other programs.
 
     Times: random states, medians, one core. Learners: time of an update, errors and intervals
     on the published flight, the corrected flight and a log, each tuned by the same search. A

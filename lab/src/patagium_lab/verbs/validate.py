@@ -1,4 +1,4 @@
-"""`patagium study validate`: models of the air beside theory and measurement."""
+"""`patagium study validate`: models of the air against theory and measurement."""
 
 from __future__ import annotations
 

@@ -30,6 +30,7 @@ enum { SOLVED, NOT_FINITE, NOT_CONVEX, INFEASIBLE, NOT_CONVERGED };
 #define MOST_SWEEPS 90
 #define PENALTY 1e4          /* over the curvature of the cost along an input, at first */
 #define GAP 1e-8             /* of the interior point method, over the first */
+#define SLIGHT_GAP 1e-18     /* the same where all departures are a rounding of the limits' widths */
 #define TOLERANCE 1e-9       /* of a limit, over its width */
 #define OPTIMALITY 1e-7      /* of the gradient, over its largest term */
 
@@ -354,9 +355,10 @@ static double renew_forces(riccati_qp *o) {
   return worst;
 }
 
-/* Largest gradient of the Lagrangian in an input, over the largest of its terms; also the cost. */
+/* Largest gradient of the Lagrangian in an input, over the largest of its terms, or where all are
+ * slight over what moves the input by less than a limit's tolerance; also the cost. */
 static double optimality(riccati_qp *o) {
-  double costate[NX] = {0}, worst = 0, largest = 1e-300, cost = 0;
+  double costate[NX] = {0}, worst[NU] = {0}, largest = 1e-300, cost = 0, ratio = 0;
   for (int k = N; k >= 0; k--) {
     double gx[NX], gu[NU], next[NX];
     stage_gradient(o, k, o->x[k], k < N ? o->u[k] : o->before, gx, gu);
@@ -377,7 +379,7 @@ static double optimality(riccati_qp *o) {
         const double *force = o->force + k * NU + i, *turn = force + N * NU;
         const double forces = *force + *turn - (k + 1 < N ? turn[NU] : 0);
         const double all = gu[i] + o->r[k][i] + pull + forces;
-        worst = fmax(worst, fabs(all));
+        worst[i] = fmax(worst[i], fabs(all));
         largest = fmax(largest, fmax(fabs(gu[i] + o->r[k][i]), fmax(fabs(pull), fabs(forces))));
       }
       for (int i = 0; i < NX; i++)
@@ -386,7 +388,11 @@ static double optimality(riccati_qp *o) {
     memcpy(costate, next, sizeof costate);
   }
   o->cost = cost;
-  return worst / largest;
+  for (int i = 0; i < NU; i++) {
+    const double slight = o->curvature[i] * width_of(o->low[i], o->high[i]);
+    ratio = fmax(ratio, worst[i] / fmax(largest, TOLERANCE / OPTIMALITY * slight));
+  }
+  return ratio;
 }
 
 static inline int any_nan(const double *values, int count) {
@@ -540,7 +546,7 @@ static double begin_barrier(riccati_qp *o) {
 }
 
 /* Interior point method from the minimum without limits; u, x and forces near the solution. */
-static int interior(riccati_qp *o) {
+static int interior(riccati_qp *o, double gap) {
   memset(o->stiffness, 0, sizeof o->stiffness);
   memset(o->pull, 0, sizeof o->pull);
   int status = factorize(o);
@@ -558,7 +564,7 @@ static int interior(riccati_qp *o) {
   const double first = begin_barrier(o);
   for (int round = 0; round < MOST_INTERIOR; round++) {
     const double product = mean_product(o, 0);
-    if (!(product > GAP * first)) break;
+    if (!(product > gap * first)) break;
     set_barrier(o, 0, 0);
     status = factorize(o);
     if (status == SOLVED) status = sweep(o);
@@ -601,8 +607,8 @@ static int solve(riccati_qp *o) {
     for (int k = 0; k < N; k++) roll_out(o, k, o->u, o->x);
     o->status = minimize(o, MOST_WARM);
   }
-  if (o->status == NOT_CONVERGED) {
-    o->status = interior(o);
+  for (int again = 0; again < 2 && o->status == NOT_CONVERGED; again++) {
+    o->status = interior(o, again ? SLIGHT_GAP : GAP);
     if (o->status == SOLVED) o->status = minimize(o, MOST_POLISHING);
   }
   if (o->status != SOLVED) memset(o->penalty, 0, sizeof o->penalty); /* the next begins anew */
