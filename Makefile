@@ -78,7 +78,7 @@ pages: $(STAMP)
 	@$(BIN)/python docs/draw_architecture.py
 	@$(BIN)/patagium study validate -o docs/validation.md
 	@$(BIN)/patagium study bench -o docs/benchmarks.md --json $(OUT)/bench.json
-	@$(BIN)/patagium study reproduce --out $(OUT)/demo --page docs/results.md
+	@$(BIN)/patagium study reproduce --out $(OUT)/demo --full --page docs/results.md
 	@$(BIN)/patagium study rig --out $(OUT)/rig --page docs/rig.md
 	@$(BIN)/patagium study foreign --out $(OUT)/foreign --page docs/foreign.md $(if $(LOG),--log $(LOG))
 	@$(if $(LOG),$(BIN)/patagium study bench learners -o docs/learners.md --log $(LOG), \

@@ -28,18 +28,21 @@ class Job:
         arguments: Arguments of the call.
         cost: Expected duration, for order and progress [s].
         after: Places, in the list of jobs, of earlier jobs that must be done first.
+        urgent: Whether it and the jobs that it waits for begin before all others.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
     cost: float
     after: tuple[int, ...] = ()
+    urgent: bool = False
 
 
 def run_jobs(
     jobs: Sequence[Job],
     progress: Callable[[float], None] | None = None,
     workers: int = WORKERS,
+    done_one: Callable[[int, Any], None] | None = None,
 ) -> list[Any]:
     """Results of all jobs; among jobs that can begin, the longest chain of work begins first.
 
@@ -50,6 +53,7 @@ def run_jobs(
         jobs: The jobs.
         progress: Receives the part of the work that is done, 0 to 1.
         workers: Number of processes; 0: everything runs in this process.
+        done_one: Receives the place and the result of each job when it is done.
 
     Returns:
         Result of each job, in the order of the jobs.
@@ -58,6 +62,8 @@ def run_jobs(
     found = dict[int, Any]()
     for number, result in _results(jobs, workers):
         found[number] = result
+        if done_one is not None:
+            done_one(number, result)
         done += jobs[number].cost
         if progress is not None:
             progress(done / total)
@@ -65,17 +71,19 @@ def run_jobs(
 
 
 def by_urgency(jobs: Sequence[Job]) -> list[int]:
-    """Places of the jobs, those with the longest chain of work behind them first.
+    """Places of the jobs: urgent ones, then those with the longest chain of work behind them.
 
     Args:
         jobs: Jobs, each after others that stand before it.
     """
     left, behind = [0.0] * len(jobs), [0.0] * len(jobs)
+    urgent = [job.urgent for job in jobs]
     for k in reversed(range(len(jobs))):
         left[k] = jobs[k].cost + behind[k]
         for before in jobs[k].after:
             behind[before] = max(behind[before], left[k])
-    return sorted(range(len(jobs)), key=lambda k: -left[k])
+            urgent[before] |= urgent[k]
+    return sorted(range(len(jobs)), key=lambda k: (not urgent[k], -left[k]))
 
 
 @contextmanager

@@ -90,10 +90,13 @@ class Stages:
 
     Args:
         progress: Receives the stage and the part done; None: nobody does.
+        show: Receives a page of what is known early; None: nobody does.
     """
 
-    def __init__(self, progress: Progress | None = None) -> None:
-        self._progress = progress
+    def __init__(
+        self, progress: Progress | None = None, show: Callable[[Page], Any] | None = None
+    ) -> None:
+        self._progress, self._show = progress, show
         self.seconds: dict[str, float] = {}
 
     @contextmanager
@@ -113,6 +116,15 @@ class Stages:
         tell(0.0)
         yield tell
         self.seconds[name] = time.perf_counter() - started
+
+    def show(self, page: Page) -> None:
+        """Show a page of what is known early.
+
+        Args:
+            page: The page; the report takes its place at the end.
+        """
+        if self._show is not None:
+            self._show(page)
 
     def tell(self, name: str, part: float) -> None:
         """Report progress.
@@ -141,6 +153,8 @@ def write_study(
         page: Function `page` of the study.
         progress: Receives the stage and the part done.
 
+    While it runs, report.html may hold an early page.
+
     Returns:
         Path of report.html, and the page with its pictures as vectors, which are smaller.
 
@@ -148,7 +162,7 @@ def write_study(
         OutputError: If a file cannot be written; the report is written where it can be.
     """
     make_folder(out)
-    stages = Stages(progress)
+    stages = Stages(progress, lambda early: early.write(out / "report.html"))
     results = run(plan, out, stages)
     text = json.dumps(json_ready(results.metrics), indent=1, ensure_ascii=False)
     whole = page(results)

@@ -66,14 +66,21 @@ FIGURES = (
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("reproduction")
     told: list[float] = []
-    report, results = write_study(
-        out, ReproductionPlan.of(quick=True), run, page, lambda stage, part: told.append(part)
-    )
+    early: dict[str, Any] = {}
+
+    def progress(stage: str, part: float) -> None:
+        told.append(part)
+        if not early and (out / "report.html").exists():
+            early.update(part=part, page=(out / "report.html").read_text(encoding="utf-8"))
+
+    plan = ReproductionPlan.of(quick=True)
+    report, results = write_study(out, plan, run, page, progress)
     results.only(RESULTS).write(out / "results.md")
     return {
         "out": out,
         "report": report,
         "told": told,
+        "early": early,
         "page": report.read_text(encoding="utf-8"),
         "metrics": json.loads((out / "metrics.json").read_text(encoding="utf-8")),
     }
@@ -87,6 +94,13 @@ def test_all_results_are_written(outcome: dict[str, Any]) -> None:
     for name in ("published", "corrected", "unsteady_free", "unsteady_fixed"):
         with xr.open_dataset(out / f"{name}.nc") as flight:
             assert flight.attrs["outcome"] == "COMPLETED"
+
+
+def test_a_first_page_is_there_while_it_runs(outcome: dict[str, Any]) -> None:
+    early = outcome["early"]
+    assert early["part"] < 0.4
+    assert "The study still runs" in early["page"] and early["page"].count("<img ") == 2
+    assert "The study still runs" not in outcome["page"]
 
 
 def test_it_says_how_far_it_is(outcome: dict[str, Any]) -> None:

@@ -17,6 +17,8 @@ def test_the_longest_line_of_work_comes_first():
         Job(len, ("e",), 2.5, (2,)),
     ]
     assert by_urgency(jobs) == [0, 2, 3, 4, 1]
+    jobs.append(Job(len, ("f",), 0.1, (1,), urgent=True))
+    assert by_urgency(jobs) == [1, 5, 0, 2, 3, 4]
 
 
 def test_a_job_waits_for_those_before_it(tmp_path):
@@ -28,7 +30,9 @@ def test_a_job_waits_for_those_before_it(tmp_path):
         Job(os.listdir, (folder,), 100.0, (0, 1)),
         Job(operator.add, (2, 3), 10.0),
     ]
-    assert run_jobs(jobs, told.append) == [None, None, ["b"], 5]
+    done = []
+    found = run_jobs(jobs, told.append, done_one=lambda place, result: done.append((place, result)))
+    assert found == [None, None, ["b"], 5] == [result for _, result in sorted(done)]
     assert told == sorted(told) and told[-1] == pytest.approx(1.0)
     with pytest.raises(FileExistsError):
         run_jobs(jobs[:2], workers=1)

@@ -237,8 +237,10 @@ RIVALS = {
     "recursive": RivalMaker(_recursive, 1.0),
 }
 """Formulations of the dynamics, by name."""
+USUAL_RIVALS = ("shared", "short", "recursive")
+"""Formulations that compile in seconds; the others take half a minute each."""
 QUICK_RIVALS = ("shared", "recursive")
-"""Formulations that compile in seconds, one symbolic and one differentiated."""
+"""One of them symbolic and one differentiated."""
 WING_NETWORKS: dict[str, Callable[[Robot], Network]] = {
     "hidden states": HiddenStripNetwork,
 }

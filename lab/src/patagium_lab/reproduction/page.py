@@ -69,6 +69,20 @@ def page(results: Results) -> Page:
     return Page(TITLE, _summary(metrics), facts, sections, _opening(metrics, gallery))
 
 
+def early_page(plan: ReproductionPlan, scores: Metrics, gallery: Gallery) -> Page:
+    """First page: what is shown while the study still runs.
+
+    Args:
+        plan: What is run.
+        scores: Scores of the strip network on the corrected flight.
+        gallery: Figures drawn so far.
+    """
+    metrics = {"replays": {}, "learning": [scores], "start_spans": []}
+    made = f"`patagium study reproduce`, flights of {plan.duration:g} s"
+    text = "**The study still runs:** the whole report takes the place of this page; load it again."
+    return Page(TITLE, text, {"made by": made}, [], _opening(metrics, gallery))
+
+
 def _summary(metrics: Metrics) -> str:
     met = sum(row["met"] is True for row in metrics["targets"])
     return (
@@ -81,7 +95,7 @@ def _summary(metrics: Metrics) -> str:
 
 def _opening(metrics: Metrics, gallery: Gallery) -> list[Block]:
     """First screen: a picture, a plot, and three numbers compared with the paper's."""
-    address = metrics["replays"]["corrected"]
+    address = metrics["replays"].get("corrected", "")
     shown = [replace(one, address=address) for one in gallery.pictures("corrected_still")]
     found = scores_of_trial(metrics, "corrected", best_strip("corrected"))
     spans = {(row["flight"], row["network"], row["every"]): row for row in metrics["start_spans"]}

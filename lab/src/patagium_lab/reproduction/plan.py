@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.native.compiler import compiler_command
-from patagium_lab.bench.overhead import AIR_MODELS, AIR_NETWORKS, QUICK_RIVALS, RIVALS
+from patagium_lab.bench.overhead import AIR_MODELS, AIR_NETWORKS, QUICK_RIVALS, RIVALS, USUAL_RIVALS
 from patagium_lab.reproduction.cases import AS_RUN, FLIGHT_CASES, STRIPS, DenseSettings
 from patagium_lab.reproduction.errors import HEADING, STEPPING, ErrorCase, error_cases
 from patagium_lab.reproduction.trials import Trial
@@ -84,16 +84,29 @@ class ReproductionPlan:
     crazyflie: Path | None = None
 
     @classmethod
-    def of(cls, quick: bool, crazyflie: Path | None = None) -> ReproductionPlan:
+    def of(
+        cls, quick: bool = False, full: bool = False, crazyflie: Path | None = None
+    ) -> ReproductionPlan:
         """The plan for this machine.
 
         Args:
             quick: Whether flights are short and runs are few.
+            full: Whether formulations that compile for long are timed too, and networks start
+                twice as often.
             crazyflie: Log of a quadrotor, or None.
         """
         compiled = compiler_command() is not None
+        dense_every = 1 if compiled else 100
+        if full:
+            return cls(dense_every=dense_every, crazyflie=crazyflie)
         if not quick:
-            return cls(dense_every=1 if compiled else 100, crazyflie=crazyflie)
+            return cls(
+                starts=4,
+                dense_every=dense_every,
+                rivals=USUAL_RIVALS,
+                unsteady_starts=2,
+                crazyflie=crazyflie,
+            )
         return cls(
             duration=0.2,
             unseen_duration=0.1,
@@ -147,7 +160,8 @@ class ReproductionPlan:
             )
         missing = {
             "Only some of the errors are put in": self.errors is not None,
-            "The published experiment's own C, which compiles for a minute, is not timed": (
+            "The published experiment's own C and the model without shared subexpressions, which "
+            "compile for half a minute each, are not timed (`--full` times them)": (
                 "published" not in self.rivals
             ),
             "Only some models of the air are timed": self.air_models != AIR_MODELS,
@@ -155,7 +169,7 @@ class ReproductionPlan:
                 self.unsteady_candidates != tuple(CANDIDATES)
             ),
         }
-        reason = ", because a short run was asked for."
+        reason = ", because a short run was asked for." if self.errors is not None else "."
         return words + [text + reason for text, left_out in missing.items() if left_out]
 
     def describe(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -32,10 +33,11 @@ from patagium_lab.measured.crazyflie import crazyflie_sections, crazyflie_study
 from patagium_lab.reproduction import cases, figures, flights
 from patagium_lab.reproduction.claims import claims
 from patagium_lab.reproduction.errors import fly_case
+from patagium_lab.reproduction.page import early_page
 from patagium_lab.reproduction.plan import ReproductionPlan
 from patagium_lab.reproduction.tables import start_spans
 from patagium_lab.reproduction.targets import targets
-from patagium_lab.reproduction.trials import TrialResult, fly_known, run_trial
+from patagium_lab.reproduction.trials import Trial, TrialResult, fly_known, run_trial
 from patagium_lab.reproduction.unsteady_flights import MOUNTS
 from patagium_lab.reproduction.unsteady_page import draw_unsteady, unsteady_metrics
 from patagium_lab.reproduction.unsteady_trials import (
@@ -46,6 +48,8 @@ from patagium_lab.reproduction.unsteady_trials import (
 )
 from patagium_lab.study import Results, Stages
 
+OPENING = "corrected"
+"""Flight of the first screen."""
 ERROR_COST = 1.5
 """Expected duration of the flight of one error, most of it compiling the first time [s]."""
 FLIGHT_COST = {"published": 4.0, "corrected": 5.0, "unsteady": 20.0}
@@ -67,7 +71,8 @@ def run(plan: ReproductionPlan, out: Path, stages: Stages) -> Results:
         tempfile.TemporaryDirectory() as folder,
         stages.stage("flying, learning, and errors one by one", 0.0, 0.8) as tell,
     ):
-        work = _work(plan, Path(folder), tell)
+        early = partial(_show_early, plan, Gallery(out / "figures"), stages)
+        work = _work(plan, Path(folder), tell, early)
         for key, flight in work.flights.items():
             save_flight(flight, out / f"{key}.nc")
     with stages.stage("overheads", 0.8, 0.85):
@@ -110,7 +115,27 @@ class _Work:
     errors: dict[str, list[dict[str, Any]]]
 
 
-def _work(plan: ReproductionPlan, folder: Path, tell: Callable[[float], None]) -> _Work:
+def _show_early(
+    plan: ReproductionPlan,
+    gallery: Gallery,
+    stages: Stages,
+    flight: xr.Dataset,
+    learned: TrialResult,
+) -> None:
+    """Show the first page: one flight, and what its best network learned from it."""
+    if learned.record is None:
+        return
+    found = Identification(learned.scores, learned.record, learned.model)
+    figures.opening_figures(gallery, OPENING, flight, {"strip network": learned.record}, found)
+    stages.show(early_page(plan, learned.scores, gallery))
+
+
+def _work(
+    plan: ReproductionPlan,
+    folder: Path,
+    tell: Callable[[float], None],
+    early: Callable[[xr.Dataset, TrialResult], None],
+) -> _Work:
     """Flights, trials on each flight, errors, and the compiling of what is timed later."""
     known = list(flights.FLIGHTS)
     keys, spans = [*known, *MOUNTS], (plan.duration, plan.unseen_duration)
@@ -119,11 +144,24 @@ def _work(plan: ReproductionPlan, folder: Path, tell: Callable[[float], None]) -
     others = unsteady_trials(plan.unsteady_every, plan.unsteady_starts, plan.unsteady_candidates)
     jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in known]
     jobs += [Job(fly_unsteady, (key, *slow, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
-    jobs += [Job(run_trial, (t, folder), t.cost, (keys.index(t.flight),)) for t in trials]
+    jobs += [
+        Job(run_trial, (t, folder), t.cost, (keys.index(t.flight),), urgent=_opens(t))
+        for t in trials
+    ]
     jobs += [Job(run_unsteady_trial, (t, folder), t.cost, (keys.index(t.mount),)) for t in others]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in errors]
     jobs += overhead.compile_jobs(plan.rivals, plan.air_models, plan.air_networks)
-    found = iter(run_jobs(jobs, tell))
+    begun = dict[int, Any]()
+
+    def done_one(place: int, result: Any) -> None:
+        opens = place == keys.index(OPENING) or jobs[place].urgent
+        if opens:
+            begun[place] = result
+        if opens and len(begun) == 2:
+            (flight, _), learned = (begun[k] for k in sorted(begun))
+            early(flight, learned)
+
+    found = iter(run_jobs(jobs, tell, done_one=done_one))
     flown = dict(zip(known, islice(found, len(known)), strict=True))
     unsteady = dict(zip(MOUNTS, islice(found, len(MOUNTS)), strict=True))
     results, unsteady_results = (list(islice(found, len(part))) for part in (trials, others))
@@ -139,6 +177,12 @@ def _work(plan: ReproductionPlan, folder: Path, tell: Callable[[float], None]) -
         unsteady_results,
         tables,
     )
+
+
+def _opens(trial: Trial) -> bool:
+    """Whether the first page waits for a trial."""
+    best = cases.STRIPS[OPENING][0]
+    return trial.keep and (trial.flight, trial.network) == (OPENING, best)
 
 
 def _metrics(plan: ReproductionPlan, work: _Work) -> dict[str, Any]:
@@ -203,7 +247,7 @@ def _draw(gallery: Gallery, metrics: dict[str, Any], work: _Work) -> None:
         ]
         kept = {one.trial.network: one.record for one in mine if one.record is not None}
         shown = {"strip network": kept[best], "dense network": kept["dense"]}
-        if name == "corrected":
+        if name == OPENING:
             figures.opening_figures(gallery, name, flight, shown, _learned(name, work))
         figures.force_figures(gallery, name, shown, 1.0 / flights.beat_frequency(flight))
         figures.innovation_figure(gallery, name, kept[best])

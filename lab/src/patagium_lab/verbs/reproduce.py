@@ -10,7 +10,7 @@ import typer
 EXAMPLES = (
     "patagium study reproduce --out demo",
     "patagium study reproduce --out quick --quick",
-    "patagium study reproduce --out demo --page docs/results.md",
+    "patagium study reproduce --out demo --full --page docs/results.md",
 )
 
 
@@ -22,6 +22,12 @@ def reproduce(
             "--quick", help="Short flights and few runs: the same pages, rougher numbers."
         ),
     ] = False,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Rivals that compile for half a minute too, and twice the starts."
+        ),
+    ] = False,
     crazyflie: Annotated[
         Path | None, typer.Option(help="Log of a quadrotor, log16.csv.gz, for a section on it.")
     ] = None,
@@ -31,15 +37,20 @@ def reproduce(
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.
 
-    Writes report.html, metrics.json, the flights (*.nc) and figures/.
+    Writes report.html, metrics.json, the flights (*.nc) and figures/. A first page, with one
+    flight and what was learned from it, is there after a minute or two.
     """
+    from patagium.errors import ParameterError
+
+    if quick and full:
+        raise ParameterError("--quick", "nothing else about the length of the run", "--full")
     from patagium.cli.words import existing, stage_bar
     from patagium_lab.reproduction import page as pages
     from patagium_lab.reproduction.plan import ReproductionPlan
     from patagium_lab.reproduction.run import run
     from patagium_lab.study import write_study
 
-    plan = ReproductionPlan.of(quick, None if crazyflie is None else existing(crazyflie))
+    plan = ReproductionPlan.of(quick, full, None if crazyflie is None else existing(crazyflie))
     with stage_bar("Reproducing the paper") as progress:
         report, found = write_study(out, plan, run, pages.page, progress)
         if page is not None:
