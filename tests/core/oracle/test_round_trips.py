@@ -15,14 +15,29 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import ChangeDetection, Misfit, NoiseEstimation, Screening
+from patagium.learning import (
+    ChangeDetection,
+    HiddenStripNetwork,
+    LinearStripNetwork,
+    Misfit,
+    NoiseEstimation,
+    Screening,
+)
+from patagium.robot import load_robot_text
 
 ROBOT = pt.load_robot("aerobat")
+SMALL = load_robot_text(ROBOT.source.replace("strips: 5", "strips: 2"))
 NETWORKS: dict[str, Callable[[], Any]] = {
     "dense": lambda: pt.DenseNetwork(3, (4,), 2),
     "linear": lambda: pt.DenseNetwork(3, (), 2),
     "strips": lambda: pt.StripNetwork(ROBOT, (3,), measured=["x", "z"]),
-}
+    "linear strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"]),
+    "grey box": lambda: pt.GreyBox(
+        pt.LiftingLine(SMALL), {"lags.rate[0]": 0.02, "section.lift_slope": 0.5},
+        residual=pt.DenseNetwork(2 * SMALL.dof, (2,), ["x", "z"]), measured=["x", "z"],
+    ),
+    "hidden strips": lambda: HiddenStripNetwork(SMALL, (2,)),
+}  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {"measurement_std": 0.1},
     "noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation(30)},
@@ -34,8 +49,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
 CASES = [
     *((kind, net, option) for kind in ("cubature", "extended") for net in NETWORKS
       for option in OPTIONS),
-    *(("single", net, option) for net in NETWORKS for option in ("plain", "node", "layer")),
-    ("gradient", "dense", ""), ("rls", "linear", ""),
+    *(("single", net, option) for net in ("dense", "linear", "strips")
+      for option in ("plain", "node", "layer")),
+    *(("gradient", net, "") for net in NETWORKS), ("rls", "linear", ""),
 ]  # fmt: skip
 
 
@@ -47,18 +63,20 @@ def learner_of(kind: str, network: str, option: str) -> Any:
         return pt.LinearLearner(net)
     made = pt.ExtendedLearner if kind == "extended" else pt.CubatureLearner
     single = {"dtype": "float32"} if kind == "single" else {}
-    return made(net, **OPTIONS[option], **single)
+    known = {"prior_std": 0.1, "measurement_std": 0.1} if network == "hidden strips" else {}
+    return made(net, **{**known, **OPTIONS[option], **single})
 
 
 def run(learner: Any, begin: int, end: int) -> list[Any]:
     """All that a learner says of samples, faults among them."""
     draw, told = np.random.default_rng(begin), []
     for k in range(begin, end):
-        x, y = np.sin(0.3 * k + np.arange(learner.network.inputs)), draw.normal(size=2)
+        x = 0.3 * np.sin(0.3 * k + np.arange(learner.network.inputs))
+        y = draw.normal(size=learner.network.outputs)
         y[k % 2] = np.nan if k % 11 == 5 else 1e200 if k % 11 == 7 else y[k % 2]
         x[0] = 1e50 if k % 13 == 6 else x[0]
         innovation = learner.update(x, y, 1e-3 * k)
-        mean, covariance = learner.predict(np.ones(len(x)))
+        mean, covariance = learner.predict(np.full(len(x), 0.3))
         told += [innovation, mean, covariance, getattr(learner, "nis", 0.0)]
     told += [learner.weights, np.array(list(learner.events.values()))]
     return told if learner.variances is None else [*told, learner.variances]
