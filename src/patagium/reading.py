@@ -26,8 +26,9 @@ from patagium.errors import (
     shown,
     similar,
 )
-from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT
+from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT, free_memory, in_bytes
 
+_PIECE = 1 << 24  # B that are expanded at a time
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
@@ -60,6 +61,48 @@ def regular_file(path: str | Path, most: int | None = None) -> Path:
         size = f"{found.st_size} bytes"
         raise Unreadable(str(path), "", f"at most {most} bytes", size)
     return file
+
+
+def check_room(path: Path, size: int, what: str = "") -> None:
+    """Refuse what has to be in memory at once and would take too much of it.
+
+    Args:
+        path: The file.
+        size: Memory that is needed [B].
+        what: Part of the file that needs it.
+
+    Raises:
+        Unreadable: If it is more than a quarter of the free memory.
+    """
+    most = free_memory() // 4
+    if size > most:
+        expected = f"at most {in_bytes(most)} at once, a quarter of the free memory"
+        remedy = "save it in parts, or as CSV or Parquet, which are read block by block"
+        raise Unreadable(str(path), what, expected, f"{in_bytes(size)}; {remedy}")
+
+
+def expanded(path: Path, stream: Any, content: bytes | memoryview, before: int = 0) -> bytes:
+    """Content of a compressed part of a file, as far as the memory has room for it.
+
+    Args:
+        path: The file.
+        stream: Decompressor, such as `zlib.decompressobj()`.
+        content: The part.
+        before: Size of what was expanded before it and is still held [B].
+
+    Raises:
+        Unreadable: If it takes too much memory, or is cut off.
+    """
+    parts: list[bytes] = []
+    size, rest = before, content
+    while not stream.eof:
+        parts.append(stream.decompress(rest, _PIECE))
+        rest = getattr(stream, "unconsumed_tail", b"")
+        if not parts[-1] and not stream.eof:
+            raise Unreadable(str(path), "", "a compressed part with its end", "one that is cut off")
+        size += len(parts[-1])
+        check_room(path, size, "compressed parts")
+    return b"".join(parts)
 
 
 def bytes_of(path: str | Path, most: int) -> bytes:

@@ -38,8 +38,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, Unreadable
 from patagium.live.raw_sensors import sensor_rows, sensors_text
+from patagium.reading import regular_file
 from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.sensors import SensorLog
 
@@ -307,10 +308,10 @@ def read_key(path: Path) -> bytes:
         ParameterError: If it cannot be read, is too short or too long, or others may read it.
     """
     try:
-        with path.open("rb") as file:
+        with regular_file(path).open("rb") as file:
             mode = os.fstat(file.fileno()).st_mode
             key = file.read(_LONGEST_KEY + 1).strip()
-    except OSError as problem:
+    except (OSError, Unreadable) as problem:
         raise ParameterError("--key-file", "a file that can be read", str(problem)) from None
     if os.name == "posix" and mode & 0o077:
         expected = f"a file that its owner alone may read (chmod 600 {path})"

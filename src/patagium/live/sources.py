@@ -30,6 +30,7 @@ from patagium.live.packets import (
     read_key,
 )
 from patagium.live.raw_sensors import MotionPackets, sensor_rows, sensors_text
+from patagium.reading import regular_file
 from patagium.robot import Robot
 from patagium.sensing.logs.record import LogRecord, is_log
 from patagium.sensing.sensors import SensorLog, load_sensor_log
@@ -386,8 +387,9 @@ def source_of(
     if words == "-":
         return TextSource(columns)
     path = Path(words)
-    if not path.is_file():
-        raise LogError(f"{path}: expected a file, found {'a folder' if path.is_dir() else 'none'}")
+    if path.is_fifo():
+        raise LogError(f"{path}: expected a file, found a pipe; give - and pipe it to the program")
+    regular_file(path)
     if is_log(path):
         return RecordSource(columns, path)
     if is_sensor_log(path):

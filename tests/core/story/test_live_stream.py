@@ -426,7 +426,7 @@ def test_refusals_are_one_sentence(tmp_path, capsys):
         ([str(log), "--learning-rate", "9"], "--learning-rate: expected nothing"),
         (["udp://127.0.0.1"], "udp://ADDRESS:PORT"),
         (["udp://127.0.0.1:0", "--key-file", "none"], "--key-file: expected a file"),
-        ([str(tmp_path / "none.csv")], "expected a file, found none"),
+        ([str(tmp_path / "none.csv")], "found no such file"),
     ):
         with pytest.raises(SystemExit) as left:
             run(["stream", *words, "--robot", "aerobat", *LEARN, "--idle", "0.1"])

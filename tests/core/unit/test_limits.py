@@ -1,6 +1,7 @@
 """Bounds of what is read: refused at once, in few words, with the place and the remedy."""
 
 import os
+import signal
 import time
 
 import numpy as np
@@ -10,14 +11,19 @@ import yaml
 import patagium as pt
 from patagium import scratch
 from patagium.errors import LogError, ParameterError, PatagiumError, RobotFileError, Unreadable
+from patagium.learning.tuning import search
 from patagium.limits import NESTING, PROBLEMS, YAML_TEXT
+from patagium.live.packets import read_key
+from patagium.live.sources import source_of
 from patagium.reading import json_object, parsed_json, parsed_yaml, regular_file, text_of
 from patagium.report.figures import comparison
 from patagium.report.page import picture
 from patagium.robot import load_robot_text
 from patagium.robot.files import preset_text
 from patagium.robot.units import UnitMismatch, in_si
+from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.mapping import conversion, load_mapping
+from patagium.sensing.sensors.sense import load_sensor_log
 from patagium.simulation.simulator import whole_steps
 
 _AT_ONCE = 3.0  # s of the processor, the table of units included
@@ -211,3 +217,51 @@ def test_a_name_is_no_formula():
     name = r"$\frac{$"
     figure = comparison(time, values, {name: values}, names=[name], units=[name])
     assert picture(figure, "hostile").source.startswith("data:")
+
+
+READERS = {
+    "robot": pt.load_robot,
+    "robot of URDF": pt.robot.load_urdf,
+    "gait": lambda path: pt.gaits.from_csv(pt.load_robot("aerobat"), path),
+    "flight": pt.load_flight,
+    "settings": pt.learning.load_settings,
+    "learner": pt.load_learner,
+    "model": pt.learning.load_model,
+    "identification": pt.learning.load_identification,
+    "sensor log": load_sensor_log,
+    "mapping": load_mapping,
+    "log": open_log,
+    "key": read_key,
+    "journal": search._storage,
+    "packets": lambda path: source_of(str(path), ["time"]),
+}
+
+
+@pytest.fixture
+def ended_after_10_s():
+    def end(*_):
+        raise AssertionError("it waits")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.alarm(10)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.usefixtures("ended_after_10_s")
+@pytest.mark.parametrize("what", READERS)
+def test_nothing_waits_at_a_pipe(what, tmp_path):
+    """A pipe that nobody writes to would hold a reader for ever."""
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    with pytest.raises(PatagiumError, match=r"pipe\.csv"):
+        READERS[what](path)
+
+
+@pytest.mark.usefixtures("ended_after_10_s")
+@pytest.mark.parametrize("name", ["part.bag", "metadata.yaml", "rosbag2_0.db3"])
+def test_nothing_waits_at_a_pipe_among_the_parts_of_a_log(name, tmp_path):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(Unreadable, match=name):
+        open_log(tmp_path)

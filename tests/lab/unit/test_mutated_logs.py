@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+from scipy.io import savemat
 
-from patagium.errors import PatagiumError
+from patagium import reading
+from patagium.errors import PatagiumError, Unreadable
+from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.import_log import import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.record import LogRecord
@@ -92,3 +97,29 @@ def test_wrong_mappings(name: str, originals: dict[str, Any], tmp_path: Path) ->
     for seed in range(CASES):
         folder = tmp_path / "one"
         check(*prepared(folder, log, mutated_tree(words, np.random.default_rng(seed))), folder)
+
+
+def test_logs_beyond_the_memory_are_refused_with_size_and_remedy(
+    originals: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files that are read at once, and small files with much compressed content."""
+    wide, bag = tmp_path / "wide.mat", tmp_path / "wide.bag"
+    savemat(wide, {"t": np.zeros(1_000_000)}, do_compression=True)
+    types, writer = get_typestore(Stores.ROS1_NOETIC), Writer(bag)
+    writer.set_compression(Writer.CompressionFormat.BZ2)
+    with writer:
+        topic = writer.add_connection("/t", "std_msgs/msg/Float64", typestore=types)
+        for k in range(9000):
+            writer.write(topic, k, bytes(8))
+    for path in (wide, bag):
+        open_log(path).close()
+    monkeypatch.setattr(reading, "free_memory", lambda: 4 * 50_000)
+    with pytest.raises(Unreadable, match=r"compressed parts.*at most 48\.8 KiB.*in parts"):
+        open_log(wide)
+    log = open_log(bag)
+    assert "compressed parts: expected at most 48.8 KiB" in log.topics["/t"].problem
+    log.close()
+    monkeypatch.setattr(reading, "free_memory", lambda: 4 * 500)
+    for kind in ("MAT", "ULog", "MCAP"):
+        with pytest.raises(Unreadable, match="at most 500 B at once"):
+            open_log(originals[kind][0])

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from patagium.errors import LogError, OutputError, ParameterError
 from patagium.learning.settings import Alternatives, LogRange, settings_from, settings_of
 from patagium.learning.tuning.likelihood import PredictionScore
+from patagium.reading import regular_file
 from patagium.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -315,7 +316,7 @@ def _storage(path: Path) -> Any:
             pass
 
     if path.exists():
-        whole = path.read_bytes()
+        whole = regular_file(path).read_bytes()
         end = whole.rfind(b"\n") + 1
         if end < len(whole):
             write_whole(path, whole[:end])

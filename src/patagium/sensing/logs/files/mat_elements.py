@@ -13,6 +13,8 @@ import struct
 import zlib
 from pathlib import Path
 
+from patagium.reading import expanded
+
 _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))
 _MATRIX, _COMPRESSED, _SPARSE = 14, 15, 5
 _HEADER = 128  # B of text and version before the elements
@@ -26,16 +28,35 @@ def check_elements(path: Path) -> None:
         path: The file.
 
     Raises:
+        Unreadable: If its compressed elements would take too much memory.
         ValueError: If an element is of no known type, too long or too deep.
         zlib.error: If a compressed element is damaged.
     """
     content = path.read_bytes()
     if len(content) < _HEADER or content[126:128] not in (b"IM", b"MI"):
         return
-    _check(memoryview(content), _HEADER, "<" if content[126:128] == b"IM" else ">", 0)
+    order = "<" if content[126:128] == b"IM" else ">"
+    _check(memoryview(content), _HEADER, order, 0, _Expansion(path))
 
 
-def _check(content: memoryview, begin: int, order: str, depth: int) -> int:
+class _Expansion:
+    """Compressed elements of a file, which SciPy holds together.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._size = path, 0
+
+    def expanded(self, content: memoryview) -> memoryview:
+        """Element without its compression."""
+        found = expanded(self._path, zlib.decompressobj(), content, self._size)
+        self._size += len(found)
+        return memoryview(found)
+
+
+def _check(content: memoryview, begin: int, order: str, depth: int, room: _Expansion) -> int:
     """Number of elements."""
     count = 0
     if depth > _DEEPEST:
@@ -49,9 +70,9 @@ def _check(content: memoryview, begin: int, order: str, depth: int) -> int:
         if end > len(content) or (small and size > 4):
             raise ValueError(f"expected {len(content) - start} bytes at most, found {size}")
         if kind == _COMPRESSED:
-            _check(memoryview(zlib.decompress(content[start:end])), 0, order, depth + 1)
+            _check(room.expanded(content[start:end]), 0, order, depth + 1, room)
         elif kind == _MATRIX:
-            _check_matrix(content[start:end], order, depth + 1)
+            _check_matrix(content[start:end], order, depth + 1, room)
         elif kind not in _NUMBERS:
             raise ValueError(f"expected an element of a known type, found type {kind}")
         begin = begin + 8 if small else end if kind == _COMPRESSED else end + -size % 8
@@ -59,9 +80,9 @@ def _check(content: memoryview, begin: int, order: str, depth: int) -> int:
     return count
 
 
-def _check_matrix(content: memoryview, order: str, depth: int) -> None:
+def _check_matrix(content: memoryview, order: str, depth: int, room: _Expansion) -> None:
     """Refuse an array without all its parts: flags, shape, name, numbers, imaginary ones."""
-    count = _check(content, 0, order, depth)
+    count = _check(content, 0, order, depth, room)
     if len(content) < 16:
         return
     (flags,) = struct.unpack_from(f"{order}I", content, 8)

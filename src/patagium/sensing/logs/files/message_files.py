@@ -13,18 +13,21 @@ from __future__ import annotations
 import heapq
 import json
 import re
+from bz2 import BZ2Decompressor
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from patagium.errors import LogError
+from patagium.errors import LogError, PatagiumError
+from patagium.reading import check_room, expanded
 from patagium.sensing.logs.files.channels import (
     NO_STAMP,
     Block,
@@ -533,6 +536,8 @@ class BagFile:
 
             reader = Reader1(path)
         reader.open()
+        if not self._ros2:
+            _bound_chunks(path, reader)
         return reader
 
     def _distribution(self) -> str | None:
@@ -568,6 +573,19 @@ class BagFile:
         for connection, stamp, content in reader.messages(connections=chosen) if chosen else ():
             decode = partial(self._decoder(connection), content)
             yield Message(connection.topic, stamp, decode)
+
+
+def _bound_chunks(path: Path, reader: Any) -> None:
+    """Let a reader of ROS 1 refuse compressed chunks that the memory has no room for."""
+    from rosbags.rosbag1.reader import decompressors
+
+    lz4 = import_module("lz4.frame").LZ4FrameDecompressor  # that of rosbags, without types
+    streams = {decompressors["bz2"]: BZ2Decompressor, decompressors["lz4"]: lz4}
+    for place, chunk in reader.chunks.items():
+        if chunk.decompressor in streams:
+            stream = streams[chunk.decompressor]
+            bounded = partial(lambda make, content: expanded(path, make(), content), stream)
+            reader.chunks[place] = chunk._replace(decompressor=bounded)
 
 
 class McapFile:
@@ -650,9 +668,11 @@ class McapFile:
         try:
             summary = SeekingReader(file).get_summary()
             if summary is not None and summary.statistics and summary.chunk_indexes:
+                largest = max(chunk.uncompressed_size for chunk in summary.chunk_indexes)
+                check_room(path, largest, "a chunk")
                 return summary
             reason = "it has no index"
-        except InvalidMagic:
+        except (InvalidMagic, PatagiumError):
             raise
         except (McapError, OSError, ValueError, StopIteration, Exception) as problem:
             reason = f"its end cannot be read ({type(problem).__name__})"

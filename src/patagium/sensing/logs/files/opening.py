@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
-from patagium.reading import regular_file
+from patagium.reading import check_room, regular_file
 from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
@@ -25,6 +25,8 @@ _PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
     ".mcap": McapFile,
 }
 """Readers of formats whose recordings may have several parts."""
+_AT_ONCE = (".mat", ".ulg")
+"""Formats whose libraries read a whole file into memory."""
 _MAGIC = {
     b"#ROSBAG V": ".bag",
     b"\x89MCAP0\r\n": ".mcap",
@@ -91,11 +93,12 @@ def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes
 
 def _parts(path: Path) -> list[Path]:
     if not path.is_dir():
-        regular_file(path)
-    if not path.is_dir() or (path / "metadata.yaml").exists():
+        return [regular_file(path)]
+    files = [regular_file(one) for one in sorted(path.iterdir()) if not one.is_dir()]
+    if path / "metadata.yaml" in files:
         return [path]
-    for pattern in ("*.bag", "*.mcap", "*.db3"):
-        found = sorted(path.glob(pattern))
+    for ending in _PARTED:
+        found = [one for one in files if one.suffix == ending]
         if found:
             return found
     raise LogError(f"{path}: expected a bag's folder, or one with .bag, .mcap or .db3 files")
@@ -136,4 +139,6 @@ def _reader(kind: str, parts: list[Path]) -> LogFile:
         )
     if len(parts) > 1:
         raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
+    if kind in _AT_ONCE:
+        check_room(parts[0], parts[0].stat().st_size)
     return _SINGLE[kind](parts[0])
