@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import DeLaurier as DeLaurier
     from patagium.aerodynamics import LiftingLine as LiftingLine
     from patagium.aerodynamics import QuasiSteady as QuasiSteady
+    from patagium.control import fly as fly
     from patagium.control import trim as trim
     from patagium.dynamics import Dynamics as Dynamics
     from patagium.errors import PatagiumError as PatagiumError
@@ -107,7 +108,7 @@ _HOMES = {
         "refine",
         "tune",
     ),
-    "control": ("trim",),
+    "control": ("fly", "trim"),
     "live": ("Pipeline",),
     "viewer": ("replay", "still"),
 }

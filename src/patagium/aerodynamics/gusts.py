@@ -163,6 +163,25 @@ class RampGust(DiscreteGust):
 
 
 @dataclass(frozen=True)
+class GustSum:
+    """Several gusts at once, each the same everywhere.
+
+    Args:
+        gusts: The gusts.
+    """
+
+    gusts: tuple[Gust, ...]
+
+    def velocity_at(self, time: Array) -> Array:
+        """Velocity of all gusts together, world axes, (N, 3) [m/s], at times (N,) [s]."""
+        return sum((gust.velocity_at(time) for gust in self.gusts), np.zeros((len(time), 3)))
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the gusts can be made again, as JSON-able values."""
+        return {"name": "sum", "gusts": [gust.describe() for gust in self.gusts]}
+
+
+@dataclass(frozen=True)
 class DrydenGust:
     """Continuous turbulence: white noise through the Dryden shaping filters.
 
@@ -461,6 +480,9 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
+    if description.get("name") == "sum":
+        check_keys("gust sum", description, {"name", "gusts"})
+        return GustSum(tuple(profile_from_description(one) for one in description["gusts"]))
     if description.get("name") != "traveling":
         return profile_from_description(description)
     known = {"name", "profile", "direction", "speed", "origin"}

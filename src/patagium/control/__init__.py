@@ -1,7 +1,18 @@
-"""Control: exact derivatives of a wingbeat, periodic orbits, their stability, feedback."""
+"""Control: exact derivatives of a wingbeat, periodic orbits, stability, feedback, closed loops."""
 
+from patagium.control.estimators import Estimate, NoisyState, Truth
+from patagium.control.events import (
+    Event,
+    GustEvent,
+    PayloadEvent,
+    PolarEvent,
+    StuckEvent,
+    WindEvent,
+    WingLossEvent,
+)
 from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
+from patagium.control.loop import fly, off_nominal
 from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import PredictiveController, RealTimeIteration
@@ -10,21 +21,33 @@ from patagium.control.trimming import free_parameters, trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 
 __all__ = [
+    "Estimate",
+    "Event",
     "FlightMap",
     "Floquet",
     "GaitFamily",
+    "GustEvent",
     "LinearRegulator",
     "Mode",
     "NoOrbit",
+    "NoisyState",
     "Orbit",
+    "PayloadEvent",
+    "PolarEvent",
     "PredictiveController",
     "PrescribedRows",
     "ProgramStatus",
     "QuadraticProgram",
     "RealTimeIteration",
     "Segments",
+    "StuckEvent",
+    "Truth",
+    "WindEvent",
+    "WingLossEvent",
     "floquet",
+    "fly",
     "free_parameters",
     "gait_family",
+    "off_nominal",
     "trim",
 ]

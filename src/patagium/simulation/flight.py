@@ -109,6 +109,8 @@ QUANTITIES: dict[str, Quantity] = {
 """Every variable of a flight, where q and v have the same names."""
 COMMAND = "command"
 """Name of what a controller commanded of the gait."""
+GIVEN = "given"
+"""Samples of the energy and momentum that changes of the machine gave, (N, 4) [J, kg m/s]."""
 OPTIONAL: dict[str, Quantity] = {
     COMMAND: Quantity(
         ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
@@ -181,7 +183,7 @@ def flight_record(
         origin: What it was flown with.
         time: Times of the samples, (N,) [s].
         samples: Quantities of `flight_equations.RECORDED` and `wind`, (N, ...) each [SI]; with
-            added mass those of `RECORDED_WITH_ADDED_MASS`.
+            added mass those of `RECORDED_WITH_ADDED_MASS`; of a machine that changed `GIVEN`.
         outcome: Outcome of the run.
         message: The same in words.
     """
@@ -190,8 +192,10 @@ def flight_record(
     values |= dict(zip((*WORKS, ADDED_WORK)[: len(works)], works, strict=True))
     impulse = values.pop("impulse")
     energy = (values["kinetic_energy"] + values["potential_energy"])[:, 0]
-    values["energy_residual"] = (energy - energy[0]) - works.sum(axis=0)
-    values["momentum_residual"] = values["momentum"] - values["momentum"][0] - impulse
+    given = values.pop(GIVEN, np.zeros((len(time), 4)))
+    values["energy_residual"] = (energy - energy[0]) - works.sum(axis=0) - given[:, 0]
+    momentum = values["momentum"] - given[:, 1:].reshape(values["momentum"].shape)
+    values["momentum_residual"] = momentum - values["momentum"][0] - impulse
     sizes = _sizes(origin, len(time))
 
     def variable(name: str, kind: Quantity) -> tuple[tuple[str, ...], Array, dict[str, str]]:

@@ -200,6 +200,16 @@ class Integration:
         """COMPLETED while all is well."""
         return self._outcome
 
+    def change(self, equations: Equations) -> None:
+        """Go on with other equations of the same state, from the state as it is.
+
+        Args:
+            equations: What holds from now on; it records what the former recorded.
+        """
+        self._equations = equations
+        self._advance = _compiled(equations) or _in_python(equations)
+        self._recorded = False
+
     @property
     def run(self) -> IntegrationResult:
         """Result of the integration so far."""

@@ -33,7 +33,7 @@ from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.flight import COMMAND, FlightOrigin, flight_record
+from patagium.simulation.flight import COMMAND, GIVEN, FlightOrigin, flight_record
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
 from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
@@ -312,6 +312,8 @@ class Simulator:
         self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
         self._own_commands: dict[str, float] = {}
+        self._changes: list[tuple[int, float, Array]] = []
+        self._held, self._cells, self._added_mass = held, cells, added_mass
         self._origin = FlightOrigin(
             robot,
             aero,
@@ -388,6 +390,41 @@ class Simulator:
         self._gait = self._steered
         self._commands.append((self._integration.done, dict(commands)))
 
+    def change(self, robot: Robot, aero: Aerodynamics) -> None:
+        """Fly on as another machine in other air, from the state as it is: damage, a payload.
+
+        Coordinates, strips and wind are those of before; where only numbers differ, nothing is
+        compiled. The flight keeps the first machine and air as its origin, and its residuals of
+        energy and momentum leave out what the change took or gave.
+
+        Args:
+            robot: The machine from now on.
+            aero: Model of the air around it from now on, with the same states.
+
+        Raises:
+            ParameterError: If coordinates, strips, states or wind would be others.
+        """
+        check_robots(robot, aero)
+        check_robots(robot, self._aero)
+        if aero.air != self._aero.air:
+            raise ParameterError("aero.air", f"the air of before, {self._aero.air}", aero.air)
+        if aero.state_size != self._aero.state_size:
+            expected = f"a model of {self._aero.state_size} states, as before"
+            raise ParameterError("aero", expected, f"{aero.name} of {aero.state_size}")
+        added, run = self._added_mass, self.run
+        added = None if added is None else replace(added, robot=robot)
+        layout = state_layout(robot, aero, self._held, added, self._cells)
+        before = _energy_and_momentum(run)
+        self._equations = _equations(
+            robot, aero, added, self._held, self._cells, layout, run.state
+        )
+        self._integration.change(self._equations)
+        energy, momentum = (
+            now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
+        )
+        self._changes.append((self._integration.done, float(energy), momentum))
+        self._robot, self._aero, self._layout, self._added_mass = robot, aero, layout, added
+
     def fly(
         self, controller: Controller | None = None, progress: Progress | None = None
     ) -> Outcome:
@@ -451,6 +488,9 @@ class Simulator:
             names, values = self._command_samples(run.steps + 1)
             origin = replace(origin, commands=names)
             run.samples[COMMAND] = values
+        for first, energy, momentum in self._changes:
+            given = run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))
+            given[first:] += np.r_[energy, momentum]
         flight = flight_record(origin, time, run.samples, self.outcome, self.message())
         if self._steered is not None:
             flight.attrs["commands_limited"] = self._steered.limited
@@ -476,6 +516,12 @@ class Simulator:
             self.steps,
             self._time_step,
         )
+
+
+def _energy_and_momentum(run: IntegrationResult) -> tuple[Array, Array]:
+    """Energy [J] and momentum, (3,) [kg m/s], at the last sample of a run."""
+    last = {k: run.samples[k][-1] for k in ("kinetic_energy", "potential_energy", "momentum")}
+    return last["kinetic_energy"][0] + last["potential_energy"][0], last["momentum"].ravel().copy()
 
 
 def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:

@@ -43,6 +43,7 @@ PUBLIC = {
     "errors",
     "estimate_motion",
     "evaluate",
+    "fly",
     "gaits",
     "identify",
     "import_log",

@@ -1,0 +1,373 @@
+"""Events of a flight: gusts, wind that turns, a payload, a wing cut, another polar, a stuck drive.
+
+An event has a time, and changes the air, the machine or what its drives answer from then on. A
+machine that changes keeps its structure, so that nothing is compiled: of what is lost a thousandth
+remains, strips of a lost tip lie at the cut, and a number that is exactly zero in the robot's file
+stays zero. Neglected: what flies off, and the time that a change takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust, aero_from_description
+from patagium.aerodynamics.gusts import Gust
+from patagium.errors import ParameterError, finite, positive
+from patagium.robot import Robot
+from patagium.robot.model import Body, Strip
+
+Array = NDArray[np.float64]
+
+LEFT = 1e-3
+"""Share of a lost strip, and of a body that is lost as a whole, that remains for the equations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Event at one time of a flight; by itself it changes nothing.
+
+    Args:
+        time: When it happens [s].
+
+    Raises:
+        ParameterError: If the time is negative or not finite.
+    """
+
+    time: float
+
+    def __post_init__(self) -> None:
+        if finite("time", self.time) < 0:
+            raise ParameterError("time", "zero or more seconds", self.time)
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        given = ", ".join(f"{k} {v}" for k, v in asdict(self).items() if k != "time")
+        return f"{type(self).__name__}: {given}"
+
+    def gust(self) -> Gust | None:
+        """Gust that it adds to the air, or None."""
+        return None
+
+    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+        """Machine and air from then on.
+
+        Args:
+            robot: The machine before.
+            aero: Model of the air before.
+
+        Raises:
+            ParameterError: If the machine or the air has no such part.
+        """
+        return robot, aero
+
+    def describe(self) -> dict[str, Any]:
+        """Event as JSON-able values, in words too."""
+        return {"kind": type(self).__name__, **asdict(self), "words": self.words}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GustEvent(Event):
+    """Gust of one minus cosine that begins at a time.
+
+    Args:
+        time: When it begins [s].
+        velocity: Its largest velocity, world axes, (3,) [m/s].
+        length_time: Time it lasts [s].
+    """
+
+    velocity: tuple[float, float, float]
+    length_time: float
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        return f"a gust of {_listed(self.velocity)} m/s, {self.length_time:g} s long"
+
+    def gust(self) -> Gust:
+        """Gust that it adds to the air."""
+        return OneMinusCosineGust(self.velocity, self.time, self.length_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindEvent(Event):
+    """Wind that changes at a time, and stays.
+
+    Args:
+        time: When it begins to change [s].
+        velocity: Change of the wind, world axes, (3,) [m/s].
+        length_time: Time that the change takes [s].
+    """
+
+    velocity: tuple[float, float, float]
+    length_time: float = 0.05
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        return f"a wind of {_listed(self.velocity)} m/s more, within {self.length_time:g} s"
+
+    def gust(self) -> Gust:
+        """Gust that it adds to the air."""
+        return RampGust(self.velocity, self.time, self.length_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadEvent(Event):
+    """Mass that is put on a body, as a point.
+
+    Args:
+        time: When it is there [s].
+        body: Name of the body.
+        mass: The mass [kg].
+        position: Where, in the body's axes, (3,) [m]; None for its centre of mass.
+    """
+
+    body: str
+    mass: float
+    position: tuple[float, float, float] | None = None
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        return f"a payload of {1e3 * self.mass:.4g} g on {self.body}"
+
+    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+        """Machine with the payload, and the air around it."""
+        body = robot.bodies[robot.body_index(self.body)]
+        mass = positive("mass", self.mass)
+        where = body.center_of_mass if self.position is None else self.position
+        heavier = _with_known(robot, _with_point(body, mass, np.array(where, float)))
+        return _around(heavier, aero)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WingLossEvent(Event):
+    """Outer part of one wing that is cut off, with its share of the mass of its bodies.
+
+    The mass of a body goes as the area of its strips, its centre as their centroid, and its
+    second moments as theirs: a plate that is cut is a smaller plate.
+
+    Args:
+        time: When it is lost [s].
+        wing: Name of the wing.
+        share: Part of its span that is lost, from the tip inwards, above 0 to 1.
+    """
+
+    wing: str
+    share: float
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        return f"the outer {100 * self.share:.3g} % of {self.wing} lost"
+
+    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+        """Machine without the tip, and the air around it."""
+        return _around(without_tip(robot, self.wing, self.share), aero)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolarEvent(Event):
+    """Polar or section whose numbers are multiplied at a time, as by rain, dirt or a torn skin.
+
+    Args:
+        time: When they change [s].
+        factors: Factors by the names of the numbers, as the model's description has them, such as
+            `lift_amplitude` [1].
+    """
+
+    factors: Mapping[str, float]
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        return "another polar: " + ", ".join(f"{k} x {v:g}" for k, v in self.factors.items())
+
+    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+        """Machine, and the air with the other numbers."""
+        described = inner = aero.describe()
+        while "of" in inner:
+            inner = inner["of"]
+        numbers = inner.get("polar") or inner.get("section") or inner
+        known = [k for k, value in numbers.items() if isinstance(value, float)]
+        for name, factor in self.factors.items():
+            if name not in known:
+                raise ParameterError("factors", f"of {', '.join(known)}", name, known)
+            numbers[name] *= finite(f"factors.{name}", factor)
+        return robot, aero_from_description(robot, described)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StuckEvent(Event):
+    """Drive that no longer takes a command, and holds its value.
+
+    Args:
+        time: When it sticks [s].
+        command: Name of the command, as `SteeredGait` takes it.
+        value: What it goes to and holds [unit of the command]; None for what was commanded last.
+    """
+
+    command: str
+    value: float | None = None
+
+    @property
+    def words(self) -> str:
+        """Event in words."""
+        held = "its last value" if self.value is None else f"{self.value:g}"
+        return f"{self.command} stuck at {held}"
+
+
+def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
+    """Model of the air with the gusts of all events.
+
+    Args:
+        aero: The model.
+        events: The events.
+
+    Raises:
+        ParameterError: If there are gusts beside one that travels.
+    """
+    gusts = [gust for gust in (event.gust() for event in events) if gust is not None]
+    if not gusts:
+        return aero
+    aero.air.require_uniform("aero")
+    described = inner = aero.describe()
+    while "of" in inner:
+        inner = inner["of"]
+    own = inner["air"]["gust"]
+    parts = [*([] if own is None else [own]), *(gust.describe() for gust in gusts)]
+    inner["air"]["gust"] = parts[0] if len(parts) == 1 else {"name": "sum", "gusts": parts}
+    return aero_from_description(aero.robot, described)
+
+
+def without_tip(robot: Robot, wing: str, share: float) -> Robot:
+    """Robot without the outer part of a wing; the same structure with other numbers.
+
+    Args:
+        robot: The machine.
+        wing: Name of the wing.
+        share: Part of its span that is lost, above 0 to 1.
+
+    Raises:
+        ParameterError: If there is no such wing, or the share is not within its range.
+    """
+    wings = sorted({strip.wing for strip in robot.strips})
+    if wing not in wings:
+        raise ParameterError("wing", f"one of {', '.join(wings)}", wing, wings)
+    if not 0 < finite("share", share) <= 1:
+        raise ParameterError("share", "above 0, up to 1", share)
+    strips = [strip for strip in robot.strips if strip.wing == wing]
+    room = (1 - share) * sum(float(strip.width) for strip in strips)
+    values: dict[str, float] = {}
+    edge: dict[int, Array] = {}
+    for k, strip in enumerate(strips):
+        width = float(strip.width)
+        kept = float(np.clip(room, 0.0, width))
+        room -= kept
+        if kept == width:
+            continue
+        out = _outwards(strips, k)
+        center = np.array(strip.quarter_chord, float)
+        cut = edge.setdefault(strip.body, center + (kept - width / 2) * out)
+        left = max(kept, LEFT * width)
+        values[f"{strip.name}.width"] = left
+        moved = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
+        values |= _named(f"{strip.name}.quarter_chord", moved)
+    less = _with_known(robot, values)
+    return _with_known(less, {k: v for body in edge for k, v in _lighter(less, robot, body).items()})
+
+
+def _outwards(strips: Sequence[Strip], place: int) -> Array:
+    """Unit vector along the span of a strip to the tip, axes of its body, (3,)."""
+    strip = strips[place]
+    span = np.cross(strip.normal, strip.forward)
+    beside = [k for k in (place - 1, place + 1) if 0 <= k < len(strips)]
+    same = [k for k in beside if strips[k].body == strip.body]
+    way = np.array(strip.quarter_chord, float)
+    if same:
+        way = (way - np.array(strips[same[0]].quarter_chord, float)) * (place - same[0])
+    return np.asarray(span if span @ way >= 0 else -span)
+
+
+def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:
+    """Numbers of a body whose mass goes as the area of its strips, smaller in `less`."""
+    body = robot.bodies[place]
+    (area, center, second), (whole, former, seconds) = (_plates(r, place) for r in (less, robot))
+    thick = np.where(seconds > 1e-9 * seconds.max(), seconds, 1.0)
+    scale = np.sqrt(area / whole * np.where(thick == seconds, second / thick, 1.0))
+    tensor = _tensor(body)
+    spread = scale[:, None] * (np.trace(tensor) / 2 * np.eye(3) - tensor) * scale
+    tensor = np.trace(spread) * np.eye(3) - spread
+    return {
+        f"{body.name}.mass": float(body.mass) * area / whole,
+        **_named(f"{body.name}.center_of_mass", np.array(body.center_of_mass) + center - former),
+        **_named(f"{body.name}.inertia", [tensor[place] for place in _TENSOR]),
+    }
+
+
+def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
+    """Area of the strips of a body [m^2], its centroid [m] and its variances, (3,) [m^2]."""
+    parts = []
+    for strip in robot.strips:
+        if strip.body == place:
+            chord, width = float(strip.chord), float(strip.width)
+            span, forward = np.cross(strip.normal, strip.forward), np.array(strip.forward)
+            center = np.array(strip.quarter_chord, float) - chord / 4 * forward
+            square = (np.outer(span, span) * width**2 + np.outer(forward, forward) * chord**2) / 12
+            parts.append((chord * width, center, square + np.outer(center, center)))
+    areas, centers, squares = (np.array(part) for part in zip(*parts, strict=True))
+    center = areas @ centers / areas.sum()
+    second = np.einsum("k,kij->ij", areas, squares) / areas.sum() - np.outer(center, center)
+    return float(areas.sum()), center, np.diag(second)
+
+
+_TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _tensor(body: Body) -> Array:
+    """Inertia of a body about its centre of mass, (3, 3) [kg m^2]."""
+    found = np.zeros((3, 3))
+    for (i, j), value in zip(_TENSOR, body.inertia, strict=True):
+        found[i, j] = found[j, i] = value
+    return found
+
+
+def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
+    """Numbers of a body with a mass more at a point, (3,) [m]."""
+    total = float(body.mass) + mass
+    old = np.array(body.center_of_mass, float)
+    new = (float(body.mass) * old + mass * center) / total
+    tensor = _tensor(body)
+    for part, at in ((float(body.mass), old), (mass, center)):
+        arm = at - new
+        tensor += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return {
+        f"{body.name}.mass": total,
+        **_named(f"{body.name}.center_of_mass", new),
+        **_named(f"{body.name}.inertia", [tensor[place] for place in _TENSOR]),
+    }
+
+
+def _with_known(robot: Robot, values: Mapping[str, float]) -> Robot:
+    """Robot with other numbers; what is exactly zero in its file stays zero."""
+    known = robot.parameter_names
+    return robot.with_parameters({name: v for name, v in values.items() if name in known})
+
+
+def _named(name: str, values: Any) -> dict[str, float]:
+    parts = ("x", "y", "z") if len(values) == 3 else ("xx", "yy", "zz", "xy", "xz", "yz")
+    return {f"{name}.{part}": float(v) for part, v in zip(parts, values, strict=True)}
+
+
+def _around(robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+    return robot, aero_from_description(robot, aero.describe())
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)

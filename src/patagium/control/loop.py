@@ -1,0 +1,295 @@
+"""The loop closed: truth, what is known of it, a learner, a controller, and events.
+
+The truth is flown by `Simulator` at a fixed step of 1e-4 s or just below; once a period of the
+controller the estimate of the state becomes commands. Robot and air of the truth are others than
+the controller's model, or should be. Everything is one flight, and the same seed gives the same
+flight. Neglected: the time that a controller takes to answer.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import Any, Protocol, TypedDict, Unpack, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.control.estimators import Estimate, Estimator, NoisyState, Truth
+from patagium.control.events import Event, StuckEvent, with_gusts
+from patagium.control.orbit import Orbit
+from patagium.errors import Outcome, ParameterError, SimulationFailed, finite, of_kind, positive
+from patagium.robot import Robot
+from patagium.simulation.simulator import FlightState, Simulator, check_keywords
+from patagium.simulation.steered_gait import SteeredGait
+
+Array = NDArray[np.float64]
+
+TIME_STEP = 1e-4
+"""Longest time step of the truth where none is given [s]."""
+
+
+class LoopController(Protocol):
+    """Controller of a closed loop; `report()` and `held` of `OrbitController` are told too."""
+
+    @property
+    def period(self) -> float:
+        """Time between two calls [s]."""
+
+    def __call__(self, time: float, state: FlightState | None) -> dict[str, float] | None:
+        """Commands by name from an estimate of the state, None where no sample came."""
+
+
+class Learner(Protocol):
+    """Learner beside a controller, or the controller itself."""
+
+    def learn(self, time: float, state: FlightState, acceleration: Array) -> None:
+        """Learn from one estimate: a state, and its accelerations, (n,) [m/s^2, rad/s^2]."""
+
+
+class LoopOptions(TypedDict, total=False):
+    """Keywords of `fly` that it mostly does without.
+
+    Attributes:
+        learner: What learns; by default the controller, if it has a method `learn`.
+        estimator: Function from all motion so far (`Truth`) to an `Estimate`; by default the one
+            of the sensors.
+        seed: Seed of all noise; 0 where not given.
+        time_step: Longest step of the truth [s].
+        q: Initial coordinates of the truth, (n_q,) [m, rad, 1]; on the orbit where not given.
+        v: Initial velocities, (n,) [m/s, rad/s]; likewise.
+        added_mass: Inertia of the air of the truth, in the same air as its model.
+        throw: Whether a flight that breaks raises; True where not given.
+        progress: Function that takes the steps done and to do.
+    """
+
+    learner: Learner | None
+    estimator: Estimator | None
+    seed: int
+    time_step: float
+    q: ArrayLike | None
+    v: ArrayLike | None
+    added_mass: AddedMass | None
+    throw: bool
+    progress: Callable[[int, int], None] | None
+
+
+def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
+    """Robot whose masses and inertias differ from what its file says.
+
+    Args:
+        robot: The machine of the file.
+        share: Standard deviation of each body's mass, and of its inertia at that mass, over their
+            values, below 0.3; no number is off by more than three times that.
+        seed: Seed of the numbers.
+
+    Raises:
+        ParameterError: If the share is out of its range.
+    """
+    if not 0 <= finite("share", share) < 0.3:
+        raise ParameterError("share", "at least 0 and below 0.3", share)
+    rng = np.random.default_rng([seed, 0x0FF])
+    values: dict[str, float] = {}
+    for body in robot.bodies:
+        mass, moment = 1 + share * np.clip(rng.standard_normal(2), -3, 3)
+        values[f"{body.name}.mass"] = float(body.mass) * mass
+        for part, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), body.inertia, strict=True):
+            values[f"{body.name}.inertia.{part}"] = float(value) * mass * moment
+    return robot.with_parameters({k: v for k, v in values.items() if k in robot.parameter_names})
+
+
+def fly(
+    robot: Robot,
+    aero: Aerodynamics,
+    controller: LoopController,
+    *,
+    orbit: Orbit,
+    duration: float,
+    sensors: NoisyState | None = None,
+    events: Sequence[Event] = (),
+    **options: Unpack[LoopOptions],
+) -> xr.Dataset:
+    """Flight in a closed loop: truth, estimate, controller, events.
+
+    Args:
+        robot: The machine that truly flies: `off_nominal(robot, 0.02, seed)`.
+        aero: Model of the air that truly is around it.
+        controller: What answers each estimate of the state with commands, once its `period`.
+        orbit: Orbit on which the flight begins, whose gait is steered: the controller's.
+        duration: Duration of the flight, rounded to time steps [s].
+        sensors: What is known of the state; by default all of it.
+        events: What happens at its time (`patagium.control.events`).
+        **options: Keywords of `LoopOptions`, all optional.
+
+    Returns:
+        The flight, as of `simulate`, with the true motion; over `control_time` also `estimate` and
+        `reference`, and among its attributes `events` (JSON), `controller`, `held` (JSON), `seed`.
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+        ShapeError: If q or v have another shape.
+        SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
+    """
+    check_keywords(options, LoopOptions)
+    of_kind("orbit", orbit, Orbit, "pt.trim(robot)")
+    loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
+    seed = options.get("seed", 0)
+    known = NoisyState() if sensors is None else sensors
+    estimator = options.get("estimator") or known.estimator(orbit.robot, seed)
+    learner = options.get("learner") or (controller if hasattr(controller, "learn") else None)
+    loop.run(estimator, cast("Learner | None", learner), options.get("progress"))
+    flight = loop.flight()
+    flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
+    outcome = loop.simulator.outcome
+    if options.get("throw", True) and outcome is not Outcome.COMPLETED:
+        raise SimulationFailed(flight.attrs["message"], flight, outcome)
+    return flight
+
+
+@dataclass
+class _Loop:
+    """Loop of one flight.
+
+    Attributes:
+        simulator: The truth.
+        period: Steps of a period of the controller.
+        due: Events that have not happened, by their step.
+        stuck: Commands that are no longer taken.
+        estimates: Estimate at each period, (n_q + n,); nan where there was none.
+    """
+
+    robot: Robot
+    aero: Aerodynamics
+    controller: LoopController
+    orbit: Orbit
+    events: tuple[Event, ...]
+    duration: float
+    options: LoopOptions
+    simulator: Simulator = field(init=False)
+    period: int = field(init=False)
+    due: list[tuple[int, Event, Robot, Aerodynamics]] = field(init=False)
+    stuck: set[str] = field(default_factory=set)
+    estimates: list[Array] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        period = positive("period of the controller", self.controller.period)
+        longest = positive("time_step", self.options.get("time_step", TIME_STEP))
+        self.period = ceil(period / longest * (1 - 1e-9))
+        step = period / self.period
+        steps = max(1, round(positive("duration", self.duration) / step))
+        self._check_events(steps * step)
+        aero, added = with_gusts(self.aero, self.events), self.options.get("added_mass")
+        start = self.orbit.start()
+        lags = start.pop("aero_state")
+        self.simulator = Simulator(
+            self.robot, aero, SteeredGait(self.robot, self.orbit.gait),
+            duration=steps * step, time_step=step,
+            q=self.options.get("q", start["q"]), v=self.options.get("v", start["v"]),
+            aero_state=lags if len(lags) == aero.state_size else None,
+            added_mass=None if added is None else replace(added, air=aero.air),
+        )  # fmt: skip
+        self.due, machine = [], self.robot
+        for event in sorted(self.events, key=lambda one: one.time):
+            machine, aero = event.changed(machine, aero)
+            self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
+
+    def _check_events(self, duration: float) -> None:
+        gait = SteeredGait(self.robot, self.orbit.gait)
+        for event in self.events:
+            of_kind("events", event, Event, "pt.control.GustEvent(...)")
+            if event.time > duration:
+                expected = f"within the flight of {duration:g} s"
+                raise ParameterError("events: time", expected, event.time)
+            if isinstance(event, StuckEvent):
+                gait.commanded(event.command)
+
+    def run(
+        self,
+        estimator: Estimator,
+        learner: Learner | None,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        """Fly to the end, or up to where the flight breaks."""
+        simulator, done = self.simulator, 0
+        every = self.period
+        if learner is not None and learner is not self.controller:
+            rate = getattr(learner, "period", self.controller.period)
+            every = max(1, round(rate / simulator.time_step))
+        while done < simulator.steps and simulator.outcome is Outcome.COMPLETED:
+            while self.due and self.due[0][0] <= done:
+                self._happen(*self.due.pop(0)[1:])
+            learning, control = learner is not None and done % every == 0, done % self.period == 0
+            if learning or control:
+                estimate = self._estimate(estimator)
+                if learning and learner is not None and estimate is not None:
+                    learner.learn(simulator.time, estimate.state, estimate.acceleration)
+                if control:
+                    self._control(estimate)
+            ways = [self.period, *([every] if learner is not None else [])]
+            ahead = [done - done % way + way for way in ways]
+            ahead += [first for first, *_ in self.due[:1]]
+            last = min(*ahead, simulator.steps)
+            simulator.advance(last - done)
+            done = last
+            if progress is not None:
+                progress(done, simulator.steps)
+
+    def _happen(self, event: Event, robot: Robot, aero: Aerodynamics) -> None:
+        """Change the truth as an event says."""
+        if isinstance(event, StuckEvent):
+            if event.value is not None:
+                self.simulator.command({event.command: event.value})
+            self.stuck.add(event.command)
+        elif event.gust() is None:
+            self.simulator.change(robot, aero)
+
+    def _estimate(self, estimator: Estimator) -> Estimate | None:
+        samples = self.simulator.run.samples
+        q, v, a = (samples[name] for name in ("q", "v", "a"))
+        return estimator(Truth(self.robot, self.simulator.time_step, q, v, a))
+
+    def _control(self, estimate: Estimate | None) -> None:
+        """Have the controller answer an estimate."""
+        size = self.robot.state_size
+        known = np.full(size, np.nan)
+        if estimate is not None:
+            known = np.concatenate([estimate.state.q, estimate.state.v])
+        self.estimates.append(known)
+        time = self.simulator.time
+        commands = self.controller(time, None if estimate is None else estimate.state) or {}
+        taken = {name: value for name, value in commands.items() if name not in self.stuck}
+        if taken:
+            self.simulator.command(taken)
+
+    def flight(self) -> xr.Dataset:
+        """The flight so far, with what was known and wanted."""
+        flight, orbit = self.simulator.flight(), self.orbit
+        names = self.robot.dof_names
+        states = [*self.robot.coordinate_names, *(f"velocity of {name}" for name in names)]
+        time = self.controller.period * np.arange(len(self.estimates))
+        beat = orbit.flight(beats=1.0)
+        known = np.hstack([beat["q"].values, beat["v"].values])
+        travel = known[-1] - known[0]
+        beats, phases = np.divmod(time / orbit.period + 1e-9, 1.0)
+        grid = np.linspace(0.0, 1.0, len(known))
+        wanted = np.column_stack([np.interp(phases, grid, column) for column in known.T])
+        wanted += beats[:, None] * travel
+        dims, units = ("control_time", "state"), {"units": "m, rad, 1 or per s"}
+        estimates = np.array(self.estimates).reshape(len(time), len(states))
+        flight = flight.assign_coords(
+            control_time=("control_time", time, {"units": "s"}), state=("state", states)
+        ).assign(
+            estimate=(dims, estimates, units | {"long_name": "state that the controller knew"}),
+            reference=(dims, wanted, units | {"long_name": "state on the orbit"}),
+        )
+        told: dict[str, Any] = {"events": json.dumps([one.describe() for one in self.events])}
+        if hasattr(self.controller, "report"):
+            told["controller"] = self.controller.report()
+        if hasattr(self.controller, "held"):
+            told["held"] = json.dumps(dict(self.controller.held))
+        flight.attrs |= told
+        return flight

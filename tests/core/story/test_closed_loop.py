@@ -1,0 +1,170 @@
+"""The loop closed: a flight that is recorded as any other, disturbed on its way."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.control import (
+    Estimate,
+    GustEvent,
+    LinearRegulator,
+    NoisyState,
+    PayloadEvent,
+    PredictiveController,
+    StuckEvent,
+    WingLossEvent,
+    off_nominal,
+)
+from patagium.errors import ParameterError, SimulationFailed
+from patagium.simulation.simulator import FlightState
+
+COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+NOISE = NoisyState({"z": 0.002, "pitch": 0.005, "velocity of z": 0.02})
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return pt.trim(pt.load_robot("ornithopter"))
+
+
+def flown(orbit, controller=None, duration=1.0, **options):
+    """Closed-loop flight of a machine 2 % off its file, in thinner air."""
+    robot = off_nominal(orbit.robot, 0.02, 1)
+    aero = pt.QuasiSteady(robot, pt.Air(density=1.2))
+    chosen = controller or PredictiveController(orbit, COMMANDS)
+    options = {"time_step": 5e-4, "sensors": NOISE, **options}
+    return pt.fly(robot, aero, chosen, orbit=orbit, duration=duration, **options)
+
+
+def test_the_flight_is_one_like_any_other_and_the_same_again(orbit, tmp_path):
+    events = [
+        GustEvent(time=0.1, velocity=(0.0, 0.0, 1.0), length_time=0.2),
+        PayloadEvent(time=0.3, body="body", mass=0.01),
+        WingLossEvent(time=0.5, wing="left_wing", share=0.05),
+    ]
+    flight = flown(orbit, events=events)
+    assert flight.attrs["outcome"] == "COMPLETED"
+    assert flight.attrs["energy_audit"] < 1e-9 and flight.attrs["momentum_audit"] < 1e-9
+    assert flight.attrs["time_step"] <= 5e-4
+    assert [one["time"] for one in json.loads(flight.attrs["events"])] == [0.1, 0.3, 0.5]
+    assert "left_wing lost" in flight.attrs["events"]
+    assert flight.attrs["held"] == "{}" and "Every sample" in flight.attrs["controller"]
+    assert set(flight["command_name"].values) == set(COMMANDS)
+    pt.save_flight(flight, tmp_path / "flight.nc")
+    again = pt.load_flight(tmp_path / "flight.nc")
+    same = flown(orbit, events=events)
+    for name in ("q", "command", "estimate", "reference"):
+        assert (again[name].values == same[name].values).all()
+    assert (flown(orbit, events=events, seed=1)["q"].values != same["q"].values).any()
+    assert pt.cycle_statistics(again, skip=0).sizes["phase"] > 1
+
+
+def test_the_estimate_is_the_state_and_its_noise(orbit):
+    flight = flown(orbit)
+    true = flight["q"].interp(time=flight["control_time"].values)
+    errors = flight["estimate"].sel(state="z").values - true.sel(dof="z").values
+    assert 0.6 * 0.002 < errors.std() < 1.5 * 0.002  # 40 samples
+    exact = flight["estimate"].sel(state="roll").values - true.sel(dof="roll").values
+    assert np.abs(exact).max() < 1e-9
+    off = flight["reference"].sel(state="z").values - flight["estimate"].sel(state="z").values
+    assert np.abs(off).max() < 0.3
+
+
+def test_a_machine_that_changes_keeps_its_state(orbit):
+    """A payload pulls the flight down from its time on, and not before."""
+    event = PayloadEvent(time=0.5, body="body", mass=0.1)
+    without, loaded = (flown(orbit, events=events) for events in ([], [event]))
+    apart = np.abs(without["q"].values - loaded["q"].values).max(axis=1)
+    first = float(loaded["time"].values[np.argmax(apart > 0)])
+    assert 0.5 < first < 0.502
+    assert float(loaded.q.sel(dof="z")[-1]) < float(without.q.sel(dof="z")[-1]) - 0.05
+    sample = int(np.searchsorted(loaded["time"].values, 0.5))
+    assert np.abs(np.diff(loaded["v"].values[sample - 2 : sample + 3], axis=0)).max() < 0.1
+
+
+@pytest.mark.parametrize("kind", [PredictiveController, LinearRegulator])
+def test_samples_that_are_missing_late_or_wrong_hold_the_last_command(orbit, kind):
+    samples = []
+
+    def broken(truth):
+        samples.append(len(samples))
+        q, v = truth.q[-1].copy(), truth.v[-1].copy()
+        now = (len(truth.q) - 1) * truth.time_step
+        if samples[-1] % 5 == 1:
+            return None
+        if samples[-1] % 5 == 2:
+            q[0:] = np.nan
+        time = now - 0.1 if samples[-1] % 5 == 3 else now
+        return Estimate(FlightState(truth.robot, time, q, v), truth.a[-1])
+
+    flight = flown(orbit, kind(orbit, COMMANDS), estimator=broken)
+    count = flight.sizes["control_time"]
+    held = json.loads(flight.attrs["held"])
+    assert set(held) == {"missing", "not finite", "late"}
+    assert sum(held.values()) == sum(k % 5 in (1, 2, 3) for k in range(count))
+    assert "held" in flight.attrs["controller"]
+    commands = flight["command"].values
+    assert np.isfinite(commands).all()
+    changes = np.flatnonzero(np.abs(np.diff(commands, axis=0)).max(axis=1) > 0)
+    period = flight["control_time"].values[1] / flight.attrs["time_step"]
+    assert {round(k / period) % 5 for k in changes[1:]} == {0, 4}
+
+
+def test_delay_and_loss_of_samples_are_those_asked_for(orbit):
+    late = flown(orbit, sensors=NoisyState(delay=0.02))
+    assert json.loads(late.attrs["held"]) == {
+        "late": late.sizes["control_time"] - 1, "missing": 1
+    }  # fmt: skip
+    lossy = flown(orbit, sensors=NoisyState(missing=0.3), duration=2.0)
+    share = json.loads(lossy.attrs["held"])["missing"] / lossy.sizes["control_time"]
+    assert 0.15 < share < 0.45  # 80 samples
+
+
+def test_a_stuck_drive_holds_and_a_learner_is_told(orbit):
+    class Counting:
+        period = 0.002
+        seen: list = []
+
+        def learn(self, time, state, acceleration):
+            self.seen.append((time, acceleration[2]))
+
+    stuck = StuckEvent(time=0.3, command="rudder_offset", value=0.1)
+    flight = flown(orbit, events=[stuck], learner=Counting())
+    after = flight["command"].sel(command_name="rudder_offset").values[flight["time"] > 0.301]
+    assert (after == 0.1).all()
+    times, told = np.array(Counting.seen).T
+    assert len(times) == pytest.approx(500, abs=5)
+    a = flight["a"].sel(dof="z").values
+    assert np.allclose(told, a[np.round(times / flight.attrs["time_step"]).astype(int)])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"events": [StuckEvent(time=0.1, command="tail_offset")]}, "tail_offset"),
+        ({"events": [StuckEvent(time=9.0, command="frequency")]}, "within the flight of"),
+        ({"events": ["gust"]}, "Event such as"),
+        ({"duration": -1.0}, "duration"),
+        ({"orbit": None}, "Orbit such as"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(orbit, options, said):
+    given = {"orbit": orbit, "duration": 0.5, **options}
+    controller = PredictiveController(orbit, COMMANDS)
+    with pytest.raises(ParameterError, match=said):
+        pt.fly(orbit.robot, orbit.aero, controller, **given)
+    with pytest.raises(TypeError, match="did you mean seed"):
+        pt.fly(orbit.robot, orbit.aero, controller, orbit=orbit, duration=0.5, sed=1)
+
+
+def test_a_flight_that_breaks_is_kept(orbit):
+    lost = WingLossEvent(time=0.1, wing="left_wing", share=1.0)
+    with pytest.raises(SimulationFailed) as failed:
+        flown(orbit, events=[lost], duration=4.0)
+    kept = failed.value.flight
+    assert kept.attrs["outcome"] != "COMPLETED" and "held" in kept.attrs
+    assert kept.sizes["control_time"] > 4 and kept["time"].values[-1] < 4.0

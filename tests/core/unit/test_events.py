@@ -1,0 +1,168 @@
+"""Events: what a machine loses and gets, as numbers, and what cannot happen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.control import (
+    GustEvent,
+    NoisyState,
+    PayloadEvent,
+    PolarEvent,
+    StuckEvent,
+    WindEvent,
+    WingLossEvent,
+    off_nominal,
+)
+from patagium.control.events import with_gusts, without_tip
+from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
+
+PRESETS = ("aerobat", "ornithopter", "dragonfly", "hawk")
+
+
+def area(robot, wing):
+    return sum(float(s.chord * s.width) for s in robot.strips if s.wing == wing)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("share", [0.07, 1 / 3, 1.0])
+def test_a_lost_tip_takes_area_and_mass_and_keeps_the_structure(name, share):
+    robot = pt.load_robot(name)
+    wing = next(s.wing for s in robot.strips if s.wing.startswith("left"))
+    cut = without_tip(robot, wing, share)
+    assert cut.structure == robot.structure  # nothing to compile
+    assert cut.source != robot.source  # a flight can tell it
+    other = wing.replace("left", "right")
+    assert area(cut, other) == area(robot, other)
+    assert area(cut, wing) < area(robot, wing)
+    spans = [sum(float(s.width) for s in r.strips if s.wing == wing) for r in (robot, cut)]
+    assert spans[1] == pytest.approx((1 - share) * spans[0], abs=1.01e-3 * spans[0])
+    lighter = sum(a.mass - b.mass for a, b in zip(robot.bodies, cut.bodies, strict=True))
+    bodies = {s.body for s in robot.strips if s.wing == wing}
+    weight = sum(float(robot.bodies[k].mass) for k in bodies)
+    assert 0 < lighter <= weight
+    tips = [max(abs(s.quarter_chord[1]) for s in r.strips if s.wing == wing) for r in (robot, cut)]
+    assert tips[1] < tips[0]
+
+
+def test_the_mass_of_a_tip_is_that_of_plates():
+    """A uniform plate that is cut is a shorter uniform plate."""
+    m, c, b = 0.03, 0.05, 0.6
+    text = f"""
+name: plate
+gravity: 9.81 m/s^2
+bodies:
+  body: {{floating: true, mass: 100 g, shape: {{type: box, size: [10 cm, 5 cm, 5 cm]}}}}
+  left_wing:
+    parent: body
+    joints: [{{name: left_plunge, axis: x, limits: [-60 deg, 60 deg]}}]
+    mass: 30 g
+    center_of_mass: [-2.5 cm, 30 cm, 0]
+    inertia: {{xx: {m * b**2 / 12}, yy: {m * c**2 / 12}, zz: {m * (b**2 + c**2) / 12}}}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_wing
+        strips: 6
+        stations:
+          - {{span: 0 cm, leading: 0 cm, trailing: -5 cm}}
+          - {{span: 60 cm, leading: 0 cm, trailing: -5 cm}}
+"""
+    robot = load_robot_text(text)
+    cut = without_tip(robot, "left_wing", 0.25)
+    wing = cut.bodies[1]
+    assert wing.mass == pytest.approx(0.75 * m, rel=1e-3)  # a thousandth of a strip remains
+    assert wing.center_of_mass == pytest.approx((-0.025, 0.225, 0.0), rel=1e-3)
+    exact = 0.75 * m / 12 * np.array([(0.75 * b) ** 2, c**2, (0.75 * b) ** 2 + c**2])
+    assert wing.inertia[:3] == pytest.approx(exact, rel=3e-3)
+    assert wing.inertia[3:] == (0.0, 0.0, 0.0)
+    ends = [abs(s.quarter_chord[1]) + s.width / 2 for s in cut.strips]
+    assert max(ends) == pytest.approx(0.75 * b, rel=1e-2)  # a thousandth of strips remains there
+    assert sum(s.width for s in cut.strips) == pytest.approx(0.75 * b, rel=1e-3)
+
+
+def test_a_payload_is_a_point():
+    robot = pt.load_robot("ornithopter")
+    event = PayloadEvent(time=0.0, body="body", mass=0.05, position=(0.1, 0.0, 0.0))
+    loaded, aero = event.changed(robot, pt.QuasiSteady(robot))
+    body, own = loaded.bodies[0], robot.bodies[0]
+    assert body.mass == pytest.approx(0.43) and aero.robot is loaded
+    assert loaded.structure == robot.structure
+    reduced = 0.38 * 0.05 / 0.43 * 0.1**2
+    assert body.inertia[1] == pytest.approx(own.inertia[1] + reduced, rel=1e-12)
+    assert body.inertia[0] == pytest.approx(own.inertia[0], rel=1e-12)
+
+
+def test_another_polar_of_any_air():
+    robot = pt.load_robot("aerobat")
+    for aero, name in (
+        (pt.QuasiSteady(robot), "lift_amplitude"),
+        (pt.LiftingLine(robot), "profile_drag"),
+        (pt.air.Inflow(pt.QuasiSteady(robot)), "lift_amplitude"),
+    ):
+        _, other = PolarEvent(time=0.0, factors={name: 0.5}).changed(robot, aero)
+        assert other.structure == aero.structure
+        moved = np.flatnonzero(other.parameters != aero.parameters)
+        assert len(moved) == 1
+        assert other.parameters[moved[0]] == 0.5 * aero.parameters[moved[0]]
+    with pytest.raises(ParameterError, match="did you mean lift_amplitude"):
+        PolarEvent(time=0.0, factors={"lift_amplitud": 1.0}).changed(robot, pt.QuasiSteady(robot))
+
+
+def test_gusts_of_events_add_to_those_of_the_air():
+    robot = pt.load_robot("aerobat")
+    own = pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.0, 1.0)
+    events = [
+        GustEvent(time=0.2, velocity=(1.0, 0.0, 0.0), length_time=0.4),
+        WindEvent(time=0.1, velocity=(0.0, 2.0, 0.0)),
+        StuckEvent(time=0.1, command="frequency"),
+    ]
+    aero = with_gusts(pt.QuasiSteady(robot, pt.Air(gust=own)), events)
+    upward = own.velocity_at(np.array([0.4]))[0, 2]
+    assert aero.air.wind_at([0.4])[0] == pytest.approx([1.0, 2.0, upward])
+    described = aero.air.describe()["gust"]
+    assert described["name"] == "sum" and len(described["gusts"]) == 3
+    swept = pt.air.TravelingGust(own, (1.0, 0.0, 0.0), 5.0)
+    with pytest.raises(ParameterError, match="travels"):
+        with_gusts(pt.QuasiSteady(robot, pt.Air(gust=swept)), events)
+
+
+def test_masses_off_nominal_are_drawn_from_the_seed():
+    robot = pt.load_robot("ornithopter")
+    one, same, other = (off_nominal(robot, 0.02, seed) for seed in (1, 1, 2))
+    assert (one.parameters == same.parameters).all()
+    assert (one.parameters != other.parameters).any()
+    assert one.structure == robot.structure
+    off = np.array([a.mass / b.mass - 1 for a, b in zip(one.bodies, robot.bodies, strict=True)])
+    assert (0 < abs(off)).all() and (abs(off) <= 0.06).all()
+    with pytest.raises(ParameterError, match="below 0.3"):
+        off_nominal(robot, 0.5, 1)
+
+
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        (WingLossEvent(time=0.0, wing="left_wng", share=0.1), "did you mean left_wing"),
+        (WingLossEvent(time=0.0, wing="left_wing", share=0.0), "above 0, up to 1"),
+        (PayloadEvent(time=0.0, body="bod", mass=0.1), "did you mean body"),
+        (PayloadEvent(time=0.0, body="body", mass=-0.1), "mass: expected a positive number"),
+    ],
+)
+def test_what_cannot_happen_is_refused(event, said):
+    robot = pt.load_robot("aerobat")
+    with pytest.raises(ParameterError, match=said):
+        event.changed(robot, pt.QuasiSteady(robot))
+
+
+def test_wrong_numbers_are_refused():
+    with pytest.raises(ParameterError, match="zero or more seconds"):
+        StuckEvent(time=-1.0, command="frequency")
+    with pytest.raises(ParameterError, match="below 1"):
+        NoisyState(missing=1.0)
+    with pytest.raises(ParameterError, match="z: expected zero or more"):
+        NoisyState({"z": -1.0})
+    with pytest.raises(ParameterError, match="did you mean velocity of z"):
+        NoisyState({"velocity of zz": 1.0}).estimator(pt.load_robot("aerobat"), 0)
