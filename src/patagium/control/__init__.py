@@ -9,10 +9,11 @@ from patagium.control.events import (
     StuckEvent,
     WindEvent,
     WingLossEvent,
+    off_nominal,
 )
 from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
-from patagium.control.loop import fly, off_nominal
+from patagium.control.loop import fly
 from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import PredictiveController, RealTimeIteration

@@ -1,4 +1,4 @@
-"""What a controller knows of a flight: the true state with noise, late, or not at all.
+"""Estimators of a flight: the true state with noise, late, or not at all.
 
 Neglected: noise that is correlated in time, and biases.
 """

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
 
 Array = NDArray[np.float64]
+
+Machine: TypeAlias = tuple[Robot, Aerodynamics]
+"""Machine, and the model of the air around it."""
 
 LEFT = 1e-3
 """Share of a lost strip, and of a body that is lost as a whole, that remains for the equations."""
@@ -54,7 +57,7 @@ class Event:
         """Gust that it adds to the air, or None."""
         return None
 
-    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+    def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
         """Machine and air from then on.
 
         Args:
@@ -137,13 +140,13 @@ class PayloadEvent(Event):
         """Event in words."""
         return f"a payload of {1e3 * self.mass:.4g} g on {self.body}"
 
-    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+    def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
         """Machine with the payload, and the air around it."""
         body = robot.bodies[robot.body_index(self.body)]
         mass = positive("mass", self.mass)
         where = body.center_of_mass if self.position is None else self.position
-        heavier = _with_known(robot, _with_point(body, mass, np.array(where, float)))
-        return _around(heavier, aero)
+        point = _with_point(body, mass, np.array(where, float))
+        return _around(_with_known(robot, point), aero)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +170,7 @@ class WingLossEvent(Event):
         """Event in words."""
         return f"the outer {100 * self.share:.3g} % of {self.wing} lost"
 
-    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+    def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
         """Machine without the tip, and the air around it."""
         return _around(without_tip(robot, self.wing, self.share), aero)
 
@@ -187,10 +190,19 @@ class PolarEvent(Event):
     @property
     def words(self) -> str:
         """Event in words."""
-        return "another polar: " + ", ".join(f"{k} x {v:g}" for k, v in self.factors.items())
+        parts = [f"{name} x {value:g}" for name, value in self.factors.items()]
+        return "another polar: " + ", ".join(parts)
 
-    def changed(self, robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
-        """Machine, and the air with the other numbers."""
+    def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
+        """Machine, and the air with the other numbers.
+
+        Args:
+            robot: The machine before.
+            aero: Model of the air before.
+
+        Raises:
+            ParameterError: If the model has no such number.
+        """
         described = inner = aero.describe()
         while "of" in inner:
             inner = inner["of"]
@@ -233,7 +245,8 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     Raises:
         ParameterError: If there are gusts beside one that travels.
     """
-    gusts = [gust for gust in (event.gust() for event in events) if gust is not None]
+    found = [event.gust() for event in events]
+    gusts = [gust.describe() for gust in found if gust is not None]
     if not gusts:
         return aero
     aero.air.require_uniform("aero")
@@ -241,9 +254,35 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     while "of" in inner:
         inner = inner["of"]
     own = inner["air"]["gust"]
-    parts = [*([] if own is None else [own]), *(gust.describe() for gust in gusts)]
-    inner["air"]["gust"] = parts[0] if len(parts) == 1 else {"name": "sum", "gusts": parts}
+    if own is not None:
+        gusts.insert(0, own)
+    several = {"name": "sum", "gusts": gusts}
+    inner["air"]["gust"] = several if len(gusts) > 1 else gusts[0]
     return aero_from_description(aero.robot, described)
+
+
+def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
+    """Robot whose masses and inertias differ from what its file says.
+
+    Args:
+        robot: The machine of the file.
+        share: Standard deviation of each body's mass, and of its inertia at that mass, over their
+            values, below 0.3; no number is off by more than three times that.
+        seed: Seed of the numbers.
+
+    Raises:
+        ParameterError: If the share is out of its range.
+    """
+    if not 0 <= finite("share", share) < 0.3:
+        raise ParameterError("share", "at least 0 and below 0.3", share)
+    rng = np.random.default_rng([seed, 0x0FF])
+    values: dict[str, float] = {}
+    for body in robot.bodies:
+        mass, moment = 1 + share * np.clip(rng.standard_normal(2), -3, 3)
+        values[f"{body.name}.mass"] = float(body.mass) * mass
+        inertia = np.array(body.inertia, float) * mass * moment
+        values |= _named(f"{body.name}.inertia", inertia)
+    return _with_known(robot, values)
 
 
 def without_tip(robot: Robot, wing: str, share: float) -> Robot:
@@ -277,10 +316,12 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         cut = edge.setdefault(strip.body, center + (kept - width / 2) * out)
         left = max(kept, LEFT * width)
         values[f"{strip.name}.width"] = left
-        moved = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
-        values |= _named(f"{strip.name}.quarter_chord", moved)
+        at = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
+        values |= _named(f"{strip.name}.quarter_chord", at)
     less = _with_known(robot, values)
-    return _with_known(less, {k: v for body in edge for k, v in _lighter(less, robot, body).items()})
+    for body in edge:
+        values |= _lighter(less, robot, body)
+    return _with_known(robot, values)
 
 
 def _outwards(strips: Sequence[Strip], place: int) -> Array:
@@ -298,17 +339,15 @@ def _outwards(strips: Sequence[Strip], place: int) -> Array:
 def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:
     """Numbers of a body whose mass goes as the area of its strips, smaller in `less`."""
     body = robot.bodies[place]
-    (area, center, second), (whole, former, seconds) = (_plates(r, place) for r in (less, robot))
+    area, center, second = _plates(less, place)
+    whole, former, seconds = _plates(robot, place)
     thick = np.where(seconds > 1e-9 * seconds.max(), seconds, 1.0)
     scale = np.sqrt(area / whole * np.where(thick == seconds, second / thick, 1.0))
     tensor = _tensor(body)
     spread = scale[:, None] * (np.trace(tensor) / 2 * np.eye(3) - tensor) * scale
     tensor = np.trace(spread) * np.eye(3) - spread
-    return {
-        f"{body.name}.mass": float(body.mass) * area / whole,
-        **_named(f"{body.name}.center_of_mass", np.array(body.center_of_mass) + center - former),
-        **_named(f"{body.name}.inertia", [tensor[place] for place in _TENSOR]),
-    }
+    where = np.array(body.center_of_mass) + center - former
+    return _mass_of(body, float(body.mass) * area / whole, where, tensor)
 
 
 def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
@@ -317,14 +356,15 @@ def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
     for strip in robot.strips:
         if strip.body == place:
             chord, width = float(strip.chord), float(strip.width)
-            span, forward = np.cross(strip.normal, strip.forward), np.array(strip.forward)
+            span = np.cross(strip.normal, strip.forward)
+            forward = np.array(strip.forward)
             center = np.array(strip.quarter_chord, float) - chord / 4 * forward
-            square = (np.outer(span, span) * width**2 + np.outer(forward, forward) * chord**2) / 12
-            parts.append((chord * width, center, square + np.outer(center, center)))
-    areas, centers, squares = (np.array(part) for part in zip(*parts, strict=True))
-    center = areas @ centers / areas.sum()
-    second = np.einsum("k,kij->ij", areas, squares) / areas.sum() - np.outer(center, center)
-    return float(areas.sum()), center, np.diag(second)
+            square = (span * width) ** 2 + (forward * chord) ** 2
+            parts.append((chord * width, center, square / 12 + center**2))
+    areas, centers, squares = map(np.array, zip(*parts, strict=True))
+    area = areas.sum()
+    center = areas @ centers / area
+    return float(area), center, areas @ squares / area - center**2
 
 
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -347,9 +387,14 @@ def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
     for part, at in ((float(body.mass), old), (mass, center)):
         arm = at - new
         tensor += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return _mass_of(body, total, new, tensor)
+
+
+def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str, float]:
+    """Numbers of a body with another mass, centre and inertia, by name."""
     return {
-        f"{body.name}.mass": total,
-        **_named(f"{body.name}.center_of_mass", new),
+        f"{body.name}.mass": mass,
+        **_named(f"{body.name}.center_of_mass", center),
         **_named(f"{body.name}.inertia", [tensor[place] for place in _TENSOR]),
     }
 
@@ -357,15 +402,17 @@ def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
 def _with_known(robot: Robot, values: Mapping[str, float]) -> Robot:
     """Robot with other numbers; what is exactly zero in its file stays zero."""
     known = robot.parameter_names
-    return robot.with_parameters({name: v for name, v in values.items() if name in known})
+    given = {name: value for name, value in values.items() if name in known}
+    return robot.with_parameters(given)
 
 
 def _named(name: str, values: Any) -> dict[str, float]:
-    parts = ("x", "y", "z") if len(values) == 3 else ("xx", "yy", "zz", "xy", "xz", "yz")
-    return {f"{name}.{part}": float(v) for part, v in zip(parts, values, strict=True)}
+    parts = "x y z".split() if len(values) == 3 else "xx yy zz xy xz yz".split()
+    pairs = zip(parts, values, strict=True)
+    return {f"{name}.{part}": float(value) for part, value in pairs}
 
 
-def _around(robot: Robot, aero: Aerodynamics) -> tuple[Robot, Aerodynamics]:
+def _around(robot: Robot, aero: Aerodynamics) -> Machine:
     return robot, aero_from_description(robot, aero.describe())
 
 

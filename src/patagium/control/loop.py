@@ -22,7 +22,7 @@ from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.control.estimators import Estimate, Estimator, NoisyState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
-from patagium.errors import Outcome, ParameterError, SimulationFailed, finite, of_kind, positive
+from patagium.errors import Outcome, ParameterError, SimulationFailed, of_kind, positive
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_keywords
 from patagium.simulation.steered_gait import SteeredGait
@@ -45,7 +45,7 @@ class LoopController(Protocol):
 
 
 class Learner(Protocol):
-    """Learner beside a controller, or the controller itself."""
+    """Learner beside a controller, or the controller itself; its `period`, if any, is its rate."""
 
     def learn(self, time: float, state: FlightState, acceleration: Array) -> None:
         """Learn from one estimate: a state, and its accelerations, (n,) [m/s^2, rad/s^2]."""
@@ -76,30 +76,6 @@ class LoopOptions(TypedDict, total=False):
     added_mass: AddedMass | None
     throw: bool
     progress: Callable[[int, int], None] | None
-
-
-def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
-    """Robot whose masses and inertias differ from what its file says.
-
-    Args:
-        robot: The machine of the file.
-        share: Standard deviation of each body's mass, and of its inertia at that mass, over their
-            values, below 0.3; no number is off by more than three times that.
-        seed: Seed of the numbers.
-
-    Raises:
-        ParameterError: If the share is out of its range.
-    """
-    if not 0 <= finite("share", share) < 0.3:
-        raise ParameterError("share", "at least 0 and below 0.3", share)
-    rng = np.random.default_rng([seed, 0x0FF])
-    values: dict[str, float] = {}
-    for body in robot.bodies:
-        mass, moment = 1 + share * np.clip(rng.standard_normal(2), -3, 3)
-        values[f"{body.name}.mass"] = float(body.mass) * mass
-        for part, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), body.inertia, strict=True):
-            values[f"{body.name}.inertia.{part}"] = float(value) * mass * moment
-    return robot.with_parameters({k: v for k, v in values.items() if k in robot.parameter_names})
 
 
 def fly(
@@ -140,8 +116,9 @@ def fly(
     seed = options.get("seed", 0)
     known = NoisyState() if sensors is None else sensors
     estimator = options.get("estimator") or known.estimator(orbit.robot, seed)
-    learner = options.get("learner") or (controller if hasattr(controller, "learn") else None)
-    loop.run(estimator, cast("Learner | None", learner), options.get("progress"))
+    own = controller if hasattr(controller, "learn") else None
+    learner = cast("Learner | None", options.get("learner") or own)
+    loop.run(estimator, learner, options.get("progress"))
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
     outcome = loop.simulator.outcome
@@ -215,10 +192,8 @@ class _Loop:
     ) -> None:
         """Fly to the end, or up to where the flight breaks."""
         simulator, done = self.simulator, 0
-        every = self.period
-        if learner is not None and learner is not self.controller:
-            rate = getattr(learner, "period", self.controller.period)
-            every = max(1, round(rate / simulator.time_step))
+        rate = getattr(learner, "period", self.controller.period)
+        every = max(1, round(rate / simulator.time_step))
         while done < simulator.steps and simulator.outcome is Outcome.COMPLETED:
             while self.due and self.due[0][0] <= done:
                 self._happen(*self.due.pop(0)[1:])
@@ -229,8 +204,7 @@ class _Loop:
                     learner.learn(simulator.time, estimate.state, estimate.acceleration)
                 if control:
                     self._control(estimate)
-            ways = [self.period, *([every] if learner is not None else [])]
-            ahead = [done - done % way + way for way in ways]
+            ahead = [done - done % way + way for way in (self.period, every)]
             ahead += [first for first, *_ in self.due[:1]]
             last = min(*ahead, simulator.steps)
             simulator.advance(last - done)

@@ -260,6 +260,9 @@ class Simulator:
         ShapeError: If q is not (n_q,) or v not (n,).
     """
 
+    _own_commands: dict[str, float]
+    _changes: list[tuple[int, float, Array]]
+
     def __repr__(self) -> str:
         return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
 
@@ -311,9 +314,7 @@ class Simulator:
         self._control_steps = _control_steps(gait, control_period, time_step)
         self._integration = Integration(self._equations, state, rows, self.steps, time_step)
         self._cause: StepTooLong | None = None
-        self._own_commands: dict[str, float] = {}
-        self._changes: list[tuple[int, float, Array]] = []
-        self._held, self._cells, self._added_mass = held, cells, added_mass
+        self._own_commands, self._changes, self._held = {}, [], held
         self._origin = FlightOrigin(
             robot,
             aero,
@@ -411,19 +412,17 @@ class Simulator:
         if aero.state_size != self._aero.state_size:
             expected = f"a model of {self._aero.state_size} states, as before"
             raise ParameterError("aero", expected, f"{aero.name} of {aero.state_size}")
-        added, run = self._added_mass, self.run
+        added, run, cells = self._origin.added_mass, self.run, self._origin.load_cells
         added = None if added is None else replace(added, robot=robot)
-        layout = state_layout(robot, aero, self._held, added, self._cells)
+        layout = state_layout(robot, aero, self._held, added, cells)
         before = _energy_and_momentum(run)
-        self._equations = _equations(
-            robot, aero, added, self._held, self._cells, layout, run.state
-        )
+        self._equations = _equations(robot, aero, added, self._held, cells, layout, run.state)
         self._integration.change(self._equations)
         energy, momentum = (
             now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
         )
         self._changes.append((self._integration.done, float(energy), momentum))
-        self._robot, self._aero, self._layout, self._added_mass = robot, aero, layout, added
+        self._robot, self._aero, self._layout = robot, aero, layout
 
     def fly(
         self, controller: Controller | None = None, progress: Progress | None = None

@@ -83,7 +83,8 @@ def test_a_machine_that_changes_keeps_its_state(orbit):
     assert 0.5 < first < 0.502
     assert float(loaded.q.sel(dof="z")[-1]) < float(without.q.sel(dof="z")[-1]) - 0.05
     sample = int(np.searchsorted(loaded["time"].values, 0.5))
-    assert np.abs(np.diff(loaded["v"].values[sample - 2 : sample + 3], axis=0)).max() < 0.1
+    near = loaded["v"].values[sample - 2 : sample + 3, orbit.robot.passive]
+    assert np.abs(np.diff(near, axis=0)).max() < 0.1  # m/s, rad/s
 
 
 @pytest.mark.parametrize("kind", [PredictiveController, LinearRegulator])
@@ -137,7 +138,7 @@ def test_a_stuck_drive_holds_and_a_learner_is_told(orbit):
     after = flight["command"].sel(command_name="rudder_offset").values[flight["time"] > 0.301]
     assert (after == 0.1).all()
     times, told = np.array(Counting.seen).T
-    assert len(times) == pytest.approx(500, abs=5)
+    assert len(times) == pytest.approx(500, rel=0.03)  # whole steps
     a = flight["a"].sel(dof="z").values
     assert np.allclose(told, a[np.round(times / flight.attrs["time_step"]).astype(int)])
 
@@ -162,9 +163,11 @@ def test_what_cannot_be_flown_is_refused(orbit, options, said):
 
 
 def test_a_flight_that_breaks_is_kept(orbit):
-    lost = WingLossEvent(time=0.1, wing="left_wing", share=1.0)
+    robot = orbit.robot
+    down = {"q": robot.coordinates(pitch=1.3), "v": robot.velocities(x=4.0, pitch=10.0)}
     with pytest.raises(SimulationFailed) as failed:
-        flown(orbit, events=[lost], duration=4.0)
+        flown(orbit, duration=4.0, **down)
     kept = failed.value.flight
-    assert kept.attrs["outcome"] != "COMPLETED" and "held" in kept.attrs
-    assert kept.sizes["control_time"] > 4 and kept["time"].values[-1] < 4.0
+    assert kept.attrs["outcome"] == "LIMIT_REACHED" and "held" in kept.attrs
+    assert 1 <= kept.sizes["control_time"] < 20 and kept["time"].values[-1] < 1.0
+    assert flown(orbit, duration=4.0, throw=False, **down).identical(kept)
