@@ -1,8 +1,9 @@
 """Equations of motion of a robot as CasADi expressions.
 
-D(q) a + C(q, v) v + G(q) = u1 + Q: symbols in, symbols out, for any robot whose
-numbers are floats or symbols. `Dynamics` compiles them; an optimal control
-problem may use them as they are. Neglected: elasticity, friction, contact.
+D(q) a + C(q, v) v + G(q) = u1 + Q, with G the force of gravity and of springs: symbols in,
+symbols out, for any robot whose numbers are floats or symbols. `Dynamics` compiles them; an
+optimal control problem may use them as they are. Neglected: elasticity of bodies other than
+plates (`robot.flexible`), friction, contact.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ __all__ = [
     "mass_matrix",
     "momentum",
     "potential_energy",
+    "spring_force",
     "total_mass",
 ]
 
@@ -50,11 +52,27 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
     """
-    return newton_euler(robot, q, v, a, ca.SX(robot.gravity))
+    return newton_euler(robot, q, v, a, ca.SX(robot.gravity)) + spring_force(robot, q)
+
+
+def spring_force(robot: Robot, q: ca.SX) -> ca.SX:
+    """Force that deflects the springs of the joints, k (q - rest), (n, 1) [N, N m].
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+    """
+    return ca.vertcat(*map(ca.SX, robot.stiffness or (0,) * robot.dof)) * _deflection(robot, q)
+
+
+def _deflection(robot: Robot, q: ca.SX) -> ca.SX:
+    """Deflection of the springs of the joints, (n, 1) [m, rad]."""
+    at_rest = ca.vertcat(*map(ca.SX, robot.rest or (0,) * robot.dof))
+    return q[list(robot.coordinate_indices)] - at_rest
 
 
 def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -> ca.SX:
-    """Coriolis and gravity force, C v + G, that of carried fluid included, (n, 1) [N, N m].
+    """Coriolis, gravity and spring force, C v + G, of carried fluid too, (n, 1) [N, N m].
 
     Args:
         robot: The machine.
@@ -62,7 +80,8 @@ def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -
         v: Generalized velocities, (n,) [m/s, rad/s].
         added: Added mass of the bodies; None for a vacuum.
     """
-    return newton_euler(robot, q, v, ca.SX.zeros(robot.dof, 1), ca.SX(robot.gravity), added)
+    still = ca.SX.zeros(robot.dof, 1)
+    return newton_euler(robot, q, v, still, ca.SX(robot.gravity), added) + spring_force(robot, q)
 
 
 def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
@@ -79,14 +98,14 @@ def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
-    """Gravity force, G = dU/dq, (n, 1) [N, N m].
+    """Force of gravity and of springs, G = dU/dq, (n, 1) [N, N m].
 
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
     zero = ca.SX.zeros(robot.dof, 1)
-    return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity))
+    return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity)) + spring_force(robot, q)
 
 
 def forward(
@@ -137,6 +156,7 @@ def forward_prescribed(
     for position, i in enumerate(held):
         a[i] = a_prescribed[position]
     residual = f - newton_euler(robot, q, v, a, ca.SX(robot.gravity), added)
+    residual = residual - spring_force(robot, q)
     force = ca.SX.zeros(robot.dof, 1)
     for i in held:
         force[i] = -residual[i]
@@ -196,13 +216,14 @@ def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
 
 
 def potential_energy(robot: Robot, q: ca.SX) -> ca.SX:
-    """Potential energy of gravity, U = m g z of the center of mass, scalar [J].
+    """Potential energy of gravity and springs, m g z + 1/2 k (q - rest)^2, scalar [J].
 
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
-    return total_mass(robot) * robot.gravity * center_of_mass(robot, q)[2]
+    springs = ca.dot(spring_force(robot, q), _deflection(robot, q)) / 2
+    return total_mass(robot) * robot.gravity * center_of_mass(robot, q)[2] + springs
 
 
 def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:

@@ -7,7 +7,7 @@ S = integral r r^T dm about its origin, with which force and moment of the
 acceleration field a + W r, W = [dw]x + [w]x^2, are m a + W h and
 h x a + integral r x (W r) dm.
 
-Neglected: friction, elasticity; passive damping is a force, not part of this.
+Neglected: friction; springs and passive damping are forces of `equations`, not part of this.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError, similar
 from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
+from patagium.robot.flexible import flexed, pieces_of
 from patagium.robot.model import (
     CAPACITIES,
     COMMANDS,
@@ -85,7 +86,8 @@ def assemble(file: RobotFile, source: str) -> Robot:
     Raises:
         AssemblyError: If the parts contradict each other.
     """
-    drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in file.bodies.items()]))
+    bodies = flexed(file.bodies)
+    drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in bodies.items()]))
     _check_masses(drafts)
     coordinates = _coordinates(drafts)
     order = _ordered(file, tuple(coordinates))
@@ -100,6 +102,8 @@ def assemble(file: RobotFile, source: str) -> Robot:
         dof_units=tuple(k.unit for k in ordered),
         actuated=tuple(i for i, k in enumerate(ordered) if k.part and not k.part.passive),
         damping=tuple(k.damping for k in ordered),
+        stiffness=_spring(ordered, "stiffness"),
+        rest=_spring(ordered, "rest"),
         lower=tuple(k.limits[0] for k in ordered),
         upper=tuple(k.limits[1] for k in ordered),
         gravity=file.gravity,
@@ -353,6 +357,13 @@ def _capacities(ordered: list[_Coordinate]) -> dict[str, Any]:
     return found
 
 
+def _spring(ordered: list[_Coordinate], key: str) -> tuple[float, ...]:
+    """Numbers of the joints' springs; empty where no joint has one."""
+    if not any(k.part and k.part.stiffness for k in ordered):
+        return ()
+    return tuple(getattr(k.part, key, 0.0) for k in ordered)
+
+
 def _coordinates(drafts: list[_Draft]) -> dict[str, _Coordinate]:
     """Coordinates of all bodies by name."""
     found: dict[str, _Coordinate] = {}
@@ -429,7 +440,7 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
             if segment.body not in index:
                 path = f"wings.{i}.segments.{j}.body"
                 raise AssemblyError(_unknown(path, list(index), segment.body))
-        strips.extend(cut_wing(wing, index))
+        strips.extend(_on_pieces(file, strip, index) for strip in cut_wing(wing, index))
     _check_wing_names(file)
     bodies = list(index)
     for i, mirror in enumerate(file.mirror):
@@ -441,6 +452,16 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
                 raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
             strips.append(_reflected_strip(strip, name, bodies, index, mirror))
     return tuple(strips)
+
+
+def _on_pieces(file: RobotFile, strip: Strip, index: dict[str, int]) -> Strip:
+    """A strip on the piece that holds its quarter chord, where its body is flexible."""
+    name = list(index)[strip.body]
+    if name not in file.bodies or file.bodies[name].flexible is None:
+        return strip
+    pieces, (x, y, z) = pieces_of(name, file.bodies[name]), strip.quarter_chord
+    piece, along = pieces.place(y)
+    return replace(strip, body=index[pieces.names[piece]], quarter_chord=(x, _clean(along), z))
 
 
 def _check_wing_names(file: RobotFile) -> None:

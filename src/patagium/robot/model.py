@@ -72,6 +72,7 @@ _XYZ = ("x", "y", "z")
 _INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 _BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": _INERTIA}
 _STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
+_JOINT_LEAVES = ("damping", "stiffness", "rest")
 CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit", "power_limit")
 """What a joint's motor can do at most, by its name in a robot and in its file."""
 
@@ -87,7 +88,7 @@ def capacity_units(unit: str) -> tuple[str, ...]:
 
 COMMANDS = ("amplitude", "offset", "phase")
 """What is commanded of a joint of a gait; `frequency` is commanded of all together."""
-_NEVER_NEGATIVE = ("gravity", "mass", "damping", "chord", "width")
+_NEVER_NEGATIVE = ("gravity", "mass", "damping", "stiffness", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -238,6 +239,9 @@ class Robot:
         dof_units: "m" or "rad" for each.
         actuated: Indices of those that follow a gait.
         damping: Passive damping of each, force = -damping v [N s/m, N m s].
+        stiffness: Stiffness of the spring of each joint, force = -stiffness (q - rest) [N/m, N m];
+            empty: none has any.
+        rest: Coordinate of each at which its spring has no force [m, rad]; likewise.
         lower: Lower limit of each, -inf where none.
         upper: Upper limit of each, inf where none.
         gravity: Acceleration of free fall [m/s^2], along -z.
@@ -270,6 +274,8 @@ class Robot:
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
     joined_wings: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False, compare=False)
+    stiffness: tuple[Any, ...] = ()
+    rest: tuple[Any, ...] = ()
 
     @property
     def dof(self) -> int:
@@ -527,13 +533,18 @@ def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
             fields[field_name] = new if parts else new[0]
         return replace(part, **fields)
 
+    joints: dict[str, Any] = {
+        field_name: tuple(
+            values.get(f"{name}.{field_name}", old)
+            for name, old in zip(robot.dof_names, getattr(robot, field_name), strict=False)
+        )
+        for field_name in _JOINT_LEAVES
+    }
     return replace(
         robot,
         bodies=tuple(changed(body, _BODY_LEAVES) for body in robot.bodies),
         strips=tuple(changed(strip, _STRIP_LEAVES) for strip in robot.strips),
-        damping=tuple(
-            map(values.get, (f"{name}.damping" for name in robot.dof_names), robot.damping)
-        ),
+        **joints,
         gravity=values.get("gravity", robot.gravity),
     )
 
@@ -541,8 +552,9 @@ def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
 def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
     """Name and value of every number that may be a parameter [SI]."""
     yield "gravity", robot.gravity
-    for name, value in zip(robot.dof_names, robot.damping, strict=True):
-        yield f"{name}.damping", value
+    for field_name in _JOINT_LEAVES:
+        for name, value in zip(robot.dof_names, getattr(robot, field_name), strict=False):
+            yield f"{name}.{field_name}", value
     described: list[tuple[Any, Mapping[str, tuple[str, ...]]]]
     described = [(body, _BODY_LEAVES) for body in robot.bodies]
     described += [(strip, _STRIP_LEAVES) for strip in robot.strips]
@@ -591,6 +603,8 @@ def _mounted(
         dof_units=joined("dof_units"),
         actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
         damping=joined("damping"),
+        stiffness=_capacity("stiffness", robot, arm, kept, 0.0),
+        rest=_capacity("rest", robot, arm, kept, 0.0),
         lower=joined("lower"),
         upper=joined("upper"),
         gravity=robot.gravity,
@@ -656,12 +670,15 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     return axis_of(vector)
 
 
-def _capacity(name: str, robot: Robot, arm: Robot, kept: tuple[int, ...]) -> tuple[float, ...]:
+def _capacity(
+    name: str, robot: Robot, arm: Robot, kept: tuple[int, ...], none: float = np.inf
+) -> tuple[float, ...]:
+    """Numbers of the joints of both; empty where neither robot has any, `none` where one lacks."""
     own, carriers = getattr(robot, name), getattr(arm, name)
     if not own and not carriers:
         return ()
-    own = own or (np.inf,) * robot.dof
-    return (*(carriers or (np.inf,) * arm.dof), *(own[i] for i in kept))
+    own = own or (none,) * robot.dof
+    return (*(carriers or (none,) * arm.dof), *(own[i] for i in kept))
 
 
 def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:

@@ -1,9 +1,8 @@
 """Schema of a robot file: keys, units and ranges.
 
 Mirrors the file, not the machine: `patagium.robot.assembly` turns it into a
-`Robot`. All numbers are SI here already. Neglected: springs, flexible bodies,
-contact and actuator dynamics; uneven density of a shape: describe such a body by its
-measured moments.
+`Robot`. All numbers are SI here already. Neglected: contact and actuator dynamics; uneven density
+of a shape: describe such a body by its measured moments.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.units import (
     Acceleration,
     Angle,
+    BeamStiffness,
     Duration,
     Frequency,
     Inertia,
@@ -204,10 +204,15 @@ class Moments(_Part):
         )
 
 
-def _joint_unit(kind: object) -> tuple[str, str, str]:
-    if kind == "prismatic":
-        return "m", "N s/m", "a length"
-    return "rad", "N m s/rad", "an angle"
+def _joint_units(kind: object) -> dict[str, tuple[str, str]]:
+    """Unit of a coordinate, of its damping and of its stiffness, and what each is called."""
+    length, force = ("m", "N") if kind == "prismatic" else ("rad", "N m")
+    noun = "a length" if kind == "prismatic" else "an angle"
+    return {
+        "rest": (length, noun),
+        "damping": (f"{force} s/{length}", "a damping"),
+        "stiffness": (f"{force}/{length}", "a stiffness"),
+    }
 
 
 class JointPart(_Part):
@@ -222,15 +227,18 @@ class JointPart(_Part):
     effort_limit: float | None = None
     power_limit: float | None = None
     damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
     passive: StrictBool = False
 
     @model_validator(mode="before")
     @classmethod
     def _in_si(cls, written: Any) -> Any:
-        """Limits and damping have the unit of the joint's kind."""
+        """Limits, damping and spring have the unit of the joint's kind."""
         if not isinstance(written, dict):
             return written
-        unit, damping_unit, noun = _joint_unit(written.get("type", "revolute"))
+        units = _joint_units(written.get("type", "revolute"))
+        unit, noun = units["rest"]
         converted = dict(written)
         for key, limit_unit in zip(CAPACITIES, capacity_units(unit), strict=True):
             if key in written:
@@ -241,20 +249,22 @@ class JointPart(_Part):
             converted["limits"] = tuple(
                 _converted(k, unit, noun, f"limits.{i}") for i, k in enumerate(written["limits"])
             )
-        if "damping" in written:
-            converted["damping"] = _converted(
-                written["damping"], damping_unit, "a damping", "damping"
-            )
+        for key, (own_unit, own_noun) in units.items():
+            if key in written:
+                converted[key] = _converted(written[key], own_unit, own_noun, key)
         return converted
 
     @model_validator(mode="after")
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
-            unit, *_ = _joint_unit(self.type)
+            unit, _ = _joint_units(self.type)["rest"]
             found = f"[{self.limits[0]:.4g}, {self.limits[1]:.4g}] {unit}"
             raise mismatch("the lower before the upper", found, "limits")
-        if self.damping < 0:
-            raise mismatch("a quantity that is not negative", f"{self.damping:g}", "damping")
+        for key in ("damping", "stiffness"):
+            if getattr(self, key) < 0:
+                raise mismatch("a quantity that is not negative", f"{getattr(self, key):g}", key)
+        if self.rest and not self.stiffness:
+            raise mismatch("a stiffness where there is a rest", "none", "stiffness")
         return self
 
 
@@ -295,6 +305,21 @@ class FloatingDamping(_Part):
         return self
 
 
+class FlexiblePart(_Part):
+    """Elasticity of a plate along y: rigid pieces with springs between them."""
+
+    elements: Annotated[int, Field(ge=2, le=40, multiple_of=2, strict=True, examples=[4])] = 4
+    bending: Annotated[BeamStiffness, AfterValidator(_not_negative)] = 0.0
+    torsion: Annotated[BeamStiffness, AfterValidator(_not_negative)] = 0.0
+    damping: Annotated[Duration, AfterValidator(_not_negative)] = 0.0
+
+    @model_validator(mode="after")
+    def _elastic(self) -> FlexiblePart:
+        if not (self.bending or self.torsion):
+            raise mismatch("a bending or a torsion stiffness above 0 such as '0.02 N m^2'", "none")
+        return self
+
+
 class BodyPart(_Part):
     """A rigid body, how it hangs on its parent, its mass; massless: a frame, or between joints."""
 
@@ -312,6 +337,7 @@ class BodyPart(_Part):
     center_of_mass: Point = _ORIGIN
     inertia: Moments | None = None
     shape: Shape | None = None
+    flexible: FlexiblePart | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -337,6 +363,10 @@ class BodyPart(_Part):
                 "a floating body without parent, at, orientation and joints",
                 "at least one of them",
             )
+        plate = isinstance(self.shape, Plate) and self.shape.axis == "y"
+        if self.flexible is not None and not (plate and not self.floating):
+            expected = "a flexible body whose shape is a plate along y, and that does not float"
+            raise mismatch(expected, "another body", "flexible")
         for key in ("attitude", "damping"):
             if getattr(self, key) is not None and not self.floating:
                 expected = f"{key} on a floating body (a joint carries its own)"

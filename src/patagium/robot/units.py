@@ -165,4 +165,5 @@ Frequency: TypeAlias = quantity_type("Hz", "a frequency")  # type: ignore[valid-
 Duration: TypeAlias = quantity_type("s", "a time")  # type: ignore[valid-type]
 Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")  # type: ignore[valid-type]
 Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")  # type: ignore[valid-type]
+BeamStiffness: TypeAlias = quantity_type("N m^2", "a stiffness of a beam")  # type: ignore[valid-type]
 PureNumber: TypeAlias = quantity_type("", "a pure number")  # type: ignore[valid-type]

@@ -86,7 +86,7 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "wind": Quantity(("axis",), "m/s", "velocity of the air, world axes"),
     "kinetic_energy": Quantity((), "J", "kinetic energy"),
-    "potential_energy": Quantity((), "J", "potential energy of gravity"),
+    "potential_energy": Quantity((), "J", "potential energy of gravity and of springs"),
     "joint_work": Quantity((), "J", "work of the actuated joints since the start"),
     "air_work": Quantity((), "J", "work of the air since the start"),
     "damping_work": Quantity((), "J", "work of the passive dampers since the start"),

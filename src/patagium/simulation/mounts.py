@@ -333,6 +333,8 @@ def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:
         dof_units=(("m",) * 3 + ("rad",) * 3) * (count // CELL_COORDINATES) + robot.dof_units,
         actuated=tuple(i + count for i in robot.actuated),
         damping=(0.0,) * count + robot.damping,
+        stiffness=robot.stiffness and (0.0,) * count + robot.stiffness,
+        rest=robot.rest and (0.0,) * count + robot.rest,
         lower=tuple(-x for x in endless) + robot.lower,
         upper=endless + robot.upper,
         **capacities,

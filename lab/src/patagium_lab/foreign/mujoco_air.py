@@ -55,6 +55,10 @@ class MujocoAir(MujocoModel):
         super().__init__(robot, _with_fluid(robot, air, body_drag))
         self.robot = robot
         self.model.dof_damping[:] = np.array(robot.damping, float)[self.order]
+        for k in range(self.model.njnt if robot.stiffness else 0):
+            place = self.order[self.model.jnt_dofadr[k]]
+            self.model.jnt_stiffness[k] = float(robot.stiffness[place])
+            self.model.qpos_spring[self.model.jnt_qposadr[k]] = float(robot.rest[place])
 
     def forces(self, q: Array, v: Array) -> Array:
         """Generalized force of the air, (N, n) [N, N m].

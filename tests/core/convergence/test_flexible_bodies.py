@@ -1,0 +1,115 @@
+"""Flexible plates against beam theory, and the energy of a flight with wings that bend."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from tests.robots import FLAPPER
+
+import patagium as pt
+from patagium.errors import RobotFileError
+from patagium.robot import load_robot_text
+
+BEAM = """
+name: beam
+gravity: 0
+bodies:
+  beam:
+    mass: 0.1 kg
+    center_of_mass: [0, 0.25, 0]
+    shape: {type: plate, chord: 4 cm, span: 0.5 m, thickness: 1 mm}
+    flexible: {elements: 8, bending: 0.5 N m^2, torsion: 0.2 N m^2}
+"""
+BENDING = np.array([1.87510407, 4.69409113, 7.85475744]) ** 2 * np.sqrt(0.5 / 0.2) / 0.5**2
+"""First frequencies of a cantilever [rad/s]: beta^2 sqrt(EI / (m/L)) / L^2."""
+TORSION = np.pi / 2 * np.array([1, 3]) / 0.5 * np.sqrt(0.2 / (0.2 * (0.04**2 + 1e-6) / 12))
+"""First frequencies of a clamped rod [rad/s]: (k - 1/2) pi / L sqrt(GJ / I)."""
+FLEXIBLE = FLAPPER.replace(
+    "shape: {type: plate, chord: 8 cm, span: 20 cm, thickness: 1 mm}",
+    "shape: {type: plate, chord: 8 cm, span: 20 cm, thickness: 1 mm}\n"
+    "    flexible: {elements: 2, bending: 0.03 N m^2, torsion: 0.005 N m^2, damping: 0.3 ms}",
+).replace("strips: 1", "strips: 6")
+
+
+def frequencies(elements: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies of bending and of torsion [rad/s]; at rest they do not act on each other."""
+    robot = load_robot_text(BEAM.replace("elements: 8", f"elements: {elements}"))
+    matrix = pt.Dynamics(robot).mass_matrix(np.zeros(robot.dof))
+    found = []
+    for kind in ("bend", "twist"):
+        k = [i for i, name in enumerate(robot.dof_names) if f"_{kind}_" in name]
+        stiffness = np.diag(np.array(robot.stiffness)[k])
+        found.append(np.sqrt(eigh(stiffness, matrix[np.ix_(k, k)])[0]))
+    return found[0], found[1]
+
+
+def test_frequencies_are_those_of_beams_and_converge():
+    errors = {}
+    for elements in (4, 8):
+        bending, torsion = frequencies(elements)
+        errors[elements] = np.abs(bending[:2] / BENDING[:2] - 1), np.abs(torsion / TORSION[0] - 1)
+    bending, torsion = frequencies(8)
+    assert np.abs(bending[:3] / BENDING - 1).max() < 0.01
+    assert np.abs(torsion[0] / TORSION[0] - 1) < 0.002
+    assert np.abs(torsion[1] / TORSION[1] - 1) < 0.016  # second order: (k pi l)^2 / 24
+    assert (errors[4][0] / errors[8][0] > 12).all()  # fourth order: 16
+    assert errors[4][1][0] / errors[8][1][0] == pytest.approx(4, rel=0.05)
+
+
+def test_a_flight_with_flexible_wings_keeps_its_energy_and_is_symmetric():
+    robot = load_robot_text(FLEXIBLE)
+    assert [body.name for body in robot.bodies if "left" in body.name] == [
+        "left_wing", "left_wing_1", "left_wing_2",
+    ]  # fmt: skip
+    rigid = load_robot_text(FLAPPER)
+    whole, parts = (pt.Dynamics(r).mass_matrix(r.coordinates()) for r in (rigid, robot))
+    shared = [robot.dof_names.index(name) for name in rigid.dof_names]
+    np.testing.assert_allclose(whole, parts[np.ix_(shared, shared)], atol=1e-12)
+    assert len({strip.body for strip in robot.strips}) == 6  # every piece of both wings has some
+    gait = pt.gaits.sinusoidal(robot, frequency=6.0, plunge=0.6, feather=0.1)
+    flight = pt.simulate(
+        robot, pt.QuasiSteady(robot), gait, duration=0.2, time_step=5e-5,
+        v=robot.velocities(x=5.0),
+    )  # fmt: skip
+    exchanged = np.abs(flight["air_work"].values).max()
+    assert np.abs(flight["energy_residual"].values).max() < 1e-8 * exchanged
+    bent = flight.q.sel(dof="left_wing_bend_1").values
+    assert 0.01 < np.abs(bent).max() < 0.5
+    np.testing.assert_allclose(bent, flight.q.sel(dof="right_wing_bend_1"), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("elements: 8", "elements: 3", "multiple of 2"),
+        ("bending: 0.5 N m^2, torsion: 0.2 N m^2", "damping: 1 ms", "bending or a torsion"),
+        ("type: plate, chord: 4 cm, span: 0.5 m, thickness: 1 mm",
+         "type: box, size: [4 cm, 0.5 m, 1 mm]", "a plate along y"),
+        ("0.2 N m^2", "0.2 N m", "torsion"),
+    ],
+)  # fmt: skip
+def test_what_cannot_bend_is_refused(old, new, words):
+    with pytest.raises(RobotFileError, match=words):
+        load_robot_text(BEAM.replace(old, new))
+
+
+def test_what_hangs_on_a_flexible_body_hangs_on_its_piece():
+    text = (
+        BEAM
+        + """
+  tip:
+    parent: beam
+    at: [1 cm, 0.5, 0]
+    joints: [{name: tip_turn, axis: x}]
+    mass: 1 g
+    shape: {type: box, size: [1 cm, 1 cm, 1 cm]}
+"""
+    )
+    robot = load_robot_text(text)
+    tip = robot.bodies[robot.body_index("tip")]
+    assert robot.bodies[tip.parent].name == "beam_8"
+    place = np.zeros(3)
+    while tip.parent >= 0:
+        place, tip = place + tip.position, robot.bodies[tip.parent]
+    np.testing.assert_allclose(place, [0.01, 0.5, 0], atol=1e-15)
