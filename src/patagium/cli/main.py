@@ -26,6 +26,7 @@ from patagium.cli import (
     evaluate,
     export,
     figures,
+    fly,
     identify,
     import_log,
     inspect,
@@ -82,8 +83,8 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    simulate, trim, cycles, figures, view, export, inspect, import_log, motion, identify, tune,
-    evaluate, stream, send, robots, check, cache,
+    simulate, trim, fly, cycles, figures, view, export, inspect, import_log, motion, identify,
+    tune, evaluate, stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")

@@ -230,7 +230,7 @@ def simulate(
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
 
-    _check_outputs(output, figure)
+    check_outputs(output, figure)
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
@@ -249,7 +249,7 @@ def simulate(
         if shown is not None:
             raise ParameterError("--live", "nothing with --stepping published", live)
         flight = _published(machine, model, frequency, plunge, speed or 0.0, duration, time_step)
-        _keep(flight, output, figure, as_json)
+        keep(flight, output, figure, as_json)
         return
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     moves = (
@@ -276,11 +276,20 @@ def simulate(
     flight = _fly(machine, model, moves, conditions, shown)
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
-    _keep(flight, output, figure, as_json)
+    keep(flight, output, figure, as_json)
 
 
-def _check_outputs(output: Path, figure: Path | None) -> None:
-    """Refuse places that cannot be written before the flight is flown."""
+def check_outputs(output: Path, figure: Path | None) -> None:
+    """Refuse places that cannot be written before the flight is flown.
+
+    Args:
+        output: File for the flight.
+        figure: File for a drawing, or None.
+
+    Raises:
+        OutputError: If one cannot be written.
+        ParameterError: If the drawing is of no kind that can be drawn.
+    """
     from patagium.report.figures import figure_kind
     from patagium.whole_file import placed
 
@@ -507,7 +516,19 @@ def _published(
     )  # fmt: skip
 
 
-def _keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
+def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
+    """Write a flight and a drawing of it, and tell its facts.
+
+    Args:
+        flight: The flight, whole or up to where it broke.
+        output: File for it; of one that broke FILE.partial.nc.
+        figure: File for the drawing, or None.
+        as_json: Whether facts are JSON.
+
+    Raises:
+        Exit: With 2, if the flight broke.
+        PatagiumError: If something was not saved.
+    """
     from patagium.cli.words import answer, say_next
     from patagium.simulation import save_flight
 

@@ -417,4 +417,4 @@ def _around(robot: Robot, aero: Aerodynamics) -> Machine:
 
 
 def _listed(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
+    return ", ".join(f"{value:.3g}" for value in values)

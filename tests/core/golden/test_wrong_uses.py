@@ -39,6 +39,8 @@ FILES = {
     "log.csv": "t,a,b\n0.0,1,2\n0.1,2,3\n0.2,3,4\n",
     "map.yaml": "time: {colum: t, unit: s}\ninputs: [{column: a, unit: m}]\n"
     "outputs: [{column: b, unit: N}]\n",
+    "plan.yaml": "robot: ornithopter\ntruth: {mases: 0.01}\nevents:\n"
+    "  - {type: gst, time: 1 s}\n  - {type: payload, time: 1 kg, body: body, mass: 5 g}\n",
     "settings.yaml": "format: patagium settings 1\nevery: 10\n"
     "network: {kind: dense, hidden: [3]}\nlearner: {kind: extended, prior_st: 0.5}\n",
 }
@@ -100,6 +102,11 @@ view flight.nc --model modl.json
 view flight.nc --out page.txt
 view flight.nc --still picture.bmp
 view model.json
+fly
+fly ornithoptr
+fly plan.yaml
+fly dragonfly
+fly ornithopter --seed -1
 cycles flight.nc --skip 100
 figures flight.nc --for poster
 robots aerobt

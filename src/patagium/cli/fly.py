@@ -1,0 +1,60 @@
+"""`patagium fly`: a closed loop of truth, estimate, controller and events becomes a flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from patagium.cli.words import quantity
+
+EXAMPLES = (
+    "patagium fly ornithopter",
+    "patagium fly plan.yaml -o flown.nc",
+    'patagium fly aerobat --duration "5 s" --seed 3 --json',
+)
+
+
+def fly(
+    plan: Annotated[
+        str,
+        typer.Argument(help="Plan (.yaml); or a preset or robot file, and the rest is chosen."),
+    ],
+    duration: Annotated[
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of noise and of what is off in the truth.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File for the flight (netCDF).")
+    ] = Path("flown.nc"),
+    figure: Annotated[
+        Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Fly a robot in a closed loop, in a truth that its controller does not know.
+
+    With a robot's name alone it is trimmed, flown by the predictive controller with noise-free
+    states, and disturbed by a gust after a third of the flight; `docs/control.md` has a plan.
+    A flight that breaks is kept up to there, in FILE.partial.nc; the exit code is then 2.
+    """
+    from patagium.cli.simulate import check_outputs, keep
+    from patagium.cli.words import progress_bar
+    from patagium.control.plan import load_plan, prepared
+
+    check_outputs(output, figure)
+    given = {"duration": duration, "seed": seed}
+    changed = {name: value for name, value in given.items() if value is not None}
+    ready = prepared(load_plan(plan).model_copy(update=changed))
+    if not as_json:
+        for sentence in ready.words:
+            typer.echo(sentence, err=True)
+    with progress_bar("Flying") as progress:
+        flight = ready.fly(progress)
+    if not as_json:
+        typer.echo(str(flight.attrs["controller"]), err=True)
+    keep(flight, output, figure, as_json)

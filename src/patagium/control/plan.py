@@ -1,0 +1,323 @@
+"""Plan of a closed loop: a YAML file that says what flies, what is known, and what happens.
+
+Only `robot` is needed. What is left out is chosen: level flight near the file's cruise, the
+predictive controller with all actuators of the robot's file, a truth that is not its model, and a
+gust of a tenth of the speed after a third of the flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import xarray as xr
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine, QuasiSteady
+from patagium.control.estimators import NoisyState
+from patagium.control.events import (
+    Event,
+    GustEvent,
+    PayloadEvent,
+    PolarEvent,
+    StuckEvent,
+    WindEvent,
+    WingLossEvent,
+    off_nominal,
+)
+from patagium.control.loop import fly
+from patagium.control.lqr import LinearRegulator
+from patagium.control.orbit import Orbit
+from patagium.control.predictive import OrbitController, PredictiveController
+from patagium.control.trimming import free_parameters, trim
+from patagium.errors import ParameterError, PatagiumError
+from patagium.limits import ROBOT_FILE
+from patagium.reading import parsed_yaml, refused, text_of
+from patagium.robot import Robot, load_robot
+from patagium.robot.units import (
+    Duration,
+    Length,
+    Mass,
+    PureNumber,
+    Speed,
+    quantity_type,
+)
+from patagium.simulation import gaits
+
+Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
+TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignore[valid-type]
+Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
+AirName: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
+AIRS: dict[str, type[Aerodynamics]] = {
+    "quasi-steady": QuasiSteady,
+    "lifting-line": LiftingLine,
+    "delaurier": DeLaurier,
+}
+BEATS = 40
+"""Duration of a flight in wingbeats where none is given."""
+GUST_SHARE = 0.1
+"""Gust over the speed where no event is given."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TrimPart(_Part):
+    """Conditions of the orbit, and the air that the controller's model has."""
+
+    speed: Speed | None = None
+    climb: Speed = 0.0
+    turn_rate: TurnRate = 0.0
+    free: tuple[str, ...] = ()
+    air: AirName = "quasi-steady"
+    density: Density = 1.225
+
+
+class TruthPart(_Part):
+    """Truth that flies: masses and inertias off the file's, other air."""
+
+    masses: PureNumber = 0.01
+    air: AirName = "quasi-steady"
+    density: Density = 1.2
+    wind: Velocity = (0.0, 0.0, 0.0)
+    added_mass: PureNumber | None = None
+    polar: dict[str, PureNumber] = {}
+
+
+class ControllerPart(_Part):
+    """Controller along the orbit."""
+
+    type: Literal["predictive", "regulator", "averaged"] = "predictive"
+    commands: tuple[str, ...] = ()
+    tolerable: dict[str, PureNumber] = {}
+
+
+class SensorsPart(_Part):
+    """Knowledge of the state, as `NoisyState`."""
+
+    std: dict[str, PureNumber] = {}
+    delay: Duration = 0.0
+    missing: PureNumber = 0.0
+
+
+class _EventPart(_Part):
+    time: Duration
+
+    def event(self) -> Event:
+        """Event of the loop."""
+        kind = EVENTS[str(getattr(self, "type", ""))]
+        return kind(**{one.name: getattr(self, one.name) for one in fields(kind)})
+
+
+class GustPart(_EventPart):
+    """Gust of one minus cosine."""
+
+    type: Literal["gust"]
+    velocity: Velocity
+    length_time: Duration
+
+
+class WindPart(_EventPart):
+    """Wind that changes, and stays."""
+
+    type: Literal["wind"]
+    velocity: Velocity
+    length_time: Duration = 0.05
+
+
+class PayloadPart(_EventPart):
+    """Mass on a body."""
+
+    type: Literal["payload"]
+    body: str
+    mass: Mass
+    position: tuple[Length, Length, Length] | None = None
+
+
+class WingLossPart(_EventPart):
+    """Outer part of a wing that is lost."""
+
+    type: Literal["wing_loss"]
+    wing: str
+    share: PureNumber
+
+
+class PolarPart(_EventPart):
+    """Numbers of the polar that are multiplied."""
+
+    type: Literal["polar"]
+    factors: dict[str, PureNumber]
+
+
+class StuckPart(_EventPart):
+    """Drive that holds its value."""
+
+    type: Literal["stuck"]
+    command: str
+    value: PureNumber | None = None
+
+
+EVENTS: dict[str, type[Event]] = {
+    "gust": GustEvent,
+    "wind": WindEvent,
+    "payload": PayloadEvent,
+    "wing_loss": WingLossEvent,
+    "polar": PolarEvent,
+    "stuck": StuckEvent,
+}
+EventPart: TypeAlias = Annotated[
+    GustPart | WindPart | PayloadPart | WingLossPart | PolarPart | StuckPart,
+    Field(discriminator="type"),
+]
+
+
+class Plan(_Part):
+    """Plan of a closed loop, as its file has it."""
+
+    robot: Annotated[str, Field(examples=["ornithopter"])]
+    trim: TrimPart = TrimPart()
+    truth: TruthPart = TruthPart()
+    controller: ControllerPart = ControllerPart()
+    sensors: SensorsPart = SensorsPart()
+    events: tuple[EventPart, ...] | None = None
+    duration: Duration | None = None
+    time_step: Duration = 1e-4
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+def load_plan(name_or_path: str | Path) -> Plan:
+    """Plan from a file, or the one that a robot's name stands for.
+
+    Args:
+        name_or_path: A YAML file with the key `robot`; or a preset or robot file.
+
+    Raises:
+        LogError: If the file cannot be read, or is no plan: a line for each wrong key.
+        RobotFileError: If it is neither a file nor a preset.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        load_robot(name_or_path)
+        return Plan(robot=str(name_or_path))
+    text = text_of(path, ROBOT_FILE)
+    described = parsed_yaml(text, str(path), aliases=False)
+    if isinstance(described, dict) and {"bodies", "mounted_on"} & {*described}:
+        return Plan(robot=str(name_or_path))
+    try:
+        return Plan.model_validate(described)
+    except ValidationError as problem:
+        raise refused(str(path), problem.errors(), Plan, text) from None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Plan whose orbit is found.
+
+    Attributes:
+        plan: The plan.
+        orbit: The orbit.
+        controller: What flies along it.
+        duration: Duration of the flight [s].
+        events: What happens.
+        words: What was chosen, in sentences.
+    """
+
+    plan: Plan
+    orbit: Orbit
+    controller: OrbitController
+    duration: float
+    events: tuple[Event, ...]
+    words: tuple[str, ...]
+
+    def fly(self, progress: Callable[[int, int], None] | None = None) -> xr.Dataset:
+        """Flight of the plan, up to where it breaks.
+
+        Args:
+            progress: Function that takes the steps done and to do.
+
+        Raises:
+            ParameterError: If a name or number of the plan is not possible.
+        """
+        plan, truth = self.plan, self.plan.truth
+        robot = off_nominal(self.orbit.robot, truth.masses, plan.seed)
+        air = Air(density=truth.density, wind=truth.wind)
+        aero = AIRS[truth.air](robot, air)  # type: ignore[call-arg]
+        if truth.polar:
+            _, aero = PolarEvent(time=0.0, factors=truth.polar).changed(robot, aero)
+        added = truth.added_mass
+        return fly(
+            robot, aero, self.controller, orbit=self.orbit, duration=self.duration,
+            sensors=NoisyState(**dict(plan.sensors)), events=self.events,
+            added_mass=None if added is None else AddedMass(robot, air, factor=added),
+            seed=plan.seed, time_step=plan.time_step, throw=False, progress=progress,
+        )  # fmt: skip
+
+
+def prepared(plan: Plan) -> Prepared:
+    """Plan with its orbit found and its controller made.
+
+    Args:
+        plan: The plan.
+
+    Raises:
+        ParameterError: If a condition or command of the plan is not possible.
+        PatagiumError: If there is no such orbit; it says what is lacking.
+    """
+    robot, given = load_robot(plan.robot), plan.trim
+    aero = AIRS[given.air](robot, Air(density=given.density))  # type: ignore[call-arg]
+    gait = gaits.cruise(robot)
+    free = given.free or free_parameters(robot, gait)
+    orbit = trim(
+        robot, aero, gait, free=free,
+        speed=given.speed, climb=given.climb, turn_rate=given.turn_rate,
+    )  # fmt: skip
+    if not isinstance(orbit, Orbit):
+        raise PatagiumError(repr(orbit))
+    named = plan.controller.commands or tuple(robot.actuators)
+    if not named:
+        expected = f"commands of {robot.name}, each with a range in `actuators` of its file"
+        raise ParameterError("controller: commands", expected, None)
+    tolerable = dict(plan.controller.tolerable)
+    controller: OrbitController
+    if plan.controller.type == "predictive":
+        controller = PredictiveController(orbit, named, tolerable=tolerable)
+    else:
+        averaged = plan.controller.type == "averaged"
+        controller = LinearRegulator(orbit, named, tolerable=tolerable, averaged=averaged)
+    duration = plan.duration or BEATS * orbit.period
+    chosen = _default_events(orbit, duration)
+    events = chosen if plan.events is None else tuple(one.event() for one in plan.events)
+    words = _words(plan, orbit, robot, named, duration, events)
+    return Prepared(plan, orbit, controller, duration, events, words)
+
+
+def _default_events(orbit: Orbit, duration: float) -> tuple[Event, ...]:
+    upward = max(GUST_SHARE * abs(orbit.speed), GUST_SHARE)
+    gust = (0.0, 0.0, upward)
+    return (GustEvent(time=duration / 3, velocity=gust, length_time=2 * orbit.period),)
+
+
+def _words(
+    plan: Plan,
+    orbit: Orbit,
+    robot: Robot,
+    named: tuple[str, ...],
+    duration: float,
+    events: tuple[Event, ...],
+) -> tuple[str, ...]:
+    truth, noise = plan.truth, NoisyState(**dict(plan.sensors))
+    climb = round(orbit.climb, 9) + 0.0
+    happen = [f"at {event.time:.3g} s {event.words}" for event in events]
+    return (
+        f"Orbit of {robot.name}: {orbit.speed:.3g} m/s, climb {climb:.3g} m/s, "
+        f"{1 / orbit.period:.3g} Hz",
+        f"Controller: {plan.controller.type}, commands {', '.join(named)}",
+        f"Truth: masses and inertias {100 * truth.masses:g} % off the file's (seed {plan.seed}), "
+        f"{truth.air} air of {truth.density:g} kg/m^3, the controller's {plan.trim.air} of "
+        f"{plan.trim.density:g}",
+        f"Known: {noise if noise != NoisyState() else 'the true state, without noise'}",
+        f"Flight of {duration:.3g} s; events: {'; '.join(happen) or 'none'}",
+    )

@@ -1,0 +1,102 @@
+"""`patagium fly`: a plan becomes a flight, and what was chosen is said."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.control.plan import load_plan, prepared
+from patagium.errors import LogError, ParameterError
+
+PLAN = """
+robot: ornithopter
+trim: {speed: 6 m/s, free: [frequency, elevation_offset, plunge_amplitude]}
+truth: {masses: 0.02, density: 1.19 kg/m^3, polar: {lift_amplitude: 0.97}}
+controller: {type: regulator, commands: [frequency, elevation_offset, rudder_offset]}
+sensors: {std: {z: 0.005, velocity of z: 0.02}, missing: 0.02}
+events:
+  - {type: gust, time: 0.1 s, velocity: [0, 50 cm/s, 0], length_time: 200 ms}
+  - {type: wind, time: 0.2 s, velocity: [0.1, 0, 0]}
+  - {type: payload, time: 0.3 s, body: body, mass: 5 g}
+  - {type: wing_loss, time: 0.4 s, wing: left_wing, share: 0.03}
+  - {type: polar, time: 0.5 s, factors: {drag_offset: 1.1}}
+  - {type: stuck, time: 0.6 s, command: rudder_offset, value: 0}
+duration: 0.8 s
+time_step: 0.5 ms
+seed: 3
+"""
+
+
+def said(capsys, *words):
+    """Exit code, answer and complaints of the program."""
+    with pytest.raises(SystemExit) as left:
+        run([str(word) for word in words])
+    heard = capsys.readouterr()
+    return left.value.code or 0, heard.out, heard.err
+
+
+def test_a_plan_is_flown_as_it_says(tmp_path, capsys):
+    (tmp_path / "plan.yaml").write_text(PLAN)
+    code, out, err = said(
+        capsys, "fly", tmp_path / "plan.yaml", "-o", tmp_path / "f.nc", "--seed", 4
+    )
+    assert code == 0 and "completed" in out
+    for words in ("6 m/s", "regulator", "2 % off", "seed 4", "payload of 5 g", "missing"):
+        assert words in err
+    flight = pt.load_flight(tmp_path / "f.nc")
+    kinds = [one["kind"] for one in json.loads(flight.attrs["events"])]
+    assert kinds == [
+        *("GustEvent", "WindEvent", "PayloadEvent", "WingLossEvent", "PolarEvent", "StuckEvent")
+    ]
+    assert flight.attrs["seed"] == 4
+    assert json.loads(flight.attrs["aero"])["air"]["density"] == 1.19
+    wind = flight["wind"].sel(axis="y").values
+    assert wind.max() == pytest.approx(0.5, rel=1e-3)
+    rudder = flight["command"].sel(command_name="rudder_offset").values
+    assert (rudder[flight["time"].values > 0.61] == 0.0).all()
+
+
+def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
+    words = ("--duration", "0.6 s", "-o", tmp_path / "f.nc", "--json")
+    code, out, err = said(capsys, "fly", "aerobat", *words)
+    assert code == 0 and json.loads(out)["outcome"] == "COMPLETED" and "Orbit" not in err
+    ready = prepared(load_plan("aerobat"))
+    assert ready.duration == pytest.approx(40 * ready.orbit.period)
+    (gust,) = ready.events
+    assert gust.time == pytest.approx(ready.duration / 3)
+    assert any("predictive" in one for one in ready.words)
+    flight = pt.load_flight(tmp_path / "f.nc")
+    heave = flight["estimate"].sel(state="z").values - flight["reference"].sel(state="z").values
+    assert np.abs(heave).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ("masses", "mases", "line 4, truth.mases: .*did you mean masses"),
+        ("type: gust", "type: gst", "line 8, events.0.type: .*did you mean gust"),
+        ("share:", "shar:", "line 11, .*did you mean share"),
+        ("mass: 5 g", "mass: 5 m", "line 10, .*expected a mass"),
+        ("regulator", "regulatr", "line 5, .*did you mean regulator"),
+        ("seed: 3", "seed: -3", "line 16, seed"),
+        ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
+    ],
+)
+def test_wrong_words_of_a_plan_are_told_with_their_line(tmp_path, old, new, where):
+    path = tmp_path / "plan.yaml"
+    path.write_text(PLAN.replace(old, new))
+    with pytest.raises(LogError, match=where):
+        load_plan(path)
+
+
+def test_what_a_plan_cannot_ask_is_refused(tmp_path):
+    path = tmp_path / "plan.yaml"
+    path.write_text(PLAN.replace("commands: [frequency, ", "commands: [wing_offset, "))
+    with pytest.raises(ParameterError, match="wing_offset"):
+        prepared(load_plan(path))
+    with pytest.raises(ParameterError, match="actuators"):
+        prepared(load_plan("dragonfly"))
