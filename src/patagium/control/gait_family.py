@@ -2,15 +2,19 @@
 
 Parameters bear the names of `SteeredGait`'s commands and mean the same: `frequency` [Hz],
 `amplitude` and `plunge_amplitude` (over the gait's own), `plunge_offset` (added to the mean)
-[rad, m], `plunge_phase` (lead) [rad]; a name ending in `_difference` is left less right. With
-phase x = 2 pi f t, a joint is at q = m + o + A (g(x + l) - m), where g is the Fourier series of
-the gait; of a gait that is none (a table's spline) its first harmonics are taken.
+[rad, m], `plunge_phase` (lead) [rad]; `plunge_cosine_2` and `plunge_sine_2` are added to the
+coefficients of the second harmonic [rad, m]; a name ending in `_difference` is left less right.
+With phase x = 2 pi f t, a joint is at q = m + o + A (g(x + l) - m) + sum_k c_k cos(k x) +
+s_k sin(k x), where g is the Fourier series of the gait; of a gait that is none (a table's spline)
+its first harmonics are taken.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +56,16 @@ def fourier_series(gait: Gait) -> FourierGait:
     return FourierGait(tuple(gait.joints), 1.0 / period, mean, harmonics.real, -harmonics.imag)
 
 
+class _Shape(NamedTuple):
+    """Frequency, amplitudes, offsets and phases, (n_a,), and what is added to the series."""
+
+    frequency: float
+    amplitude: Array
+    offset: Array
+    lead: Array
+    added: NDArray[np.complex128]
+
+
 @dataclass(frozen=True)
 class GaitFamily:
     """Gaits reached from one by some parameters.
@@ -61,7 +75,7 @@ class GaitFamily:
         base: Gait whose parameters are all neutral.
         names: Names of the parameters.
         directions: What each moves: frequency, then amplitudes, offsets and phases of all
-            joints, (p, 1 + 3 n_a).
+            joints, then cosines and sines of each harmonic, (p, 1 + 3 n_a + 2 order n_a).
     """
 
     robot: Robot
@@ -97,20 +111,32 @@ class GaitFamily:
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
         """
-        frequency, amplitude, offset, lead = self._shape(values)
-        order = np.arange(1, len(self.base.sine) + 1)[:, None]
-        turned = (self.base.cosine - 1j * self.base.sine) * amplitude * np.exp(1j * order * lead)
-        mean = self.base.mean + offset
+        shape = self._shape(values)
+        series = self._turned(shape) + shape.added
+        mean = self.base.mean + shape.offset
         return replace(
-            self.base, frequency=frequency, mean=mean, cosine=turned.real, sine=-turned.imag
+            self.base,
+            frequency=shape.frequency,
+            mean=mean,
+            cosine=series.real,
+            sine=-series.imag,
         )
 
-    def _shape(self, values: Array) -> tuple[float, Array, Array, Array]:
-        """Frequency, and amplitude, offset and phase of every joint, (n_a,) each."""
+    def _shape(self, values: Array) -> _Shape:
+        """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
         n = len(self.base.joints)
-        theta = np.r_[self.base.frequency, np.ones(n), np.zeros(2 * n)]
+        theta = np.zeros(self.directions.shape[1])
+        theta[0], theta[1 : 1 + n] = self.base.frequency, 1.0
         theta = theta + (np.asarray(values, float) - self.neutral) @ self.directions
-        return float(theta[0]), theta[1 : 1 + n], theta[1 + n : 1 + 2 * n], theta[1 + 2 * n :]
+        cosine, sine = theta[1 + 3 * n :].reshape(-1, 2, n).swapaxes(0, 1)
+        amplitude, offset, lead = theta[1 : 1 + 3 * n].reshape(3, n)
+        return _Shape(float(theta[0]), amplitude, offset, lead, cosine - 1j * sine)
+
+    def _turned(self, shape: _Shape) -> NDArray[np.complex128]:
+        """Series of the gait at some amplitude and phase, without what is added, (order, n_a)."""
+        order = np.arange(1, len(self.base.sine) + 1)[:, None]
+        turned = shape.amplitude * np.exp(1j * order * shape.lead)
+        return np.asarray((self.base.cosine - 1j * self.base.sine) * turned)
 
     def rows(self, values: Array, steps: int, air: Air) -> PrescribedRows:
         """Prescribed rows of one beat, and their derivatives by the parameters.
@@ -120,25 +146,38 @@ class GaitFamily:
             steps: Time steps of the beat.
             air: The air, whose wind the rows carry.
         """
-        gait, n = self.gait(values), len(self.base.joints)
-        frequency, amplitude, _, _ = self._shape(values)
+        n, shape = len(self.base.joints), self._shape(values)
+        frequency, way = shape.frequency, self.directions
         phase = np.pi * np.arange(2 * steps + 1) / steps
         pace = 2.0 * np.pi * frequency
-        order = 1j * np.arange(1, len(gait.sine) + 1)[:, None]
+        order = 1j * np.arange(1, len(self.base.sine) + 1)[:, None]
         wave = np.exp(np.outer(phase, order))
-        series = gait.cosine - 1j * gait.sine
-        waves = (wave @ np.hstack([series * order**k for k in range(4)])).real
-        g = waves.reshape(len(phase), 4, n) * pace ** np.arange(4)[:, None]
-        joints, leads = g[:, :3], g[:, 1:] / pace
-        own = np.divide(1.0, amplitude, out=np.zeros(n), where=amplitude != 0)
-        way = self.directions
-        slopes = way[:, None, None, 1 : 1 + n] * own * joints
-        slopes = slopes + way[:, None, None, 1 + 2 * n :] * leads
-        slopes += way[:, :1, None, None] * (np.arange(3)[:, None] / frequency * joints)
-        slopes[:, :, 0] += way[:, None, 1 + n : 1 + 2 * n]
-        flat = np.ascontiguousarray(slopes.swapaxes(0, 1)).reshape(len(phase), len(way), 3 * n)
+
+        def joints_of(series: NDArray[np.complex128], first: int) -> Array:
+            """Position, velocity and acceleration, or from a later derivative on."""
+            powers = np.hstack([series * order**k for k in range(first, first + 3)])
+            waves = (wave @ powers).real.reshape(len(phase), 3, -1)
+            return np.asarray(waves * pace ** np.arange(3)[:, None])
+
+        turned = self._turned(shape)
+        joints = joints_of(turned + shape.added, 0)
+        own = np.divide(1.0, shape.amplitude, out=np.zeros(n), where=shape.amplitude != 0)
+        one = np.zeros((len(phase), 3, n))
+        one[:, 0] = 1.0
+        effects = [own * joints_of(turned, 0), one, joints_of(turned, 1)]
+        none = np.zeros_like(one)
+        for unit in np.eye(len(order))[:, :, None]:
+            effects.append(joints_of(unit, 0) + none)
+            effects.append(joints_of(-1j * unit, 0) + none)
+        slopes = np.zeros((len(phase), len(way), 3, n))
+        for i in np.flatnonzero(way[:, 0]):
+            slopes[:, i] = way[i, 0] * np.arange(3)[:, None] / frequency * joints
+        for i, column in np.argwhere(way[:, 1:]):
+            kind, k = divmod(column, n)
+            slopes[:, i, :, k] += way[i, 1 + column] * effects[kind][:, :, k]
+        flat = slopes.reshape(len(phase), len(way), 3 * n)
         position = joints.reshape(len(phase), 3 * n).copy()
-        position[:, :n] += gait.mean
+        position[:, :n] += self.base.mean + shape.offset
         table = np.column_stack([position, air.uniform_wind_at(phase / pace)])
         step = 1.0 / (frequency * steps)
         return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
@@ -158,8 +197,15 @@ def gait_family(
         ParameterError: If a name is no parameter of this gait.
     """
     check_gait(robot, gait)
-    base = fourier_series(gait)
-    still = gait.period is None
+    base, still = fourier_series(gait), gait.period is None
+    series = [found for name in names if (found := _SERIES.match(name))]
+    order = max((int(found["harmonic"]) for found in series), default=0)
+    missing = ((0, max(0, order - len(base.sine))), (0, 0))
+    base = replace(
+        base,
+        cosine=np.pad(base.cosine, missing),
+        sine=np.pad(base.sine, missing),
+    )
     ways = np.array([_direction(robot, base, still, name) for name in names])
     return GaitFamily(robot, base, tuple(names), ways.reshape(len(names), -1))
 
@@ -184,28 +230,47 @@ def symmetric_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     return tuple(found)
 
 
+_SERIES = re.compile(
+    r"(?P<joint>.+)"
+    r"_(?P<part>cosine|sine)"
+    r"_(?P<harmonic>[1-9]\d?)"
+    r"(_difference)?$"
+)
+"""Name of a parameter that adds to a coefficient of the Fourier series."""
+
+
 def _kind(name: str) -> str:
     return name.removesuffix(DIFFERENCE).rpartition("_")[2]
 
 
 def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array:
-    """Direction of a parameter: frequency, amplitudes, offsets, phases, (1 + 3 n_a,)."""
+    """Direction of a parameter, (1 + 3 n_a + 2 order n_a,), as in `GaitFamily.directions`."""
     joints, n = base.joints, len(base.joints)
     moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
-    way = np.zeros(1 + 3 * n)
+    way = np.zeros(1 + (3 + 2 * len(base.sine)) * n)
     if name == "frequency" and not still:
         way[0] = 1.0
         return way
     kind, answering = robot.command(name.removesuffix(DIFFERENCE))
+    series, block = _SERIES.match(name), None
+    if series and not still:
+        kind, answering = "series", robot.joints_named(series["joint"])
+        block = 1 + 2 * int(series["harmonic"]) + (series["part"] == "sine")
+    elif kind in COMMANDS:
+        block = COMMANDS.index(kind)
+    needs_motion = kind not in ("offset", "series")
     for k, one in enumerate(joints):
-        if kind in COMMANDS and one in answering and (kind == "offset" or moving[k]):
+        if block is None or one not in answering:
+            continue
+        if moving[k] or not needs_motion:
             side = 0.5 if one.startswith("left_") else -0.5
-            way[1 + COMMANDS.index(kind) * n + k] = side if name.endswith(DIFFERENCE) else 1.0
+            way[1 + block * n + k] = side if name.endswith(DIFFERENCE) else 1.0
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
         flapping = ", ".join(one for k, one in enumerate(joints) if moving[k]) or "none"
         expected = (
             f"<joint>_offset of {', '.join(joints)}; frequency, amplitude, <joint>_amplitude or "
-            f"_phase of what flaps: {flapping}; <pair>_<kind>{DIFFERENCE} of a left and right one"
+            f"_phase of what flaps: {flapping}; <joint>_cosine_1, _sine_1, _cosine_2 ... of any; "
+            f"<pair>_<kind>{DIFFERENCE} of a left and right one"
         )
         raise ParameterError("gait parameter", expected, name)
     return way

@@ -122,20 +122,14 @@ class _Point(NamedTuple):
         return float(max(np.abs(self.gaps).max(initial=0.0), np.abs(self.misfit).max()))
 
 
-class _Search:
+class OrbitSearch:
     """Search for orbits of one robot with some free parameters."""
 
     def __init__(self, flight_map: FlightMap, family: GaitFamily, steps: int) -> None:
         self.map, self.family, self.steps = flight_map, family, steps
         self.frame = Frame(flight_map.names)
         self.still = np.zeros(len(family.names), bool)
-        self._scale = np.array([_scale(name) for name in flight_map.names])
-        self._reach = np.array(
-            [
-                0.3 * abs(v) if n == "frequency" else 0.3
-                for n, v in zip(family.names, family.neutral, strict=True)
-            ]
-        )
+        self._scale, self._reach = state_sizes(flight_map.names), parameter_sizes(family)
         self._pitch = flight_map.names.index("pitch")
         self.iterations = self.points = 0
 
@@ -276,11 +270,24 @@ class _Search:
         return ""
 
 
-def _scale(name: str) -> float:
-    """Size that a change of a state is measured by [SI]."""
-    if not name.startswith("velocity of "):
-        return 1.0
-    return 3.0 if name[12:] in ("x", "y", "z") else 20.0
+def state_sizes(names: Sequence[str]) -> Array:
+    """Sizes that changes of states are measured by, (n,) [SI].
+
+    Args:
+        names: Names of the states.
+    """
+    speeds = {f"velocity of {name}": 3.0 for name in "xyz"}
+    return np.array([speeds.get(k, 20.0 if k.startswith("velocity of ") else 1.0) for k in names])
+
+
+def parameter_sizes(family: GaitFamily) -> Array:
+    """Sizes that changes of gait parameters are measured by, (p,) [Hz, 1, rad or m, rad].
+
+    Args:
+        family: Gaits that they reach.
+    """
+    own = zip(family.names, family.neutral, strict=True)
+    return np.array([0.3 * abs(value) if name == "frequency" else 0.3 for name, value in own])
 
 
 def trim(
@@ -323,7 +330,7 @@ def trim(
     conditions = Conditions(finite("turn_rate", turn_rate), climb, speed)
     family = _family(robot, gait, free, conditions)
     steps = _steps(family, options.get("steps"))
-    search = _Search(FlightMap(robot, aero, options.get("added_mass")), family, steps)
+    search = OrbitSearch(FlightMap(robot, aero, options.get("added_mass")), family, steps)
     excess = search.excess(family.neutral)
     if excess:
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
@@ -331,7 +338,7 @@ def trim(
     at, trouble = _searched(search, states, conditions)
     if trouble:
         return _not_found(search, at, trouble)
-    return _orbit(search, at, options.get("added_mass"))
+    return orbit_of(search, at, options.get("added_mass"))
 
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
@@ -382,7 +389,7 @@ def _steps(family: GaitFamily, given: int | None) -> int:
     return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))
 
 
-def _first_states(search: _Search, robot: Robot, start: Orbit | None) -> Array:
+def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:
     """States of the nodes to begin from: those of an orbit, or of the cruise at one attitude."""
     if start is not None and start.names == search.map.names:
         return start.states
@@ -396,7 +403,7 @@ def _first_states(search: _Search, robot: Robot, start: Orbit | None) -> Array:
     return states
 
 
-def _searched(search: _Search, states: Array, wanted: Conditions) -> tuple[_Point, str]:
+def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[_Point, str]:
     """Orbit from a guess, at once or in parts, and what stood in the way."""
     values = search.family.neutral
     at, trouble = search.within(search.point(states, values, wanted), wanted)
@@ -427,7 +434,7 @@ def _searched(search: _Search, states: Array, wanted: Conditions) -> tuple[_Poin
     return at, trouble
 
 
-def _orbit(search: _Search, at: _Point, added_mass: AddedMass | None) -> Orbit:
+def orbit_of(search: OrbitSearch, at: _Point, added_mass: AddedMass | None) -> Orbit:
     """Orbit of a point whose misfits are rounding."""
     x, y, z, yaw = search.frame.neutral
     end, period = at.flown.ends[-1], at.period
@@ -455,7 +462,7 @@ def _orbit(search: _Search, at: _Point, added_mass: AddedMass | None) -> Orbit:
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
-def _not_found(search: _Search, at: _Point, trouble: str) -> NoOrbit:
+def _not_found(search: OrbitSearch, at: _Point, trouble: str) -> NoOrbit:
     """Failure of a search in words: a limit, authority that lacks, or a stall."""
     lacking: dict[str, float] = {}
     remedy = "begin from an orbit nearby (start=), or free other parameters (free=)"
@@ -486,7 +493,7 @@ _LEVER = {"f": 0.1, "m": 1.0}
 """Length by which a force and a moment are compared [m]."""
 
 
-def _mean_wrench(search: _Search, at: _Point, left: Array) -> dict[str, float]:
+def _mean_wrench(search: OrbitSearch, at: _Point, left: Array) -> dict[str, float]:
     """Mean force [N] and moment [N m] along x, y, z that scaled misfits of a beat stand for."""
     robot, names = search.map.robot, search.map.names
     misfit = left * search.rows_scale(len(left) - len(search.frame.kept))

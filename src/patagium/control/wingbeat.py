@@ -104,6 +104,7 @@ class FlightMap:
         added_mass: Inertia of the air that moves with the wings, or None.
         parameters: Names of parameters of the robot or of `aero` that are parameters of the map
             too, in the order of `Segments.by_parameter`.
+        work: Whether the work of the joints is the last entry of the state [J].
 
     Raises:
         ParameterError: If the robot does not float, the air is another robot's, a gust travels,
@@ -114,6 +115,7 @@ class FlightMap:
     aero: Aerodynamics
     added_mass: AddedMass | None = None
     parameters: tuple[str, ...] = ()
+    work: bool = False
     names: tuple[str, ...] = field(init=False)
     size: int = field(init=False)
     moving: int = field(init=False)
@@ -125,7 +127,7 @@ class FlightMap:
         check_added_mass(self.robot, self.aero, self.added_mass)
         self.aero.air.require_uniform("aero")
         layout = state_layout(self.robot, self.aero, mount_of(self.robot, None), self.added_mass)
-        self.moving, self.size = layout.moving, layout.moving + layout.lags
+        self.moving, self.size = layout.moving, layout.moving + layout.lags + self.work
         self.names = layout.state_names[: self.size]
         self._row_size = layout.row_size
         self._quaternions = np.array([places[0] for places in layout.quaternions], np.int64)
@@ -191,10 +193,10 @@ def _compiled_slopes(flight: FlightMap) -> _Slopes:
         if name not in known:
             raise ParameterError("parameters", "parameters of the robot or of its air", name)
     places = tuple(known.index(name) for name in flight.parameters)
-    kind = "" if added_mass is None else " with added mass"
+    kind = (" with added mass" if added_mass else "") + (" with work" if flight.work else "")
     functions = load_functions(
         f"slopes{kind} {aero.structure} {places} {robot.structure}",
-        lambda: _slope_functions(robot, aero, added_mass, places),
+        lambda: _slope_functions(flight, places),
         label=f"derivatives of a flight of {robot.name}",
         many_only=["slope"],
     )
@@ -205,17 +207,16 @@ def _compiled_slopes(flight: FlightMap) -> _Slopes:
     return _Slopes(functions["slope"], entries[0], entries[1], constants)
 
 
-def _slope_functions(
-    robot: Robot, aero: Aerodynamics, added_mass: AddedMass | None, places: tuple[int, ...]
-) -> Sequence[ca.Function]:
+def _slope_functions(flight: FlightMap, places: tuple[int, ...]) -> Sequence[ca.Function]:
     """CasADi functions of rate and Jacobian, and of where its nonzeros are.
 
     Where the air's equations call kernels, whose Jacobian is long, the function takes a seed
     too and gives rate and derivative along it.
     """
+    robot, aero, added_mass = flight.robot, flight.aero, flight.added_mass
     layout = state_layout(robot, aero, mount_of(robot, None), added_mass)
     whole = flight_functions(robot, aero, mount_of(robot, None), added_mass)[0]
-    size, names = layout.moving + layout.lags, [*whole.name_in()]
+    size, names = flight.size, [*whole.name_in()]
     given = list(whole.sx_in())
     state, row = ca.SX.sym("state", size), given[1]
     rest = ca.SX.zeros(layout.size - size, 1)

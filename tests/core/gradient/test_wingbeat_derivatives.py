@@ -15,7 +15,10 @@ from patagium.errors import ParameterError, ShapeError
 STEPS = 60
 STEP = 1e-6
 """Step of central differences: truncation 1e-12 of third derivatives, rounding 1e-16 / 1e-6."""
-NAMES = ("frequency", "plunge_amplitude", "plunge_offset", "feather_phase_difference")
+NAMES = (
+    *("frequency", "plunge_amplitude", "plunge_offset", "feather_phase_difference"),
+    *("plunge_cosine_2", "feather_sine_3_difference"),
+)
 
 
 class Case:
@@ -33,11 +36,11 @@ class Case:
         self.v = self.robot.velocities(x=6.0, pitch=0.3, roll=0.1)
         self.air = pt.Air(wind=(0.5, 0.2, 0.1))
 
-    def map(self, robot=None, parameters=("body.mass",)):
+    def map(self, robot=None, parameters=("body.mass",), work=True):
         robot = robot or self.robot
         aero = self.make(robot, self.air)
         added = pt.AddedMass(robot, aero.air) if self.inert else None
-        return FlightMap(robot, aero, added, parameters)
+        return FlightMap(robot, aero, added, parameters, work)
 
     def rows(self, change=0.0):
         return self.family.rows(self.family.neutral + change, STEPS, self.air)
@@ -75,7 +78,8 @@ def test_the_map_is_the_simulators(case):
     expected = np.r_[q[: flight_map.moving - 6], v[:6]]
     # rounding of 240 rates
     np.testing.assert_allclose(found[: flight_map.moving], expected, atol=1e-13)
-    assert np.abs(found).max() > 0.5
+    np.testing.assert_allclose(found[-1], flight.joint_work.values[-1], atol=1e-13)
+    assert np.abs(found).max() > 0.5 and abs(found[-1]) > 1e-3
 
 
 def test_derivatives_are_those_of_differences(case):
@@ -144,7 +148,7 @@ def test_gaits_of_a_family_are_what_steering_gives(case):
     values = {"frequency": 6.5, "plunge_amplitude": 1.1, "plunge_offset": 0.05}
     steered = SteeredGait(case.robot, case.gait)
     steered.command(0.0, {**values, "left_feather_phase": 0.1, "right_feather_phase": -0.1})
-    found = case.family.gait(np.array([*values.values(), 0.2]))
+    found = case.family.gait(np.array([*values.values(), 0.2, 0.0, 0.0]))
     beat = found.period
     late = 40 * beat + np.linspace(0.0, beat, 17)  # the answer to the command is over
     lag = steered._pieces[-1].responses.integral(np.array(late[0]), 0) * 6.0 / 6.5

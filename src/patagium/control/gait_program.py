@@ -1,0 +1,716 @@
+"""Nonlinear program of an optimal gait: unknowns, constraints, cost, derivatives, and IPOPT.
+
+Unknowns, all scaled: states at both ends of each segment of the beat, the work of the joints, the
+parameters of the gait, and the top and bottom of whatever of a joint's motion is limited. Motions
+keep their limits at samples of the beat; what goes beyond between them is taken off the limits and
+the program solved again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.control.gait_family import GaitFamily
+from patagium.control.orbit import Frame
+from patagium.control.trimming import Conditions, parameter_sizes, state_sizes
+from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
+
+Array = NDArray[np.float64]
+Goal = Literal["power", "range", "speed"]
+
+TOLERANCE = 1e-8
+"""Largest residual of the conditions of Karush, Kuhn and Tucker, in scaled unknowns [1]."""
+FARTHEST = np.pi / 2
+"""Limit of a joint that has none, either side [rad, m]."""
+IN_PLANE = 1e-9
+"""Distance from the plane of symmetry that is rounding's [SI]."""
+_SAMPLES = 120  # of a beat, at which limits hold
+_BETWEEN = 2001  # samples by which a gait is judged, as everywhere
+_CLOSE = 1e-6  # inside a limit [1]
+_STEP = 1e-6  # of differences of exact derivatives, in scaled unknowns
+_STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
+_AGAIN = 3  # solutions at most, with what samples miss taken off the limits
+_ITERATIONS = 200
+_OPTIONS = {
+    "no_nlp_grad": True,
+    "calc_lam_p": False,
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.max_iter": _ITERATIONS,
+    "ipopt.nlp_scaling_method": "none",
+    "ipopt.mu_strategy": "adaptive",
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.tol": 1e-9,
+    "ipopt.dual_inf_tol": 1e-9,
+    "ipopt.compl_inf_tol": 1e-9,
+    "ipopt.constr_viol_tol": 1e-9,
+}
+_WARM = {
+    "ipopt.mu_init": 1e-8,
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.warm_start_bound_push": 1e-9,
+    "ipopt.warm_start_bound_frac": 1e-9,
+    "ipopt.warm_start_slack_bound_push": 1e-9,
+    "ipopt.warm_start_slack_bound_frac": 1e-9,
+}
+_ACTIVE = 1e-5  # multiplier of a limit that holds a gait back
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Solution of a program, or where IPOPT stopped.
+
+    Attributes:
+        nodes: State at both ends of the segments, (m + 1, n) [SI].
+        values: Values of the parameters, (p,) [Hz, 1, rad or m, rad].
+        work: Work of the joints in a beat [J].
+        residual: Largest residual of the conditions of Karush, Kuhn and Tucker [1].
+        iterations: Iterations of IPOPT.
+        status: IPOPT's word for how it ended.
+        held: Limits that hold the gait back, in words.
+    """
+
+    nodes: Array
+    values: Array
+    work: float
+    residual: float
+    iterations: int
+    status: str
+    held: tuple[str, ...]
+
+    @property
+    def solved(self) -> bool:
+        """Whether it is a solution."""
+        return self.residual <= TOLERANCE
+
+
+@dataclass(frozen=True)
+class _Swings:
+    """Limited motions: a column of the prescribed rows each.
+
+    Attributes:
+        columns: Columns: positions, velocities or accelerations of joints, (l,).
+        low: Least value of each, (l,) [SI].
+        high: Greatest, (l,) [SI].
+        least: Least half swing, (l,) [SI].
+        most: Greatest, (l,) [SI].
+        names: Names of the joints.
+    """
+
+    columns: NDArray[np.int64]
+    low: Array
+    high: Array
+    least: Array
+    most: Array
+    names: tuple[str, ...]
+
+    @property
+    def sizes(self) -> Array:
+        """Sizes that the motions are scaled by, (l,) [SI]."""
+        return np.maximum(1.0, np.where(np.isfinite(self.high), self.high, 1.0))
+
+
+@dataclass(frozen=True)
+class _Ranges:
+    """Ranges of frequency and means, which are linear in the parameters.
+
+    Attributes:
+        ways: Derivative of each by the parameters, (r, p).
+        low: Least value of each, less that at parameters of zero, (r,) [Hz, rad or m].
+        high: Greatest, (r,) [Hz, rad or m].
+        names: Names.
+    """
+
+    ways: Array
+    low: Array
+    high: Array
+    names: tuple[str, ...]
+
+
+def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Swings:
+    """Motions that the parameters change and something limits, each of a mirrored pair once."""
+    robot, n = flight.robot, len(family.base.joints)
+    moved: Array = np.abs(rows.slopes).max(axis=(0, 1))
+    seen, joints = set(), []
+    bounds: list[tuple[float, ...]] = []
+    for k, (joint, i) in enumerate(zip(family.base.joints, robot.actuated, strict=True)):
+        swing = (0.0, np.inf)
+        for name, actuator in robot.actuators.items():
+            kind, answering = robot.command(name)
+            swing = actuator.range if kind == "amplitude" and joint in answering else swing
+        ends = (max(robot.lower[i], -FARTHEST), min(robot.upper[i], FARTHEST))
+        if np.isfinite([robot.lower[i], robot.upper[i]]).all():
+            ends = (robot.lower[i], robot.upper[i])
+        limits = [(k, *ends, *swing)]
+        for order, rates in ((1, robot.speed_limit), (2, robot.acceleration_limit)):
+            if rates and np.isfinite(rates[i]):
+                limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))
+        for limit in limits:
+            column, *others = limit
+            motion = rows.table[:, column].tobytes()
+            way = rows.slopes[:, :, column].tobytes()
+            key = (motion, way, *others)
+            if moved[column] and key not in seen:
+                seen.add(key)
+                bounds.append(limit)
+                joints.append(joint)
+    columns, *parts = np.array(bounds, float).reshape(-1, 5).T
+    low, high, least, most = parts
+    return _Swings(columns.astype(np.int64), low, high, least, most, tuple(joints))
+
+
+def _frequency_and_means(family: GaitFamily) -> _Ranges:
+    """Ranges that actuators give frequency and means.
+
+    A frequency without an actuator stays between half and twice that of the gait.
+    """
+    robot, base, n = family.robot, family.base, len(family.base.joints)
+    own = base.frequency
+    wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
+    for name, actuator in robot.actuators.items():
+        kind, joints = robot.command(name)
+        if kind == "frequency":
+            wanted[name] = (0, own, actuator.range)
+        for joint in joints if kind == "offset" else ():
+            k = base.joints.index(joint)
+            wanted[f"mean of {joint}"] = (1 + n + k, float(base.mean[k]), actuator.range)
+    found: dict[tuple[float, ...], str] = {}
+    for name, (place, own, (low, high)) in wanted.items():
+        way = family.directions[:, place]
+        shift = float(own - family.neutral @ way)
+        if way.any():
+            found.setdefault((*way, low - shift, high - shift), name)
+    table = np.array([*found], float).reshape(-1, len(family.names) + 2)
+    return _Ranges(table[:, :-2], table[:, -2], table[:, -1], tuple(found.values()))
+
+
+def lateral_states(names: Sequence[str]) -> list[int]:
+    """Places of the states that stay zero in a flight in the plane of symmetry.
+
+    Args:
+        names: Names of the states.
+    """
+    return [
+        k for k, x in enumerate(names) if x.removeprefix("velocity of ") in ("y", "roll", "yaw")
+    ]
+
+
+def _ends(
+    names: tuple[str, ...], family: GaitFamily, goal: Goal, conditions: Conditions
+) -> tuple[ca.Function, ca.Function]:
+    """Cost and conditions of a beat, with gradient and Jacobian; and their Lagrangian's Hessian.
+
+    Both of the first and last state, the work and the parameters, (2 n + 1 + p,) [SI].
+    """
+    n, frame = len(names), Frame(names)
+    first, last = ca.SX.sym("first", n), ca.SX.sym("last", n)
+    work, values = ca.SX.sym("work"), ca.SX.sym("values", len(family.names))
+    way, own = family.directions[:, 0], family.base.frequency
+    period = 1.0 / (own + ca.dot(way, values - family.neutral))
+    x, y, z, yaw = frame.neutral
+    along, across = (names.index(f"velocity of {k}") for k in "xy")
+    cosine, sine = ca.cos(last[yaw]), ca.sin(last[yaw])
+    seen = ca.SX(last)
+    seen[along] = cosine * last[along] + sine * last[across]
+    seen[across] = cosine * last[across] - sine * last[along]
+    half = 0.5 * conditions.turn_rate * period
+    longer = half / ca.sin(half) if conditions.turn_rate else 1.0
+    forward = longer * (ca.cos(half) * last[x] + ca.sin(half) * last[y])
+    returned = (seen[frame.kept] - first[frame.kept]) / state_sizes(names)[frame.kept]
+    found = [returned, last[yaw] - conditions.turn_rate * period]
+    if conditions.climb is not None:
+        found.append(last[z] - conditions.climb * period)
+    if conditions.speed is not None:
+        found.append(forward - conditions.speed * period)
+    costs = {
+        "power": work / period,
+        "range": work / forward,
+        "speed": -forward / period,
+    }
+    cost = costs[goal]
+    given, ends = ca.vertcat(first, last, work, values), ca.vertcat(*found)
+    weights = ca.SX.sym("weights", 1 + ends.shape[0])
+    slopes = ca.gradient(cost, given), ends, ca.densify(ca.jacobian(ends, given))
+    bends = ca.hessian(ca.dot(weights, ca.vertcat(cost, ends)), given)[0]
+    return (
+        ca.Function("ends", [given], [cost, *slopes]),
+        ca.Function("bends", [given, weights], [ca.densify(bends)]),
+    )
+
+
+class GaitProgram:
+    """Nonlinear program of the gait of one robot.
+
+    Args:
+        flight: Map of the flight with the work of the joints.
+        family: Gaits that the parameters reach.
+        steps: Time steps of a beat.
+        goal: "power" for the least mean power, "range" for the least energy a meter, "speed" for
+            the greatest speed.
+        conditions: Conditions beside the return.
+        nodes: States to begin from, (m + 1, n) [SI].
+
+    Attributes:
+        begin: Scaled unknowns at the beginning.
+        lateral: States that a mirrored flight leaves at zero, and are left out.
+        iterations: Iterations of IPOPT so far.
+        power_before: Mean power of the joints at the beginning [W].
+    """
+
+    def __init__(
+        self,
+        flight: FlightMap,
+        family: GaitFamily,
+        steps: int,
+        goal: Goal,
+        conditions: Conditions,
+        nodes: Array,
+    ) -> None:
+        self.flight, self.family, self.steps = flight, family, steps
+        self.names, self.parts = flight.names[:-1], len(nodes) - 1
+        self._sizes = state_sizes(self.names)
+        self._cost, self._bends = _ends(self.names, family, goal, conditions)
+        rows = family.rows(family.neutral, steps, flight.aero.air)
+        self._swings = _limited(flight, family, rows)
+        self._ranges = _frequency_and_means(family)
+        self._samples = np.arange(_SAMPLES) * 2 * steps // _SAMPLES
+        motion = rows.table[self._samples][:, self._swings.columns]
+        self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
+        self._beyond = np.zeros((2, len(self._swings.columns)))
+        flown = self._fly(nodes, rows)
+        work = float(flown.ends[:, -1].sum())
+        self.power_before = work * family.base.frequency
+        parts = (
+            nodes.ravel(),
+            [work],
+            family.neutral,
+            motion.max(axis=0),
+            motion.min(axis=0),
+        )
+        sizes = (
+            np.tile(self._sizes, self.parts + 1),
+            abs(work),
+            parameter_sizes(family),
+            self._swings.sizes,
+            self._swings.sizes,
+        )
+        self.scale = np.r_[sizes]
+        at = np.cumsum([0, *map(len, parts)])
+        places = map(slice, at, at[1:])
+        self._nodes, self._work, self._values, *ends = places
+        self._top, self._bottom = ends
+        n = len(self.names)
+        self._outer = np.r_[np.arange(n), np.arange(at[1] - n, at[3])]
+        self.begin = np.concatenate(parts) / self.scale
+        self.iterations = 0
+        self._known: tuple[bytes, PrescribedRows, Segments] | None = None
+        lateral = lateral_states(self.names)
+        apart = np.abs(nodes[:, lateral]).max()
+        moved = np.abs(flown.by_parameter[:, lateral]).max()
+        turns = conditions.turn_rate or max(apart, moved) > IN_PLANE
+        self.lateral = [] if turns else lateral
+        self._rows, self._row_scale = self._constraint_rows()
+        self._weight = 1.0
+        self._weight /= max(abs(self.cost(self.begin)), 1e-9)
+
+    def _constraint_rows(self) -> tuple[list[slice], Array]:
+        """Places of the kinds of constraints, and their scales."""
+        n, m, count = len(self.names), self.parts, len(self._swings.columns)
+        ends = self._cost.size_out(2)[0]
+        held = _SAMPLES * count
+        ranges = len(self._ranges.ways)
+        counts = m * n, 1, ends, held, held, count, count, ranges
+        at = np.cumsum([0, *counts])
+        scales = (
+            np.tile(self._sizes, m),
+            self.scale[self._work],
+            np.ones(ends),
+            np.tile(self._swings.sizes, 2 * _SAMPLES + 2),
+            np.ones(ranges),
+        )
+        return [*map(slice, at, at[1:])], np.concatenate(scales)
+
+    def _outside(self, z: Array) -> Array:
+        """First and last state, work and parameters, (2 n + 1 + p,) [SI]."""
+        return np.asarray((z * self.scale)[self._outer])
+
+    def _flown(self, z: Array) -> tuple[PrescribedRows, Segments]:
+        """Rows and flight of all segments; those of the last unknowns are known."""
+        key = z.tobytes()
+        if self._known is None or self._known[0] != key:
+            w = z * self.scale
+            rows = self._prescribed(w[self._values])
+            nodes = w[self._nodes].reshape(self.parts + 1, -1)
+            self._known = key, rows, self._fly(nodes, rows)
+        return self._known[1:]
+
+    def _prescribed(self, values: Array) -> PrescribedRows:
+        air = self.flight.aero.air
+        return self.family.rows(values, self.steps, air)
+
+    def _fly(self, nodes: Array, rows: PrescribedRows) -> Segments:
+        return self.flight.fly(np.pad(nodes[:-1], ((0, 0), (0, 1))), rows)
+
+    def cost(self, z: Array) -> float:
+        """Cost over that at the beginning.
+
+        Args:
+            z: Scaled unknowns.
+        """
+        return self._weight * float(self._cost(self._outside(z))[0])
+
+    def gradient(self, z: Array) -> Array:
+        """Gradient of the cost.
+
+        Args:
+            z: Scaled unknowns.
+        """
+        found = np.zeros(len(z))
+        found[self._outer] = np.array(self._cost(self._outside(z))[1]).ravel()
+        return np.asarray(self._weight * found * self.scale)
+
+    def constraints(self, z: Array) -> Array:
+        """Defects, work, conditions, samples below top and above bottom, swings, ranges.
+
+        Args:
+            z: Scaled unknowns.
+        """
+        rows, flown = self._flown(z)
+        w = z * self.scale
+        nodes = w[self._nodes].reshape(self.parts + 1, -1)
+        motion = rows.table[self._samples][:, self._swings.columns]
+        top, bottom = w[self._top], w[self._bottom]
+        high, low = self._peaks
+        each = np.arange(motion.shape[1])
+        parts = [
+            flown.ends[:, :-1] - nodes[1:],
+            flown.ends[:, -1].sum() - w[self._work],
+            np.array(self._cost(w[self._outer])[2]),
+            top - motion,
+            motion - bottom,
+            top - bottom,
+            motion[high, each] - motion[low, each],
+            self._ranges.ways @ w[self._values],
+        ]
+        return np.concatenate([np.ravel(part) for part in parts]) / self._row_scale
+
+    def slopes(self, z: Array | None) -> Array:
+        """Jacobian of the constraints; ones where it may not be zero without unknowns.
+
+        Args:
+            z: Scaled unknowns, or None.
+        """
+        n, m, p = len(self.names), self.parts, len(self.family.names)
+        count = len(self._swings.columns)
+        if z is None:
+            a, b = np.ones((m, n + 1, n + 1)), np.ones((m, n + 1, p))
+            outer, motion = 1.0, np.ones((_SAMPLES, count, p))
+        else:
+            rows, flown = self._flown(z)
+            a, b = flown.by_state, flown.by_parameter
+            outer = self._cost(self._outside(z))[3]
+            motion = rows.slopes[self._samples]
+            motion = motion[:, :, self._swings.columns].transpose(0, 2, 1)
+        defects, work, ends, under, over, swings, least, ranges = self._rows
+        values = self._values
+        found = np.zeros((len(self._row_scale), len(self.scale)))
+        for k in range(m):
+            own = slice(k * n, (k + 1) * n)
+            after = slice((k + 1) * n, (k + 2) * n)
+            found[own, own] = a[k, :n, :n]
+            found[own, after] = -np.eye(n)
+        found[defects, values] = b[:, :n].reshape(m * n, p)
+        found[work, : m * n] = a[:, n, :n].ravel()
+        found[work, values] = b[:, n].sum(axis=0)
+        found[work, self._work] = -1.0
+        found[ends, self._outer] = outer
+        one = np.eye(count)
+        every = np.tile(one, (_SAMPLES, 1))
+        found[under, values] = -motion.reshape(-1, p)
+        found[over, values] = motion.reshape(-1, p)
+        found[under, self._top] = every
+        found[over, self._bottom] = -every
+        found[swings, self._top] = one
+        found[swings, self._bottom] = -one
+        each = np.arange(count)
+        found[least, values] = motion[self._peaks[0], each]
+        if z is not None:
+            found[least, values] -= motion[self._peaks[1], each]
+        found[ranges, values] = self._ranges.ways
+        return np.asarray(found * self.scale / self._row_scale[:, None])
+
+    def bends(self, z: Array, weight: float, multipliers: Array) -> Array:
+        """Hessian of the Lagrangian, by differences of exact derivatives of each segment.
+
+        Args:
+            z: Scaled unknowns.
+            weight: Multiplier of the cost.
+            multipliers: Those of the constraints.
+        """
+        n, m, w = len(self.names), self.parts, z * self.scale
+        own = multipliers / self._row_scale
+        defects, work, ends, under, over, _, least, _ = self._rows
+        parts = own[defects].reshape(m, n), np.full((m, 1), own[work])
+        of_ends, count = np.hstack(parts), len(self._swings.columns)
+        of_motion = (own[over] - own[under]).reshape(_SAMPLES, count)
+        for peak, side in zip(self._peaks, (1.0, -1.0), strict=True):
+            of_motion[peak, np.arange(count)] += side * own[least]
+
+        def gradient(rows: PrescribedRows, flown: Segments) -> tuple[Array, Array]:
+            """Gradient of the weighted ends by states, (m, n), and parameters, (m, p)."""
+            motion = rows.slopes[self._samples][:, :, self._swings.columns]
+            found = np.einsum("ki,kij->kj", of_ends, flown.by_parameter)
+            found[0] += np.einsum("sl,spl->p", of_motion, motion)
+            return np.einsum("ki,kij->kj", of_ends, flown.by_state)[:, :n], found
+
+        found, values = np.zeros((len(z), len(z))), self._values
+        outer = np.r_[weight * self._weight, own[ends]]
+        found[np.ix_(self._outer, self._outer)] = self._bends(w[self._outer], outer)
+        rows, flown = self._flown(z)
+        here, nodes = gradient(rows, flown), w[self._nodes].reshape(m + 1, n)
+        still = {*Frame(self.names).neutral[:3], *self.lateral}
+        for i in set(range(n)) - still:
+            step = _STEP * self._sizes[i]
+            moved = self._fly(nodes + step * np.eye(n)[i], rows)
+            by_state, by_value = gradient(rows, moved)
+            for k, change in enumerate((by_state - here[0]) / step):
+                found[k * n : (k + 1) * n, k * n + i] += change
+            mixed = (by_value - here[1]) / step
+            found[i : m * n : n, values] += mixed
+            found[values, i : m * n : n] += mixed.T
+        for i, size in enumerate(parameter_sizes(self.family)):
+            given = w[values].copy()
+            given[i] += _STEP * size
+            rows = self._prescribed(given)
+            change = gradient(rows, self._fly(nodes, rows))[1] - here[1]
+            found[values, values.start + i] += change.sum(axis=0) / (_STEP * size)
+        both = np.outer(self.scale, self.scale)
+        return np.asarray(0.5 * (found + found.T) * both)
+
+    def solve(self) -> Optimum:
+        """Solution of the program, its limits kept between the samples too."""
+        begin: dict[str, Any] = {"x0": self.begin}
+        for _ in range(_AGAIN):
+            begin, found = self._solved(begin)
+            beyond = self._beyond_limits(found.values)
+            if not found.solved or not beyond.any():
+                break
+            self._beyond += beyond
+        return found
+
+    def _beyond_limits(self, values: Array) -> Array:
+        """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""
+        swings, gait = self._swings, self.family.gait(values)
+        motion = gait.motion(np.linspace(0.0, gait.period or 0.0, _BETWEEN))
+        every = np.hstack([motion.position, motion.velocity, motion.acceleration])
+        limited = every[:, swings.columns]
+        top, bottom = limited.max(axis=0), limited.min(axis=0)
+        over = np.array([top - swings.high, swings.low - bottom])
+        swung = (top - bottom - 2.0 * swings.most) / 2.0
+        over = np.maximum(over, np.where(np.isfinite(swung), swung, -np.inf))
+        return np.where(over > 0.0, over + _CLOSE, 0.0)
+
+    def _bounds(self) -> tuple[Array, Array, Array, Array]:
+        """Least and greatest of unknowns and of constraints, scaled."""
+        n, m, swings = len(self.names), self.parts, self._swings
+        high = np.full(len(self.scale), np.inf)
+        low = -high
+        frame = Frame(self.names)
+        pitch = self.names.index("pitch")
+        low[pitch : (m + 1) * n : n] = -_STEEPEST
+        high[pitch : (m + 1) * n : n] = _STEEPEST
+        for k in frame.neutral:
+            low[k] = high[k] = 0.0
+        high[self._top] = swings.high - self._beyond[0]
+        low[self._bottom] = swings.low + self._beyond[1]
+        least = np.zeros(len(self._row_scale))
+        most = least.copy()
+        _, _, ends, under, over, swing, wide, ranges = self._rows
+        most[under] = most[over] = most[wide] = np.inf
+        most[swing] = 2.0 * swings.most - self._beyond.sum(axis=0)
+        least[wide] = np.where(swings.least > 0.0, 2.0 * swings.least, -np.inf)
+        least[ranges], most[ranges] = self._ranges.low, self._ranges.high
+        if self.lateral:
+            yaw = ends.start + len(frame.kept)
+            least[yaw], most[yaw] = -np.inf, np.inf
+        for k in self.lateral:  # no unknowns, no conditions
+            low[k : (m + 1) * n : n] = 0.0
+            high[k : (m + 1) * n : n] = 0.0
+            free = [*range(k, m * n, n)]
+            if k in frame.kept:
+                free.append(ends.start + frame.kept.index(k))
+            least[free], most[free] = -np.inf, np.inf
+        rows = self._row_scale
+        return low / self.scale, high / self.scale, least / rows, most / rows
+
+    def _patterns(self) -> tuple[ca.Sparsity, ca.Sparsity]:
+        """Places that may not be zero of the Jacobian, and of the Hessian's upper triangle."""
+        n, values = len(self.names), np.arange(len(self.scale))[self._values]
+        bends = np.zeros((len(self.scale), len(self.scale)))
+        for places in (self._outer, *np.arange(self.parts * n).reshape(-1, n)):
+            every = np.r_[places, values]
+            bends[np.ix_(every, every)] = 1.0
+        every = self.slopes(None), np.triu(bends)
+        found = [ca.sparsify(ca.DM(part)) for part in every]
+        return found[0].sparsity(), found[1].sparsity()
+
+    def _solver(self, warm: bool) -> tuple[ca.Function, list[ca.Callback]]:
+        """IPOPT for this program, and functions that it calls and that must outlive it."""
+        slopes, bends = self._patterns()
+        of_slopes, of_bends = slopes.get_triplet(), bends.get_triplet()
+        own = ca.Sparsity.dense(len(self.scale))
+        rows = ca.Sparsity.dense(len(self._row_scale))
+        none, one = ca.Sparsity.dense(0, 1), ca.Sparsity.dense(1)
+
+        def values(z: Array, _: Array | None = None) -> list[Any]:
+            return [self.cost(z), self.constraints(z)]
+
+        def gradient(z: Array, _: Array) -> list[Any]:
+            return [self.cost(z), self.gradient(z)]
+
+        def jacobian(z: Array, _: Array) -> list[Any]:
+            return [self.constraints(z), ca.DM(slopes, self.slopes(z)[of_slopes])]
+
+        def hessian(z: Array, _: Array, weight: Array, multipliers: Array) -> list[Any]:
+            found = self.bends(z, float(weight[0]), multipliers)
+            return [ca.DM(bends, found[of_bends])]
+
+        cost = _Callback("values", values, [own], [one, rows])
+        given = {
+            "grad_f": _Callback(
+                "gradient",
+                gradient,
+                [own, none],
+                [one, own],
+            ),
+            "jac_g": _Callback(
+                "slopes",
+                jacobian,
+                [own, none],
+                [rows, slopes],
+            ),
+            "hess_lag": _Callback(
+                "bends",
+                hessian,
+                [own, none, one, rows],
+                [bends],
+            ),
+        }
+        x, p = ca.MX.sym("x", own), ca.MX.sym("p", none)
+        program = ca.Function(
+            "program",
+            [x, p],
+            [*cost(x)],
+            ["x", "p"],
+            ["f", "g"],
+        )
+        options = _OPTIONS | (_WARM if warm else {})
+        solver = ca.nlpsol("gait", "ipopt", program, given | options)
+        return solver, [cost, *given.values()]
+
+    def _solved(self, begin: dict[str, Any]) -> tuple[dict[str, Any], Optimum]:
+        """Solution by IPOPT, and where to begin from to go on."""
+        solver, _functions = self._solver(warm="lam_g0" in begin)
+        low, high, least, most = self._bounds()
+        found = solver(
+            **begin,
+            lbx=low,
+            ubx=high,
+            lbg=least,
+            ubg=most,
+        )
+        z = np.array(found["x"]).ravel()
+        on = np.array(found["lam_g"]).ravel()
+        of = np.array(found["lam_x"]).ravel()
+        stats = solver.stats()
+        self.iterations += stats["iter_count"]
+        again = {"x0": z, "lam_g0": on, "lam_x0": of}
+        w = z * self.scale
+        return again, Optimum(
+            w[self._nodes].reshape(self.parts + 1, -1),
+            w[self._values],
+            float(w[self._work][0]),
+            self._residual(z, on, of),
+            self.iterations,
+            stats["return_status"],
+            self._held(of, on),
+        )
+
+    def _residual(self, z: Array, on: Array, of: Array) -> float:
+        """Largest residual of the conditions of Karush, Kuhn and Tucker, scaled unknowns [1].
+
+        Of the stationarity, of the constraints, and of multipliers times what is left of a limit.
+        """
+        low, high, least, most = self._bounds()
+        still = self.gradient(z) + self.slopes(z).T @ on + of
+        sizes = [np.abs(still[low < high]).max()]
+        both = (z, of, low, high), (self.constraints(z), on, least, most)
+        for value, multiplier, below, above in both:
+            sizes.append(max(np.max(below - value), np.max(value - above)))
+            for end, sign in ((below, -1.0), (above, 1.0)):
+                limit = np.isfinite(end) & (below < above)
+                left = np.abs(value[limit] - end[limit])
+                sizes.append(np.max(sign * multiplier[limit] * left, initial=0.0))
+        return float(max(sizes))
+
+    def _held(self, of: Array, on: Array) -> tuple[str, ...]:
+        """Limits that hold the gait back, in words."""
+        swings, found = self._swings, []
+        n = len(self.family.base.joints)
+        kinds = ["", "speed of ", "acceleration of "]
+        for k, (column, name) in enumerate(zip(swings.columns, swings.names, strict=True)):
+            told = kinds[column // n] + name
+            for place, word in ((self._top, "upper"), (self._bottom, "lower")):
+                if abs(of[place][k]) > _ACTIVE:
+                    found.append(f"{told} at its {word} limit")
+            if abs(on[self._rows[5]][k]) > _ACTIVE:
+                found.append(f"amplitude of {told} at its greatest")
+            if abs(on[self._rows[6]][k]) > _ACTIVE:
+                found.append(f"amplitude of {told} at its least")
+        for multiplier, name in zip(on[self._rows[7]], self._ranges.names, strict=True):
+            if abs(multiplier) > _ACTIVE:
+                found.append(f"{name} at its {'greatest' if multiplier > 0 else 'least'}")
+        return tuple(found)
+
+
+class _Callback(ca.Callback):  # type: ignore[misc]
+    """CasADi function of arrays that calls a function in Python."""
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[..., list[Any]],
+        given: list[ca.Sparsity],
+        found: list[ca.Sparsity],
+    ) -> None:
+        super().__init__()
+        self._function, self._given, self._found = function, given, found
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """Number of arguments."""
+        return len(self._given)
+
+    def get_n_out(self) -> int:
+        """Number of results."""
+        return len(self._found)
+
+    def get_sparsity_in(self, place: int) -> ca.Sparsity:
+        """Shape of an argument."""
+        return self._given[place]
+
+    def get_sparsity_out(self, place: int) -> ca.Sparsity:
+        """Shape of a result."""
+        return self._found[place]
+
+    def eval(self, arguments: list[ca.DM]) -> list[Any]:
+        """Results."""
+        return self._function(*(np.array(part).ravel() for part in arguments))

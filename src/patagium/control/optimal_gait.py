@@ -1,0 +1,286 @@
+"""Optimal gaits: the periodic orbit of least power, least energy a meter, or greatest speed.
+
+Parameters are frequency, means and Fourier coefficients of the joints, or others that are named;
+states along the beat are unknowns too (`gait_program`). Power is mechanical, and what a joint takes
+back from its wing counts as recovered, as in a flight's `joint_work`; the power without recovery
+stands beside it. Neglected: losses in motors. Minima are local: a search goes on from a gait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics import Aerodynamics, QuasiSteady
+from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
+from patagium.control.gait_program import (
+    IN_PLANE,
+    GaitProgram,
+    Goal,
+    Optimum,
+    lateral_states,
+)
+from patagium.control.orbit import NoOrbit, Orbit
+from patagium.control.trimming import Conditions, OrbitSearch, TrimOptions, orbit_of, trim
+from patagium.control.wingbeat import FlightMap
+from patagium.errors import ParameterError
+from patagium.robot import Robot
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.simulator import check_keywords
+
+Array = NDArray[np.float64]
+
+
+GOALS = {
+    "power": "least power",
+    "range": "least energy a meter",
+    "speed": "greatest speed",
+}
+"""What may be sought, and its words."""
+MOST = 16
+"""Greatest order of the Fourier series of an optimal gait."""
+
+
+class OptimizeOptions(TrimOptions, total=False):
+    """Keywords that an optimization may have and mostly has not, beside those of a trim.
+
+    Attributes:
+        free: Gait parameters that may change, by the names of `gait_family`; by default frequency,
+            means and coefficients of the joints that the robot's `actuators` swing and shift, or
+            without actuators of all joints that move or have limits.
+        start: Orbit to begin from; by default that of `trim`, and then the best sinusoids.
+    """
+
+    free: Sequence[str]
+
+
+@dataclass(frozen=True)
+class OptimalGait:
+    """Optimal gait that was found.
+
+    Attributes:
+        orbit: Its orbit, as `trim` gives it.
+        goal: What was sought: "power", "range" or "speed".
+        harmonics: Order of the Fourier series.
+        power: Mean mechanical power of the joints [W].
+        power_before: That of the orbit it began from [W].
+        sinusoid: The best gait of one harmonic at the same conditions; None if it is that, or the
+            search began from an orbit that was given.
+        residual: Largest residual of the conditions of Karush, Kuhn and Tucker, scaled [1].
+        iterations: Iterations of IPOPT.
+        held: Limits that hold the gait back, in words.
+    """
+
+    orbit: Orbit
+    goal: Goal
+    harmonics: int
+    power: float
+    power_before: float
+    sinusoid: OptimalGait | None
+    residual: float
+    iterations: int
+    held: tuple[str, ...]
+    found: ClassVar[bool] = True
+
+    @cached_property
+    def powers(self) -> tuple[float, float]:
+        """Mean power of the joints in a simulated beat, and that without recovery [W]."""
+        beat = self.orbit.flight(beats=1)
+        each = beat["u1"].to_numpy() * beat["v"].to_numpy()
+        spent = np.maximum(each, 0.0).sum(axis=1)[:-1].mean()
+        return float(beat["joint_work"].to_numpy()[-1] / self.orbit.period), float(spent)
+
+    @property
+    def energy_per_meter(self) -> float:
+        """Mechanical energy a meter of way [J/m]; infinite in hover."""
+        hovers = abs(self.orbit.speed) < 1e-9
+        return float("inf") if hovers else self.power / self.orbit.speed
+
+    def summary(self) -> dict[str, Any]:
+        """Gait as facts by name, with their units."""
+        simulated, spent = self.powers
+        facts: dict[str, Any] = {
+            "goal": self.goal,
+            "harmonics": self.harmonics,
+            "power_W": self.power,
+            "power_simulated_W": simulated,
+            "power_without_recovery_W": spent,
+            "energy_per_meter_J_m": self.energy_per_meter,
+            "power_before_W": self.power_before,
+        }
+        if self.sinusoid is not None:
+            facts["power_of_best_sinusoid_W"] = self.sinusoid.power
+            facts["saved_over_sinusoid"] = 1.0 - self.power / self.sinusoid.power
+        facts |= {"kkt_residual": self.residual, "iterations": self.iterations}
+        return facts | {"held_by": list(self.held)} | self.orbit.summary()
+
+    def __repr__(self) -> str:
+        orbit, best = self.orbit, self.sinusoid
+        lines = [
+            f"gait of {GOALS[self.goal]} of {orbit.robot.name}, "
+            f"{self.harmonics} harmonics, {orbit.gait.frequency:.4g} Hz",
+            f"  speed {orbit.speed:.4g} m/s, climb {orbit.climb:.4g} m/s",
+            f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m "
+            f"(before {self.power_before:.4g} W"
+            + (f"; best sinusoid {best.power:.4g} W)" if best else ")"),
+            f"  without recovery {self.powers[1]:.4g} W",
+            f"  residual {self.residual:.1e} after {self.iterations} iterations",
+            f"  held by: {', '.join(self.held) or 'nothing'}",
+        ]
+        return "\n".join(lines)
+
+
+def optimize(
+    robot: Robot,
+    aero: Aerodynamics | None = None,
+    gait: Gait | None = None,
+    *,
+    speed: float | None = None,
+    climb: float = 0.0,
+    harmonics: int = 3,
+    goal: Goal = "power",
+    **options: Unpack[OptimizeOptions],
+) -> OptimalGait | NoOrbit:
+    """Optimal gait of a periodic flight: of least power, least energy a meter, greatest speed.
+
+    Args:
+        robot: The machine, with a floating body and Euler angles.
+        aero: Model of the air around it, in air at rest; quasi-steady by default.
+        gait: Gait to begin from; by default that of the robot's section `cruise`.
+        speed: Mean speed forward [m/s]; None leaves it free, 0 hovers.
+        climb: Mean speed upward [m/s].
+        harmonics: Order of the Fourier series of the joints.
+        goal: "power" for least mean mechanical power, "range" for least energy a meter, "speed".
+        **options: Keywords of `OptimizeOptions`, all optional.
+
+    Returns:
+        The gait with its orbit; or a `NoOrbit` that says what stood in the way. `found` tells them
+        apart.
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+    """
+    check_keywords(options, OptimizeOptions)
+    aero, free = aero or QuasiSteady(robot), options.pop("free", None)
+    if not (isinstance(harmonics, int) and 1 <= harmonics <= MOST):
+        raise ParameterError("harmonics", f"a whole number from 1 to {MOST}", harmonics)
+    if goal not in GOALS:
+        raise ParameterError("goal", f"one of {', '.join(GOALS)}", goal, GOALS)
+    if goal != "power" and speed is not None:
+        raise ParameterError("speed", f"None, as the goal {goal} finds it", speed)
+    conditions = Conditions(0.0, climb, speed)
+    start = options.get("start")
+    if start is None:
+        trimmed = trim(robot, aero, gait, speed=speed, climb=climb, **options)
+        if not isinstance(trimmed, Orbit):
+            return trimmed
+        start = trimmed
+    elif start.robot is not robot or gait is not None:
+        raise ParameterError("start", "an orbit of this robot, without a gait beside it", start)
+    if free is not None or options.get("start") is not None or harmonics == 1:
+        return _optimal(start, conditions, goal, harmonics, free)
+    sinusoid = _optimal(start, conditions, goal, 1, None)
+    if not isinstance(sinusoid, OptimalGait):
+        return sinusoid
+    best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None)
+    if not isinstance(best, OptimalGait):
+        return best
+    return replace(best, power_before=sinusoid.power_before, sinusoid=sinusoid)
+
+
+def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
+    """Names of the parameters that an optimization changes where none are given.
+
+    Args:
+        robot: The machine.
+        gait: Its gait.
+        harmonics: Order of the Fourier series.
+    """
+    base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
+    series = base.cosine - 1j * base.sine
+    moving = np.abs(series).max(axis=0, initial=0.0) > 0
+    own = {name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
+    found, phased = ["frequency"] if gait.period else [], False
+    for k, (joint, i) in enumerate(zip(joints, robot.actuated, strict=True)):
+        name = joint.removeprefix("left_")
+        if joint.startswith("right_") and f"left_{joint[6:]}" in joints:
+            continue
+        limited = np.isfinite(robot.lower[i]) and np.isfinite(robot.upper[i])
+        if f"{name}_offset" in own if own else limited or moving[k]:
+            found.append(f"{name}_offset")
+        if not ({f"{name}_amplitude", "amplitude"} & own if own else limited or moving[k]):
+            continue
+        for order in range(1, harmonics + 1):
+            parts = ["cosine", "sine"]
+            if order == 1 and not phased and moving[k]:  # where the beat begins is nobody's matter
+                phased, first = True, series[0, k]
+                parts = ["sine" if abs(first.imag) > abs(first.real) else "cosine"]
+            found += [f"{name}_{part}_{order}" for part in parts]
+    return tuple(found)
+
+
+def _optimal(
+    start: Orbit, conditions: Conditions, goal: Goal, harmonics: int, free: Sequence[str] | None
+) -> OptimalGait | NoOrbit:
+    """Optimal gait from an orbit nearby, within one family of gaits."""
+    robot, added_mass = start.robot, start.added_mass
+    names = coefficients(robot, start.gait, harmonics) if free is None else tuple(free)
+    family = gait_family(robot, start.gait, names)
+    search = OrbitSearch(FlightMap(robot, start.aero, added_mass), family, start.steps)
+    if free is None:
+        search.family = family = _in_plane(search, start.states)
+    flight = FlightMap(robot, start.aero, added_mass, work=True)
+    nodes = np.vstack([start.states, start.segments.ends[-1]])
+    program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
+    found = program.solve()
+    if not found.solved:
+        return _not_found(family.names, found)
+    at, trouble = search.newton(
+        search.point(found.nodes[:-1], found.values, conditions), conditions
+    )
+    if trouble:
+        return _not_found(family.names, replace(found, status="stalled"))
+    return OptimalGait(
+        orbit_of(search, at, added_mass),
+        goal,
+        harmonics,
+        found.work * family.gait(found.values).frequency,
+        program.power_before,
+        None,
+        found.residual,
+        found.iterations,
+        found.held,
+    )
+
+
+def _in_plane(search: OrbitSearch, states: Array) -> GaitFamily:
+    """Family without the parameters that lead out of the plane of symmetry, such as a rudder's."""
+    family, names = search.family, search.map.names
+    rows = family.rows(family.neutral, search.steps, search.map.aero.air)
+    moved = np.abs(search.map.fly(states, rows).by_parameter[:, lateral_states(names)])
+    kept = moved.max(axis=(0, 1)) < IN_PLANE
+    chosen = tuple(name for name, stays in zip(family.names, kept, strict=True) if stays)
+    return replace(family, names=chosen, directions=family.directions[kept])
+
+
+def _not_found(names: Sequence[str], found: Optimum) -> NoOrbit:
+    """Failure of a program in words."""
+    reason = _REASONS.get(found.status, f"IPOPT ended with {found.status}")
+    told = f"{reason}; residual {found.residual:.2g} after {found.iterations} iterations"
+    remedy = "begin from an orbit nearby (start=, gait=), or free other parameters (free=)"
+    nearest = dict(zip(names, map(float, found.values), strict=True))
+    return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
+
+
+_REASONS = {
+    "Infeasible_Problem_Detected": "no gait within the limits fulfils the conditions near by",
+    "Maximum_Iterations_Exceeded": "the search was not done in time",
+    "Restoration_Failed": "no step from here leads nearer to the conditions",
+    "Invalid_Number_Detected": "the flight breaks",
+    "Diverging_Iterates": "the goal has no bound: a limit of joints or actuators is missing",
+}

@@ -1,0 +1,141 @@
+"""Optimal gaits: less power than sinusoids, derivatives, limits, refusals, the verb."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.control.gait_family import gait_family
+from patagium.control.gait_program import TOLERANCE, GaitProgram
+from patagium.control.optimal_gait import coefficients
+from patagium.control.trimming import Conditions
+from patagium.control.wingbeat import FlightMap
+from patagium.errors import ParameterError
+
+
+@pytest.fixture(scope="module")
+def ornithopter():
+    return pt.load_robot("ornithopter")
+
+
+@pytest.fixture(scope="module")
+def best(ornithopter):
+    return pt.control.optimize(ornithopter, speed=4.0, harmonics=2)
+
+
+def test_harmonics_take_less_power_than_the_best_sinusoid(best):
+    assert best.found, best
+    assert best.residual <= TOLERANCE
+    assert best.orbit.residual <= 1e-12
+    assert best.orbit.speed == pytest.approx(4.0, rel=1e-10)
+    assert abs(best.orbit.climb) <= 1e-10
+    assert best.sinusoid.residual <= TOLERANCE
+    assert best.sinusoid.orbit.speed == pytest.approx(4.0, rel=1e-10)
+    assert best.sinusoid.power <= best.power_before * (1 + 1e-6)  # limits are kept by 1e-6
+    assert best.power <= 0.85 * best.sinusoid.power
+
+
+def test_power_is_that_of_a_simulated_flight(best):
+    flight = best.orbit.flight(beats=2)
+    power = flight.joint_work.values[-1] / (2 * best.orbit.period)
+    assert power == pytest.approx(best.power, rel=1e-9)  # rounding of a residual of 1e-12
+    simulated, spent = best.powers
+    assert simulated == pytest.approx(best.power, rel=1e-9)
+    assert spent >= simulated
+
+
+def test_the_gait_keeps_limits_between_samples(ornithopter, best):
+    gait = best.orbit.gait
+    plunge = gait.motion(np.linspace(0, gait.period, 4001)).position[:, 0]
+    place = ornithopter.index("left_plunge")
+    assert plunge.min() >= ornithopter.lower[place] - 1e-9
+    assert plunge.max() <= ornithopter.upper[place] + 1e-9
+    low, high = ornithopter.actuators["plunge_amplitude"].range
+    assert low <= np.ptp(plunge) / 2 <= high
+    assert any("left_plunge" in word for word in best.held)
+
+
+def test_the_orbit_is_one_like_those_of_a_trim(best):
+    assert len(pt.control.floquet(best.orbit).modes) > 3
+    text = repr(best)
+    assert len(text.splitlines()) <= 10
+    for word in ("W", "J/m", "best sinusoid", "harmonics", "held by"):
+        assert word in text
+    assert best.summary()["saved_over_sinusoid"] >= 0.15
+
+
+def test_derivatives_of_the_program_are_those_of_differences(ornithopter):
+    orbit = pt.trim(ornithopter, free=("frequency", "elevation_offset"), speed=5.0)
+    names = ("frequency", "plunge_phase", "plunge_sine_2", "elevation_offset", "elevation_cosine_1")
+    program = GaitProgram(
+        FlightMap(ornithopter, orbit.aero, work=True),
+        gait_family(ornithopter, orbit.gait, names),
+        orbit.steps,
+        "range",
+        Conditions(0.0, 0.0, None),
+        np.vstack([orbit.states, orbit.segments.ends[-1]]),
+    )
+    random = np.random.default_rng(0)
+    z = program.begin + 1e-3 * random.normal(size=len(program.begin))
+    free = np.ones(len(z), bool)
+    for k in program.lateral:
+        free[k : 41 * 12 : 12] = False
+    z[~free] = 0.0
+    step = 1e-6 * random.normal(size=len(z)) * free
+    change = program.constraints(z + step) - program.constraints(z - step)
+    np.testing.assert_allclose(2 * program.slopes(z) @ step, change, atol=1e-13)
+    change = program.cost(z + step) - program.cost(z - step)
+    assert 2 * program.gradient(z) @ step == pytest.approx(change, rel=1e-6)
+    multipliers = random.normal(size=len(change := program.constraints(z)))
+
+    def slope(at):
+        return 0.7 * program.gradient(at) + program.slopes(at).T @ multipliers
+
+    expected = (slope(z + step) - slope(z - step)) / 2e-6
+    found = program.bends(z, 0.7, multipliers) @ step / 1e-6
+    # forward differences of 1e-6 within, central ones outside
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(found[free], expected[free], atol=2e-4 * size)
+
+
+def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
+    free = ("frequency", "plunge_amplitude", "plunge_offset", "elevation_offset")
+    least = pt.control.optimize(ornithopter, speed=4.0, free=free)
+    assert least.found and tuple(least.orbit.parameters) == free
+    trimmed = pt.trim(ornithopter, speed=4.0, free=free)
+    beat = trimmed.flight(beats=1)
+    assert least.power < beat.joint_work.values[-1] / trimmed.period
+    again = pt.control.optimize(ornithopter, speed=4.2, free=free, start=least.orbit)
+    assert again.orbit.speed == pytest.approx(4.2) and again.residual <= TOLERANCE
+
+
+def test_the_usual_parameters_are_those_of_actuators(ornithopter):
+    names = coefficients(ornithopter, pt.gaits.cruise(ornithopter), 2)
+    assert names == (
+        *("frequency", "plunge_sine_1", "plunge_cosine_2", "plunge_sine_2"),
+        *("elevation_offset", "rudder_offset"),
+    )
+    hawk = pt.load_robot("hawk")
+    gait = pt.gaits.sinusoidal(hawk, frequency=2.0, sweep=0.1)
+    assert "fold_offset" in coefficients(hawk, gait, 1)
+
+
+def test_what_is_not_found_says_why(ornithopter):
+    failed = pt.control.optimize(ornithopter, speed=30.0, harmonics=1)
+    assert not failed.found and failed.reason and failed.remedy
+
+
+def test_refusals(ornithopter, best):
+    with pytest.raises(ParameterError, match="power, range, speed"):
+        pt.control.optimize(ornithopter, goal="beauty")
+    with pytest.raises(ParameterError, match="1 to 16"):
+        pt.control.optimize(ornithopter, harmonics=0)
+    with pytest.raises(ParameterError, match="range finds it"):
+        pt.control.optimize(ornithopter, goal="range", speed=4.0)
+    with pytest.raises(ParameterError, match="gait parameter"):
+        pt.control.optimize(ornithopter, free=("tail_sine_1", "frequency"))
+    with pytest.raises(ParameterError, match="orbit of this robot"):
+        pt.control.optimize(pt.load_robot("aerobat"), start=best.orbit)
+    with pytest.raises(TypeError, match="mass"):
+        pt.control.optimize(ornithopter, mass=1.0)
