@@ -18,7 +18,7 @@ from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, Structure
+from patagium.learning.settings import FilterSettings, Misfit, Structure
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
@@ -29,8 +29,8 @@ HIDDEN = (8, 8)
 """Neurons of each hidden layer of the default network of a table."""
 UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
-MEMORY, LEAST_MEMORY = 100.0, 1000
-"""Memory of the default learner of a table [s], and its least number of updates."""
+MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
+"""Memory of the default learner of a table [s], its least number of updates, floor of `Misfit`."""
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
@@ -69,7 +69,8 @@ def default_learner(
     """
     if isinstance(subject, LogTable):
         network: Network = network_for(subject, HIDDEN)
-        own = settings or FilterSettings(prior_share=table_share(subject, network, every))
+        share = table_share(subject, network, every)
+        own = settings or FilterSettings(prior_share=share, misfit=Misfit(FLOOR))
         return ExtendedLearner(network, own, seed=seed)
     if isinstance(subject, xr.Dataset):
         robot, air = robot_of(subject), air_of(subject) if air is None else air

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import Misfit, NoiseEstimation, Screening
+from patagium.learning import Misfit, Screening
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.bounds import Bounds
 from patagium.learning.filters.numbers import filter_numbers
@@ -47,7 +47,7 @@ KINDS: dict[str, Any] = {
 }
 OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {"measurement_std": 0.05},
-    "screened, noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation()},
+    "screened, noise found": {"screening": Screening(), "misfit": Misfit()},
     "misfit": {"misfit": Misfit()},
 }
 

@@ -63,7 +63,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
         A.Inflow(aero),
         *(log, S.Kalman(), S.SavitzkyGolay(window=0.04), S.Spline(knot_step=0.02)),
         *(S.MomentumObserver(robot, 200.0), L.FilterSettings(), L.Screening(), L.Misfit()),
-        *(L.NoiseEstimation(), L.ChangeDetection()),
+        L.ChangeDetection(),
         S.ForceSamples(
             *(np.zeros((count, 14)[:n]) for n in (1, 2, 2, 2)),
             np.zeros((count, 14, 14)),

@@ -17,14 +17,15 @@ in mean steps. Predictions of other flow, without a time, are the weights' alone
 
 The variance that the filter states is another thing than the one that it assumes:
 
-    <e_k^2> + 30 max(h_k - <h_k>, 0),
+    <e_k^2> + 15 max(h_k - <h_k>, 0),
 
 with e the errors of such predictions and h the variance that the weights alone give, both averaged
-over 5 spans: in flow like that of late it is what the errors are, and it grows in flow that excites
-weights which the flow of late did not. In the flow that is being learned its width is turned up by
-each error outside of it and down by those inside, until it holds 95 %.
+over 5 spans, h by its logarithm, so that the prior's is soon forgotten: in flow like that of late
+it is what the errors are, and it grows in flow that excites weights which the flow of late did not.
+In the flow that is being learned its width is turned up by each error outside of it and down by
+those inside, until it holds 95 %.
 
-`kernels/misfit.h` does the same in C on the same arrays. The numbers 3, 5, 20, 30 and 100 were
+`kernels/misfit.h` does the same in C on the same arrays. The numbers 3, 5, 15, 20 and 100 were
 chosen on flights in foreign air (docs/foreign.md). Neglected: noise that is larger in some flow
 than in other, but for the weights' part.
 
@@ -44,7 +45,7 @@ Array = NDArray[np.float64]
 
 _FIRST, _WILD = 10, 100.0  # all as in misfit.h
 _UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
-_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 30.0
+_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 15.0
 _MIDDLE, _STEP, _STAYS = 20.0, 10.0, 0.99
 _QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.3
 _FAR = 10.0  # times its usual variance: flow that was not seen
@@ -94,7 +95,7 @@ class Misfit:
         """
         last, mean = self.clock
         step = np.asarray(time, float) - last
-        ahead = np.where(np.isfinite(step), np.maximum(step, 0.0) / mean, 1.0) if mean > 0 else 1.0
+        ahead = np.where(step >= 0, step / mean, 1.0) if mean > 0 else 1.0  # not a clock set back
         lagged, power = self.parts["lagged"], self.parts["power"]
         known = power > 0
         rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _STAYS), 0.0)
@@ -203,7 +204,9 @@ class Misfit:
             residual[k] += slow * (left[k] ** 2 - residual[k])
             recent[k] += fast * (_capped(error[k] ** 2, recent[k], count) - recent[k])
             alone[k] += fast * (_capped(innovation[k] ** 2, alone[k], count) - alone[k])
-            usual[k] += fast * (self._weights[k] - usual[k])
+            here, before_it = float(self._weights[k]), float(usual[k])
+            known = before_it > 0 and here > 0
+            usual[k] = before_it * (here / before_it) ** fast if known else max(here, 0.0)
 
 
 def widened(error: Array, weights: Array, usual: Array) -> Array:

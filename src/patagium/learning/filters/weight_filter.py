@@ -238,8 +238,7 @@ class WeightFilter:
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
         self._place(mean, nis, kept)
-        squares = np.einsum("ij,ij->j", inverse, inverse)
-        self.screen.learned(moments.mean, innovation, gain, squares, nis)
+        self.screen.learned(innovation, gain, nis)
         return Outcome.COMPLETED
 
 

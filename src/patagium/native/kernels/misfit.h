@@ -25,7 +25,7 @@
 #define OUTSIDE 0.05    /* the share that it does not hold, */
 #define TURN 0.3       /* and the step of the logarithm of the width at each miss */
 #define STAYS 0.99      /* of an error from sample to sample, at most: none outlives a gap */
-#define BEYOND 30.0     /* factor on the variance of the weights beyond the usual one */
+#define BEYOND 15.0     /* factor on the variance of the weights beyond the usual one */
 
 static double capped(double square, double mean, int64_t count) {
   return count > FIRST ? fmin(square, WILD * mean) : square;
@@ -83,7 +83,7 @@ static void assume(screening *s) {
   for (int k = 0; k < s->channels; k++) {
     const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
     const double misfit = fmax(s->floor * s->floor * s->level[k], LEFT * s->residual[k]);
-    s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
+    s->noise[k] = s->known[k] + s->stated[k] + fmax(s->span * misfit, least);
   }
 }
 
@@ -103,6 +103,7 @@ static void state_interval(screening *s, const double *covariance, int carried) 
 /* After a sample; gain: P_yy^-1 e. */
 static void learn_misfit(screening *s, const double *covariance, const double *innovation,
                          const double *gain) {
+  s->whole[LEARNED]++;
   if (s->floor == 0) return;
   const double count = (double)s->whole[LEARNED];
   const double slow = fmax(1 / (count + FIRST), 1 / (LONG * s->span));
@@ -120,7 +121,8 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
     s->residual[k] += slow * (left * left - s->residual[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
     s->alone[k] += fast * (capped(plain, s->alone[k], s->whole[LEARNED]) - s->alone[k]);
-    s->usual[k] += fast * (weights - s->usual[k]);
+    s->usual[k] = s->usual[k] > 0 && weights > 0 ? s->usual[k] * pow(weights / s->usual[k], fast)
+                                                 : fmax(weights, 0);
   }
 }
 
