@@ -107,6 +107,17 @@ class Inflow(Aerodynamics):
         return self.model.state_size + sum(3 + 3 * len(stroke.wings) for stroke in self.strokes)
 
     @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the model's own states, and of those of each stroke."""
+        found = list(self.model.state_names)
+        for number, stroke in enumerate(self.strokes):
+            which = f"induced {number} " if number else "induced "
+            found += [f"{which}velocity of {axis}" for axis in "xyz"]
+            wings = [self.robot.strips[wing.strips[0]].wing for wing in stroke.wings]
+            found += [f"mean direction {axis} of {wing}" for wing in wings for axis in "xyz"]
+        return tuple(found)
+
+    @property
     def _places(self) -> list[int]:
         """Place of the first state of each stroke."""
         sizes = [3 + 3 * len(stroke.wings) for stroke in self.strokes]

@@ -57,6 +57,11 @@ class Aerodynamics(Protocol):
         """Values of the model's parameters, (n_c,)."""
         ...
 
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the model's own states, (n_z,); "velocity of x" and y: a vector in the world."""
+        return tuple(f"lag state {k}" for k in range(self.state_size))
+
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
         ...

@@ -231,9 +231,9 @@ _LATERAL = ("roll", "velocity of y", "velocity of roll", "velocity of yaw")
 
 def _size(name: str) -> float:
     """Size that shares of a state are measured by [SI]."""
-    if not name.startswith("velocity of "):
+    if "velocity of " not in name:
         return 0.1
-    return 1.0 if name[12:] in ("x", "y", "z") else 2.0
+    return 2.0 if name.endswith(("roll", "pitch", "yaw")) else 1.0
 
 
 def _shares(names: tuple[str, ...], vector: NDArray[np.complex128]) -> dict[str, float]:

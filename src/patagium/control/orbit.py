@@ -28,6 +28,10 @@ NEUTRAL = ("x", "y", "z", "yaw")
 """Coordinates that nothing depends on."""
 
 
+_ALONG = "velocity of x"
+"""In the name of a state: of a horizontal vector in the world, whose y follows in its place."""
+
+
 class Frame:
     """Coordinates of a state that goes along with the body and its heading.
 
@@ -40,11 +44,15 @@ class Frame:
         self.neutral = [names.index(name) for name in NEUTRAL]
         self.kept = [k for k in range(self.size) if k not in self.neutral]
         self.names = tuple(names[k] for k in self.kept)
-        self._along = [names.index(f"velocity of {name}") for name in "xy"]
+        self._vectors = [
+            [names.index(name), names.index(name.replace(_ALONG, "velocity of y"))]
+            for name in names
+            if _ALONG in name
+        ]
         self._yaw = names.index("yaw")
 
     def seen(self, state: Array) -> tuple[Array, Array]:
-        """State with its velocity along and across the heading, (n,), and its derivative, (n, n).
+        """State with velocities along and across the heading, (n,), and its derivative, (n, n).
 
         Args:
             state: State in the world, (n,) [SI].
@@ -52,10 +60,11 @@ class Frame:
         cosine, sine = np.cos(state[self._yaw]), np.sin(state[self._yaw])
         turn = np.array([[cosine, sine], [-sine, cosine]])
         found, slope = state.copy(), np.eye(self.size)
-        found[self._along] = turn @ state[self._along]
-        slope[np.ix_(self._along, self._along)] = turn
-        along, across = found[self._along]
-        slope[self._along, self._yaw] = across, -along
+        for places in self._vectors:
+            found[places] = turn @ state[places]
+            slope[np.ix_(places, places)] = turn
+            along, across = found[places]
+            slope[places, self._yaw] = across, -along
         return found, slope
 
     def seen_rate(self, state: Array, rate: Array, slope: Array) -> Array:
@@ -68,9 +77,9 @@ class Frame:
         """
         _, turned = self.seen(state)
         found = turned @ slope @ np.linalg.inv(turned)
-        along, across = self._along
-        found[along, across] += rate[self._yaw]
-        found[across, along] -= rate[self._yaw]
+        for along, across in self._vectors:
+            found[along, across] += rate[self._yaw]
+            found[across, along] -= rate[self._yaw]
         return np.asarray(found[np.ix_(self.kept, self.kept)])
 
     def generators(self, state: Array) -> Array:
@@ -80,8 +89,9 @@ class Frame:
             state: State whose yaw is zero, (n,) [SI].
         """
         found = np.eye(self.size)[:, self.neutral]
-        along, across = state[self._along]
-        found[self._along, 3] = -across, along
+        for places in self._vectors:
+            along, across = state[places]
+            found[places, 3] = -across, along
         return found
 
 

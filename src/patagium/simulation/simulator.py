@@ -163,8 +163,8 @@ def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
 
 def _lags(aero: Aerodynamics, values: ArrayLike | None) -> Array:
     """Initial states of the model of the air, zero by default, (n_z,)."""
-    names = tuple(f"lag state {k}" for k in range(aero.state_size))
-    return _finite("aero_state", np.zeros(len(names)) if values is None else values, names)
+    none = np.zeros(aero.state_size)
+    return _finite("aero_state", none if values is None else values, aero.state_names)
 
 
 def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:

@@ -50,7 +50,7 @@ class StateLayout:
         prescribed: Those that follow the row, in its order, as places in v.
         passive_coordinates: Places in q of those integrated.
         prescribed_coordinates: Places in q of those prescribed, in the row's order.
-        lags: Number of the aerodynamic model's own states.
+        lag_names: Names of the aerodynamic model's own states.
         works: Names of the works that ride along.
         cells: Load cells.
         met: Strips that meet a gust that travels, all or none.
@@ -62,7 +62,7 @@ class StateLayout:
     prescribed: tuple[int, ...]
     passive_coordinates: tuple[int, ...]
     prescribed_coordinates: tuple[int, ...]
-    lags: int
+    lag_names: tuple[str, ...]
     works: tuple[str, ...] = WORKS
     cells: int = 0
     met: int = 0
@@ -122,12 +122,16 @@ class StateLayout:
         return tuple(tuple(places[k] for k in q) for q in found if q[0] in places)
 
     @property
+    def lags(self) -> int:
+        """Number of the aerodynamic model's own states."""
+        return len(self.lag_names)
+
+    @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state, for messages."""
         names = [self.machine.coordinate_names[i] for i in self.passive_coordinates]
         rates = [f"velocity of {self.machine.dof_names[i]}" for i in self.passive]
-        lags = [f"lag state {k}" for k in range(self.lags)]
-        return (*names, *rates, *lags, *self.works, *IMPULSE)
+        return (*names, *rates, *self.lag_names, *self.works, *IMPULSE)
 
     def coordinates_and_velocities(self, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Coordinates (n_q, 1) [m, rad, 1] and velocities (n, 1) [m/s, rad/s] of the machine.
@@ -220,7 +224,7 @@ def state_layout(
         prescribed=prescribed,
         passive_coordinates=tuple(k for k in range(machine.coordinate_count) if k not in follows),
         prescribed_coordinates=(*driven, *(k for k in kept if k not in driven)),
-        lags=aero.state_size,
+        lag_names=aero.state_names,
         works=works,
         cells=len(cells),
         met=len(robot.strips) if aero.air.traveling else 0,

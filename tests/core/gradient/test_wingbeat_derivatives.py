@@ -9,6 +9,7 @@ from tests.robots import FLAPPER
 import patagium as pt
 from patagium.control import wingbeat
 from patagium.control.gait_family import gait_family
+from patagium.control.orbit import Frame
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError, ShapeError
 
@@ -171,3 +172,24 @@ def test_what_the_map_refuses(case, tmp_path):
     for wrong in ("plunge", "tail_offset", "frequency_difference", "amplitude_difference"):
         with pytest.raises(ParameterError, match="plunge"):
             gait_family(case.robot, case.gait, (wrong,))
+
+
+def test_a_beat_that_begins_at_another_heading_ends_there_too(tmp_path):
+    """States that are vectors in the world turn along: to rounding, with induced velocities too."""
+    file = tmp_path / "flapper.yaml"
+    file.write_text(FLAPPER)
+    robot = pt.load_robot(str(file))
+    gait = pt.gaits.sinusoidal(robot, frequency=6.0, plunge=0.5, feather=0.3)
+    family = gait_family(robot, gait, ("frequency",))
+    aero = pt.air.Inflow(pt.QuasiSteady(robot))
+    flight_map = FlightMap(robot, aero)
+    frame, rows = Frame(flight_map.names), family.rows(family.neutral, 40, pt.Air())
+    start = 0.3 * np.random.default_rng(1).normal(size=(1, flight_map.size))
+    start[0, [flight_map.names.index(name) for name in ("x", "y", "z", "yaw")]] = 0.0
+    flown = flight_map.fly(start, rows)
+    yaw, step = frame.generators(start[0])[:, 3], 1e-6
+    turned = [flight_map.fly(start + sign * step * yaw, rows).ends[0] for sign in (1, -1)]
+    seen = [frame.seen(end)[0][frame.kept] for end in turned]
+    np.testing.assert_allclose((seen[0] - seen[1]) / (2 * step), 0.0, atol=1e-8)
+    moved = frame.seen(flown.ends[0])[1] @ flown.by_state[0] @ yaw
+    np.testing.assert_allclose(moved[frame.kept], 0.0, atol=1e-10)  # rounding
