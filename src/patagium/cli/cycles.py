@@ -28,7 +28,9 @@ def cycles(
     skip: Annotated[
         int, typer.Option(min=0, help="Number of wingbeats left out at the beginning.")
     ] = 1,
-    phases: Annotated[int, typer.Option(min=2, help="Number of points of a wingbeat.")] = 100,
+    phases: Annotated[
+        int, typer.Option(min=2, max=10_000, help="Number of points of a wingbeat.")
+    ] = 100,
     figure: Annotated[
         Path | None,
         typer.Option(help="File for a drawing of a wingbeat with its spread (.png, .svg)."),

@@ -61,10 +61,9 @@ def cycle_statistics(
     beat = gait_period(flight) if period is None else float(period)
     if beat is None or not (np.isfinite(beat) and beat > 0):
         raise ParameterError("period", "the time of a wingbeat [s]: the gait has none", period)
-    if not 0 <= skip <= 1_000_000 or phases < 2:
-        raise ParameterError(
-            "skip, phases", "0 to a million wingbeats, at least 2 points", (skip, phases)
-        )
+    if not (0 <= skip <= 1_000_000 and 2 <= phases <= 10_000):
+        expected = "0 to a million wingbeats, 2 to ten thousand points"
+        raise ParameterError("skip, phases", expected, (skip, phases))
     time = np.asarray(flight["time"].values, float)
     begin = time[0] + skip * beat
     count = int(np.floor((time[-1] - begin) / beat + 1e-6))

@@ -67,7 +67,8 @@ def file_targets() -> Iterator[Target]:
         ("identification.nc", mutated_bytes, load_identification, 0.3),
     ):
         yield Target(AREA, name, cases, _reading(name, mutate, read))
-    yield Target(AREA, "learner.state, signed", 6.0, _signed_states)
+    for name in seeds.LEARNERS:
+        yield Target(AREA, f"{name}, signed", 1.5, _signed_states(name))
     yield Target(AREA, "model.json, bytes", 4.0, _reading("model.json", mutated_bytes, model))
     yield Target(AREA, "mapping.yaml", 2.0, _mappings)
     yield Target(AREA, "imported log", 0.3, _imported)
@@ -210,25 +211,29 @@ def _reading(name: str, mutate: Mutation, read: Read) -> Callable[[Path], Case]:
     return prepare
 
 
-def _signed_states(folder: Path) -> Case:
+def _signed_states(name: str) -> Callable[[Path], Case]:
     """Case of a learner's file whose content is hostile and whose digest is right."""
-    path = folder / "signed.state"
-    kept = read_state(seeds.learner().save(path))
 
-    def case(draw: Draw) -> None:
+    def prepare(folder: Path) -> Case:
+        path = folder / "signed.state"
+        kept = read_state(seeds.taught(seeds.LEARNERS[name]()).save(path))
         arrays = {k: v for k, v in kept.state.items() if isinstance(v, np.ndarray)}
         plain = {k: v for k, v in kept.state.items() if k not in arrays}
-        words = mutated_tree({"d": kept.description, "s": plain}, draw)
-        found = {name: _odd_array(array, draw) for name, array in arrays.items()}
-        try:
-            state = {**found, **words["s"]}
-            path.write_bytes(_bytes_of(words["d"], state))
-        except (TypeError, KeyError, ValueError):
-            return  # the mutation left no two mappings
-        learner = pt.load_learner(path)
-        learner.update(np.zeros(learner.network.inputs), np.zeros(learner.network.outputs))
 
-    return case
+        def case(draw: Draw) -> None:
+            words = mutated_tree({"d": kept.description, "s": plain}, draw)
+            found = {name: _odd_array(array, draw) for name, array in arrays.items()}
+            try:
+                state = {**found, **words["s"]}
+                path.write_bytes(_bytes_of(words["d"], state))
+            except (TypeError, KeyError, ValueError):
+                return  # the mutation left no two mappings
+            learner = pt.load_learner(path)
+            learner.update(np.zeros(learner.network.inputs), np.zeros(learner.network.outputs))
+
+        return case
+
+    return prepare
 
 
 def _odd_array(array: Any, draw: Draw) -> Any:

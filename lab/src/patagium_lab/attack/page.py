@@ -137,7 +137,8 @@ def _hostile(results: AttackResults) -> list[Block]:
         "A case is drawn from the seed, its target and its number, and runs in a process that is "
         f"watched: a case ends within {LIMIT:g} s, and no process takes 1 GB more than it began "
         "with. A case ends in an answer or in a refusal with words (a `PatagiumError`; exit code "
-        "2 and a sentence of a program). Anything else is a finding. Cases that were findings "
+        "2 and a sentence of a program). Anything else is a finding. Time in which other programs "
+        "held the processor does not count. Cases that were findings "
         "once are kept, small, in `tests/lab/story/corpus`, and are read by each `make test`.",
         Table(["area", "what is done, and what is asked for"], words, "Areas of hostile cases."),
         area_table(results),
@@ -162,6 +163,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
             row["crash"] or "none",
             row["uncounted"],
             sum(row["beyond"].values()),
+            sum(row["below"].values()),
             max(row["ratio"].values()),
         ]
         for row in rows
@@ -171,18 +173,22 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
             kind,
             sum(row["bursts"][kind] for row in rows),
             sum(row["beyond"][kind] for row in rows),
+            sum(row["below"][kind] for row in rows),
             max(row["ratio"][kind] for row in rows),
         ]
         for kind in rows[0]["bursts"]
     ]
-    tail = ["bursts with a ratio above 1.5", "largest ratio [1]"]
+    tail = ["bursts with a ratio above 1.5", "below 1/1.5", "largest ratio [1]"]
     heads = ["learner", "samples", "bursts", "crash", "samples that were not counted", *tail]
     return [
         f"Bursts of up to {LONGEST} samples that no sensor should give, to 1e300, in a flight of a "
         "robot of three joints; a second learner learns the same samples without them. The ratio "
         f"is that of the root mean square error to the twin's, over {RECOVERY} samples that begin "
         f"{RECOVERY} clean samples after a burst. A sample that is not learned must be counted as "
-        "an event.",
+        "an event. Learners that had other samples differ, and a hundred samples are 0.3 to 0.5 "
+        "of a wingbeat of a joint: states where they differ return later. How often the twin is "
+        "the worse one tells how often this alone is more than 1.5. An encoder that jumps within "
+        "its range is believed after 20 samples at most; the samples from then on are learned.",
         Table(heads, cells, "Learners, screened, with noise estimation, beside their twins."),
         Table(["kind", "bursts", *tail], kinds, "The same by kind of poison."),
     ]

@@ -43,6 +43,8 @@ class Poisoned(NamedTuple):
         ratio: By kind, the largest root mean square error over that of the twin, over `RECOVERY`
             samples that begin `RECOVERY` samples after a burst [1].
         beyond: By kind, bursts after which it is above 1.5.
+        below: By kind, bursts after which it is below 1 / 1.5: by so much learners that had other
+            samples differ, poisoned or not.
         events: Events that it counted.
     """
 
@@ -52,6 +54,7 @@ class Poisoned(NamedTuple):
     uncounted: int
     ratio: dict[str, float]
     beyond: dict[str, int]
+    below: dict[str, int]
     events: dict[str, int]
 
 
@@ -172,6 +175,7 @@ def poisoned(learner: FilterLearner, seed: int, count: int) -> Poisoned:
         0 if crash else count - learner.count - unlearned,
         {kind: max(each, default=0.0) for kind, each in found.items()},
         {kind: sum(not ratio <= 1.5 for ratio in each) for kind, each in found.items()},
+        {kind: sum(ratio < 1 / 1.5 for ratio in each) for kind, each in found.items()},
         learner.events,
     )
 

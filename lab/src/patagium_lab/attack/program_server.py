@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium_lab.attack.disk_faults import KINDS
+from patagium_lab.attack.oracle import starved
 
 MEMORY = 800_000_000
 """Address space that a run may take besides that of the server [B]."""
@@ -94,15 +95,19 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _wait(child: int, until: float) -> tuple[int, int] | None:
-    """Status and memory [kB] of a child that ends in time; None of one that does not."""
-    pause = 0.001
+    """Status and memory [kB] of a child that ends in time; None of one that does not.
+
+    Time in which other programs held the processor does not count.
+    """
+    pause, before = 0.001, starved(child)
     while True:
         done, status, usage = os.wait4(child, os.WNOHANG)
         if done:
             return status, usage.ru_maxrss
-        if time.monotonic() > until:
+        left = until + starved(child) - before - time.monotonic()
+        if left < 0:
             return None
-        time.sleep(min(pause, max(0.0, until - time.monotonic())))
+        time.sleep(min(pause, left))
         pause = min(0.02, 1.5 * pause)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 import patagium as pt
-from patagium.learning import save_model
+from patagium.learning import ChangeDetection, Misfit, NoiseEstimation, Screening, save_model
+from patagium.learning.learners.learner import OnlineLearner
 from patagium.robot import Robot
 from patagium.robot.files import load_robot_text
 from patagium.sensing.force.air_force import packet_columns
@@ -92,19 +94,41 @@ def column_names() -> list[str]:
     return [column.name for column in packet_columns(robot())]
 
 
-def learner(samples: int = 20) -> pt.CubatureLearner:
-    """Dense learner of three inputs and two outputs after some samples.
+LEARNERS: dict[str, Callable[[], OnlineLearner]] = {
+    "learner.state": lambda: pt.CubatureLearner(
+        pt.DenseNetwork(3, (4,), 2), prior_std=0.5, measurement_std=0.1, covariance="node"
+    ),
+    "state of a full filter": lambda: pt.ExtendedLearner(
+        pt.DenseNetwork(3, (4,), 2),
+        screening=Screening(),
+        noise_estimation=NoiseEstimation(30),
+        change_detection=ChangeDetection(1e-2, 5, 12),
+    ),
+    "state of layers, float32": lambda: pt.CubatureLearner(
+        pt.DenseNetwork(3, (4,), 2), misfit=Misfit(), covariance="layer", dtype="float32"
+    ),
+    "state of gradient descent": lambda: pt.GradientLearner(pt.DenseNetwork(3, (4,), 2), replay=2),
+    "state of least squares": lambda: pt.LinearLearner(pt.DenseNetwork(3, (), 2)),
+}
+"""Learners of three inputs and two outputs, before any sample, by the name of their file."""
+
+
+def taught(learner: OnlineLearner, samples: int = 20) -> OnlineLearner:
+    """The learner after some samples.
 
     Args:
-        samples: Number of samples that it has learned.
+        learner: Learner of three inputs and two outputs; it is changed.
+        samples: Number of samples that it learns.
     """
-    made = pt.CubatureLearner(
-        pt.DenseNetwork(3, (4,), 2), prior_std=0.5, measurement_std=0.1, covariance="node"
-    )
     draw = np.random.default_rng(1)
     for _ in range(samples):
-        made.update(draw.normal(size=3), draw.normal(size=2))
-    return made
+        learner.update(draw.normal(size=3), draw.normal(size=2))
+    return learner
+
+
+def learner() -> Any:
+    """Learner of "learner.state" after some samples."""
+    return taught(LEARNERS["learner.state"]())
 
 
 def written(folder: Path) -> dict[str, Path]:

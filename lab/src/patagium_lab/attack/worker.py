@@ -21,7 +21,7 @@ from zlib import crc32
 
 import numpy as np
 
-from patagium_lab.attack.oracle import Finding, Target, judged
+from patagium_lab.attack.oracle import Finding, Target, judged, starved
 
 MEMORY = 800_000_000
 """Largest memory of a process [B]."""
@@ -124,9 +124,14 @@ def _one_process(target: Target, seed: int, numbers: range, tally: Tally) -> int
     process = context.Process(target=_run, args=(target, seed, numbers, sender), daemon=True)
     process.start()
     sender.close()
-    number, ended, patience = numbers.start, False, _PREPARATION
+    number, prepared, ended = numbers.start, False, False
+    patience, before = _PREPARATION, 0.0
     while True:
         if not receiver.poll(patience):
+            waited, before = starved(process.pid or 0) - before, starved(process.pid or 0)
+            if waited > 1.0:  # other programs held the processor
+                patience = waited
+                continue
             process.kill()
             tally.take(number, "hang", f"the process did not come back within {patience:g} s")
             number += 1
@@ -138,7 +143,7 @@ def _one_process(target: Target, seed: int, numbers: range, tally: Tally) -> int
         if message is None:
             ended = True
             break
-        patience = target.limit + _PATIENCE
+        prepared, patience, before = True, target.limit + _PATIENCE, starved(process.pid or 0)
         if message == "ready":
             continue
         number, verdict, words, peak = message
@@ -149,7 +154,6 @@ def _one_process(target: Target, seed: int, numbers: range, tally: Tally) -> int
     if not ended and process.exitcode != -9:
         tally.take(number, "crash", f"the process died: exit code {process.exitcode}")
         number += 1
-    prepared = patience != _PREPARATION
     return number if prepared and not ended else numbers.stop
 
 
