@@ -55,11 +55,12 @@ def attack(
     learners through faults, damage and long runs. About an hour on two cores. The exit code is 1
     where a hostile case ended as none may.
     """
-    from patagium.cli.words import existing, show_table, stage_bar
+    from patagium.cli.words import existing, show_table
     from patagium.whole_file import write_whole
     from patagium_lab.attack import run as study
     from patagium_lab.attack.page import area_table, fault_table, page
     from patagium_lab.attack.plan import AREAS, AttackPlan
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import Stages
 
     plan = AttackPlan(

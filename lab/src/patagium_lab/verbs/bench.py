@@ -68,11 +68,12 @@ def bench(
 
 
 def _speed(output: Path, json_file: Path | None, quick: bool, only: list[str] | None) -> None:
-    from patagium.cli.words import json_text, show_table, stage_bar
+    from patagium.cli.words import json_text, show_table
     from patagium.whole_file import write_whole
     from patagium_lab.bench.page import page
     from patagium_lab.bench.plan import GROUPS, QUICK, BenchPlan
     from patagium_lab.bench.run import run
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import Stages, table_of
 
     chosen = tuple(group for group in GROUPS if group in only) if only else GROUPS
@@ -91,11 +92,12 @@ def _speed(output: Path, json_file: Path | None, quick: bool, only: list[str] | 
 def _learners(
     output: Path, json_file: Path | None, quick: bool, only: list[str] | None, log: Path | None
 ) -> None:
-    from patagium.cli.words import existing, json_text, stage_bar
+    from patagium.cli.words import existing, json_text
     from patagium.whole_file import write_whole
     from patagium_lab.learners import run as study
     from patagium_lab.learners.page import page
     from patagium_lab.learners.plan import LearnersPlan
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import Stages
 
     plan = LearnersPlan(only=tuple(only or ()), log=None if log is None else existing(log))

@@ -50,10 +50,11 @@ def foreign(
     the same command goes on where it stopped. Without PteraSoftware a few of its wings, which the
     laboratory carries, are flown.
     """
-    from patagium.cli.words import existing, stage_bar
+    from patagium.cli.words import existing
     from patagium_lab.foreign import page as pages
     from patagium_lab.foreign.plan import QUICK, ForeignPlan
     from patagium_lab.foreign.run import run
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import write_study
 
     found = None if log is None else existing(log)

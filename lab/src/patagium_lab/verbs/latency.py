@@ -31,10 +31,11 @@ def latency(
     The dense network of the paper's size and the strip network, on one core, alone and beside
     processes that burn the others. A million samples at 10 kHz take 100 s a case.
     """
-    from patagium.cli.words import json_text, show_table, stage_bar
+    from patagium.cli.words import json_text, show_table
     from patagium.report import Table
     from patagium.whole_file import write_whole
     from patagium_lab.bench.latency import LOADS, QUANTILES, measure_latency
+    from patagium_lab.stage_bar import stage_bar
 
     with stage_bar("Timing") as progress:
         found = measure_latency(samples, load or LOADS[:2], progress=progress)

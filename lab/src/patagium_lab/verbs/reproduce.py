@@ -44,10 +44,11 @@ def reproduce(
 
     if quick and full:
         raise ParameterError("--quick", "nothing else about the length of the run", "--full")
-    from patagium.cli.words import existing, stage_bar
+    from patagium.cli.words import existing
     from patagium_lab.reproduction import page as pages
     from patagium_lab.reproduction.plan import ReproductionPlan
     from patagium_lab.reproduction.run import run
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import write_study
 
     plan = ReproductionPlan.of(quick, full, None if crazyflie is None else existing(crazyflie))

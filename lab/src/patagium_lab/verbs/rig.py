@@ -50,10 +50,10 @@ def rig(
 
     Writes report.html, metrics.json, logs/, models/, truth/ and figures/.
     """
-    from patagium.cli.words import stage_bar
     from patagium_lab.rig import page as pages
     from patagium_lab.rig.plan import RigPlan
     from patagium_lab.rig.run import run
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import write_study
 
     plan = RigPlan(

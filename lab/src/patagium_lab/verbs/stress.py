@@ -25,10 +25,11 @@ def stress(
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
     """Former name of `patagium study attack` without its hostile cases."""
-    from patagium.cli.words import existing, say_json, show_table, stage_bar
+    from patagium.cli.words import existing, say_json, show_table
     from patagium_lab.attack import run as study
     from patagium_lab.attack.page import fault_table, page
     from patagium_lab.attack.plan import LEARNERS, AttackPlan
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import Stages
 
     warnings.warn(

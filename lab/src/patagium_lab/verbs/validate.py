@@ -28,7 +28,8 @@ def validate(
     Closed forms, classical functions, a measured flapping wing and a measured section that
     pitches through stall; nothing is tuned.
     """
-    from patagium.cli.words import json_text, show_table, stage_bar
+    from patagium.cli.words import json_text, show_table
+    from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import Stages
     from patagium_lab.validation import run as validation
     from patagium_lab.validation.page import page

@@ -27,6 +27,10 @@
 
 enum { IN_RANGE, OUTSIDE, JUMPED };
 
+/* As fmax and fmin of two numbers, without their calls. */
+static double larger(double a, double b) { return a > b ? a : b; }
+static double smaller(double a, double b) { return a < b ? a : b; }
+
 static double width_of(const bounds *b, int k) {
   return isnan(b->low[k]) ? 0 : b->high[k] - b->low[k];
 }
@@ -37,16 +41,17 @@ static int judged(const bounds *b, int k, double value, double width, double ahe
   if (!(b->low[k] - value <= reach && value - b->high[k] <= reach)) return OUTSIDE;
   if (k >= b->smooth || b->taken[k] < MANY || !(ahead <= GAP)) return IN_RANGE;
   const double most =
-      fmax(JUMP_SHARE * width, JUMP * b->step[k]) + AHEAD * b->step[k] * (ahead - 1);
+      larger(JUMP_SHARE * width, JUMP * b->step[k]) + AHEAD * b->step[k] * (ahead - 1);
   return fabs(value - b->before[k]) > most ? JUMPED : IN_RANGE;
 }
 
 static void take(const bounds *b, int k, double value, double width) {
   const int known = b->taken[k] >= KNOWN;
   const double low = b->low[k], high = b->high[k], moved = fabs(value - b->before[k]);
-  const double most = known ? GROWTH * width : INFINITY, rate = known ? fmax(2.0 / (double)b->taken[k], 0.02) : 0.5;
-  b->high[k] = value > high ? fmin(value, high + most) : high - LEAK * (high - low);
-  b->low[k] = value < low ? fmax(value, low - most) : low + LEAK * (high - low);
+  const double most = known ? GROWTH * width : INFINITY;
+  const double rate = !known ? 0.5 : b->taken[k] >= MANY ? 0.02 : 2.0 / (double)b->taken[k];
+  b->high[k] = value > high ? smaller(value, high + most) : high - LEAK * (high - low);
+  b->low[k] = value < low ? larger(value, low - most) : low + LEAK * (high - low);
   if (isnan(low)) b->low[k] = b->high[k] = value;
   if (moved > 0) {
     const double step = b->step[k];
@@ -93,7 +98,7 @@ static int bound(screening *s, double *measured) {
   double widths[n + s->channels], widest = 0;
   int odd = 0;
   for (int k = 0; k < n; k++) {
-    widths[k] = fmax(width_of(b, k), b->scale[k]);
+    widths[k] = larger(width_of(b, k), b->scale[k]);
     odd += judged(b, k, b->x[k], widths[k], ahead) != IN_RANGE;
   }
   if (odd) {
@@ -110,9 +115,9 @@ static int bound(screening *s, double *measured) {
   b->clock[0] = stamp;
   b->clock[2] = 0;
   for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);
-  for (int k = 0; k < s->channels; k++) widest = fmax(widest, widths[n + k] = width_of(b, n + k));
+  for (int k = 0; k < s->channels; k++) widest = larger(widest, widths[n + k] = width_of(b, n + k));
   for (int k = 0; k < s->channels; k++) {
-    const double width = fmax(widths[n + k], LEAST_SHARE * widest);
+    const double width = larger(widths[n + k], LEAST_SHARE * widest);
     if (judged(b, n + k, measured[k], width, ahead) == IN_RANGE) {
       take(b, n + k, measured[k], width);
     } else {

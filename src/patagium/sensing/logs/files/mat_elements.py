@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 from patagium.reading import expanded
@@ -19,6 +20,7 @@ _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))
 _MATRIX, _COMPRESSED, _SPARSE = 14, 15, 5
 _HEADER = 128  # B of text and version before the elements
 _DEEPEST = 32  # structures in structures
+_Expand = Callable[[memoryview], memoryview]
 
 
 def check_elements(path: Path) -> None:
@@ -36,27 +38,18 @@ def check_elements(path: Path) -> None:
     if len(content) < _HEADER or content[126:128] not in (b"IM", b"MI"):
         return
     order = "<" if content[126:128] == b"IM" else ">"
-    _check(memoryview(content), _HEADER, order, 0, _Expansion(path))
+    size = 0
 
-
-class _Expansion:
-    """Compressed elements of a file, which SciPy holds together.
-
-    Args:
-        path: The file.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._size = path, 0
-
-    def expanded(self, content: memoryview) -> memoryview:
-        """Element without its compression."""
-        found = expanded(self._path, zlib.decompressobj(), content, self._size)
-        self._size += len(found)
+    def expand(element: memoryview) -> memoryview:
+        nonlocal size  # SciPy holds all of them together
+        found = expanded(path, zlib.decompressobj(), element, size)
+        size += len(found)
         return memoryview(found)
 
+    _check(memoryview(content), _HEADER, order, 0, expand)
 
-def _check(content: memoryview, begin: int, order: str, depth: int, room: _Expansion) -> int:
+
+def _check(content: memoryview, begin: int, order: str, depth: int, expand: _Expand) -> int:
     """Number of elements."""
     count = 0
     if depth > _DEEPEST:
@@ -70,9 +63,9 @@ def _check(content: memoryview, begin: int, order: str, depth: int, room: _Expan
         if end > len(content) or (small and size > 4):
             raise ValueError(f"expected {len(content) - start} bytes at most, found {size}")
         if kind == _COMPRESSED:
-            _check(room.expanded(content[start:end]), 0, order, depth + 1, room)
+            _check(expand(content[start:end]), 0, order, depth + 1, expand)
         elif kind == _MATRIX:
-            _check_matrix(content[start:end], order, depth + 1, room)
+            _check_matrix(content[start:end], order, depth + 1, expand)
         elif kind not in _NUMBERS:
             raise ValueError(f"expected an element of a known type, found type {kind}")
         begin = begin + 8 if small else end if kind == _COMPRESSED else end + -size % 8
@@ -80,9 +73,9 @@ def _check(content: memoryview, begin: int, order: str, depth: int, room: _Expan
     return count
 
 
-def _check_matrix(content: memoryview, order: str, depth: int, room: _Expansion) -> None:
+def _check_matrix(content: memoryview, order: str, depth: int, expand: _Expand) -> None:
     """Refuse an array without all its parts: flags, shape, name, numbers, imaginary ones."""
-    count = _check(content, 0, order, depth, room)
+    count = _check(content, 0, order, depth, expand)
     if len(content) < 16:
         return
     (flags,) = struct.unpack_from(f"{order}I", content, 8)
