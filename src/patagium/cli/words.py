@@ -35,7 +35,6 @@ class Numbers(tuple[float, ...]):
 
 
 Progress = Callable[[int, int], None]
-Stages = Callable[[str, float], None]
 MEANING = "that says what the columns mean, which patagium inspect {} lists"
 """What a mapping is, for messages."""
 BETWEEN_LINES = 10.0

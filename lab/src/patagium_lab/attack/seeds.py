@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 import patagium as pt
-from patagium.learning import ChangeDetection, Misfit, NoiseEstimation, Screening, save_model
+from patagium.learning import ChangeDetection, Misfit, Screening, save_model
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.robot import Robot
 from patagium.robot.files import load_robot_text
@@ -101,7 +101,6 @@ LEARNERS: dict[str, Callable[[], OnlineLearner]] = {
     "state of a full filter": lambda: pt.ExtendedLearner(
         pt.DenseNetwork(3, (4,), 2),
         screening=Screening(),
-        noise_estimation=NoiseEstimation(30),
         change_detection=ChangeDetection(1e-2, 5, 12),
     ),
     "state of layers, float32": lambda: pt.CubatureLearner(
