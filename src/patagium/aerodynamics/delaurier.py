@@ -180,7 +180,7 @@ def _strip(
         forward=pull - friction,
         normal=circulatory * lagged - normal,
         ahead=ahead,
-        angle_of_attack=at_edge.angle_of_attack,
+        effective_angle_of_attack=at_edge.angle_of_attack,
         circulation=attached * chord * p["lift_slope"] / 2 * lagged,
         downwash=wash - lagged,
     )

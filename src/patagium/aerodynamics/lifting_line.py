@@ -8,7 +8,6 @@ other strips, lift of a body between wings.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
@@ -27,13 +26,16 @@ from patagium.aerodynamics.local_flow import (
     strip_motions,
 )
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.polars import SectionFlow, section_flow
 from patagium.aerodynamics.sections import (
-    CENTER_OF_PRESSURE_SHIFT,
     DELAYS,
+    STATES,
     Section,
     StallDelay,
     StripSection,
+    faster,
+    held_share,
+    vortex_lift,
 )
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
@@ -98,7 +100,7 @@ class LiftingLine(Aerodynamics):
         section: What a strip's section makes of its wind.
         surface_constant: K of the gain of a lifting surface over a lifting line,
             [1/2pi + 1/(pi AR)] / [1/2pi + 1/(pi AR) + K pi/(180 AR^2)]; 0: none.
-        stall_delay: Lags of separation, two more states a strip; None: it takes no time.
+        stall_delay: Dynamic stall, three more states a strip; None: separation takes no time.
 
     Raises:
         ParameterError: If `surface_constant` is negative or not finite.
@@ -131,9 +133,9 @@ class LiftingLine(Aerodynamics):
         """Number of states: lagged normalwashes, strip by strip, the lags of each together.
 
         With a stall delay the lagged pressures of all strips follow, as normalwashes, then
-        their separated shares.
+        their separated shares, then what their vortices have shed, as lift coefficients.
         """
-        return len(self.robot.strips) * (self.lags.size + (2 if self.stall_delay else 0))
+        return len(self.robot.strips) * (self.lags.size + (STATES if self.stall_delay else 0))
 
     @property
     def structure(self) -> str:
@@ -181,15 +183,19 @@ class LiftingLine(Aerodynamics):
         slope = p.section["lift_slope"]
         wash = solve_normalwash(vortices, geometric, state, p.lags, slope)
         gains = surface_gains(self.robot, robot, p.surface_constant)
-        separated, delayed = self._separated(motions, wash, state, p)
+        late = geometric - wash.effective
+        stalls = [
+            self._stall(motion, (wash.lagged[i], late[i]), gains[i], state[self._own(i)], p)
+            for i, motion in enumerate(motions)
+        ]
         loads = [
-            _load(vortices, wash, gains[i], p, i, self.section, separated[i])
-            for i in range(len(motions))
+            _load(vortices, wash, gains[i], p, i, self.section, stall)
+            for i, stall in enumerate(stalls)
         ]
         lags = lag_relaxation(motions, wash.effective, p.lags)
         memory = Relaxation(
-            ca.vertcat(lags.rate, *[part.rate for part in delayed]),
-            ca.vertcat(lags.target, *[part.target for part in delayed]),
+            ca.vertcat(lags.rate, ca.vec(ca.vertcat(*[stall.rates.T for stall in stalls]))),
+            ca.vertcat(lags.target, ca.vec(ca.vertcat(*[stall.targets.T for stall in stalls]))),
         )
         return assemble(robot, q, loads, memory.derivative(state), memory)
 
@@ -239,26 +245,66 @@ class LiftingLine(Aerodynamics):
         ]
         return ca.Function("state_space", [q, v, wind, state, normalwash], results)
 
-    def _separated(
-        self, motions: Sequence[StripMotion], wash: Normalwash, state: ca.SX, p: _Numbers
-    ) -> tuple[list[Any], list[Relaxation]]:
-        """Separated share of every strip, and what the stall delay's states follow."""
-        count = len(motions)
-        seen = [wash.lagged[i] for i in range(count)]
-        if self.stall_delay is not None:
-            first = count * self.lags.size
-            seen = [state[first + i] for i in range(count)]
-        shares = [
-            self.section.separated_share(section_flow(motion.forward, -seen[i]), p.of_section)
-            for i, motion in enumerate(motions)
-        ]
+    def _own(self, strip: int) -> list[int]:
+        """Places in the state of a strip's stall delay: p, s and y."""
+        count = len(self.robot.strips)
+        first = count * self.lags.size + strip
+        return [first + k * count for k in range(STATES if self.stall_delay else 0)]
+
+    def _stall(
+        self, motion: StripMotion, wash: tuple[Any, Any], gain: Any, own: ca.SX, p: _Numbers
+    ) -> _Stall:
+        """Separation of a strip, from its lagged normalwash and the geometric less the effective.
+
+        Args:
+            motion: How the strip moves.
+            wash: W, and the geometric normalwash less the effective one [m/s].
+            gain: Lift of the lifting surface over that of the line.
+            own: p, s and y, or nothing without a stall delay.
+            p: Parameters.
+        """
+        lagged, late = wash
+        forward = motion.forward
+        effective = section_flow(forward, -lagged)
+        static = self.section.separated_share(effective, p.of_section)
         if self.stall_delay is None:
-            return shares, []
-        present = [state[first + count + i] for i in range(count)]
-        rates = [2 * airspeed(motion) / motion.strip.chord for motion in motions]
-        pressure = [Relaxation(rates[i] / p.delays[0], wash.lagged[i]) for i in range(count)]
-        separation = [Relaxation(rates[i] / p.delays[1], shares[i]) for i in range(count)]
-        return present, [*pressure, *separation]
+            return _Stall(static, None, 0.0, ca.SX(0, 1), ca.SX(0, 1))
+        pressure, separated, shed = own[0], own[1], own[2]
+        held = held_share(effective)
+        camber = p.section["zero_lift_angle"] * forward * effective.forward_sign
+        flow = section_flow(forward, -(pressure + late + camber))
+        across, _ = self.section.stalled.coefficients(flow, p.stalled)
+        attached = gain * p.section["lift_slope"] * lagged / effective.speed
+        fed = held * separated * (attached - across * effective.forward_sign)
+        reached = section_flow(forward, -pressure)
+        steady = self.section.separated_share(reached, p.of_section)
+        through = faster(airspeed(motion), reached.speed)
+        return _Stall(
+            share=held * separated + (1.0 - held) * static,
+            flow=flow,
+            vortex=vortex_lift(fed, shed),
+            rates=2 * through / motion.strip.chord / p.delays[:STATES],
+            targets=ca.vertcat(lagged, steady, fed),
+        )
+
+
+@dataclass(frozen=True)
+class _Stall:
+    """Separation of a strip.
+
+    Attributes:
+        share: Share of separated flow.
+        flow: Flow that its coefficients answer to; None: that of the strip's own motion.
+        vortex: Coefficient of the vortex's lift.
+        rates: How fast p, s and y follow, (3, 1) or (0, 1) [1/s].
+        targets: What they follow, alike [m/s, -, -].
+    """
+
+    share: Any
+    flow: SectionFlow | None
+    vortex: Any
+    rates: ca.SX
+    targets: ca.SX
 
 
 _LAGS = ("rate", "lift", "circulation")
@@ -296,15 +342,15 @@ def _load(
     p: _Numbers,
     i: int,
     section: StripSection,
-    separated: Any,
+    stall: _Stall,
 ) -> StripLoad:
     motion, net = vortices.motions[i], vortices.lattice
     strip, forward = motion.strip, motion.forward
     sign, lagged = smooth_sign(forward), wash.lagged[i]
     effective = section_flow(forward, -lagged)
     sine_square = lagged * lagged / (effective.speed * effective.speed)
-    attached = 1.0 - separated
-    shift = sign * CENTER_OF_PRESSURE_SHIFT * sine_square * separated
+    separated, attached = stall.share, 1.0 - stall.share
+    shift = sign * section.center_of_pressure_shift * sine_square * separated
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
     normal = motion.normal_ahead(ahead)
 
@@ -314,19 +360,31 @@ def _load(
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
     friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
-    across, along = section.stalled.coefficients(flow, p.stalled)
-    pressure = separated * density_area * flow.speed / 2
+    seen = stall.flow or flow
+    across, along = section.stalled.coefficients(seen, p.stalled)
+    pressure = density_area * flow.speed * flow.speed / 2
+    of_seen = separated * pressure / seen.speed
+    vortex = stall.vortex * pressure
+    lost = separated * separated  # of the suction, a smooth 1 - sqrt(1 - s)
+    to_wind = vortex * (1.0 - lost) * sign / flow.speed
+    moment = section.moment(seen, p.of_section)
+    if p.delays.numel():
+        moment = moment - sign * p.delays[-1] * stall.vortex
     return StripLoad(
         motion=motion,
         forward=attached * lift[0]
-        - pressure * (across * normal + along * forward)
+        - of_seen * (across * seen.normal + along * seen.forward)
+        - to_wind * normal
         - friction * forward,
         normal=attached * lift[1]
-        + pressure * (across * forward - along * normal)
+        + of_seen * (across * seen.forward - along * seen.normal)
+        + to_wind * forward
+        + vortex * lost
         - friction * normal,
         ahead=ahead,
-        angle_of_attack=effective.angle_of_attack,
+        effective_angle_of_attack=effective.angle_of_attack,
         spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),
+        moment=moment * pressure * strip.chord,
     )

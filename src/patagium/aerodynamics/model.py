@@ -106,8 +106,9 @@ class Aerodynamics(Protocol):
 
         Returns:
             strip_force (n_strips, 3) [N] and strip_point (n_strips, 3) [m] in world axes,
-            angle_of_attack (n_strips,) [rad], strip_airspeed (n_strips,) [m/s], power [W],
-            circulation (n_strips,) [m^2/s] and downwash (n_strips,) [m/s].
+            angle_of_attack and effective_angle_of_attack (n_strips,) [rad], strip_airspeed
+            (n_strips,) [m/s], power [W], circulation (n_strips,) [m^2/s] and downwash
+            (n_strips,) [m/s].
         """
         return self._compiled.strips(q, v, state, wind)
 
@@ -155,13 +156,14 @@ class CompiledAero:
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
         """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
-        force, point, incidence, speed, power, circulation, downwash = self._call(
+        force, point, incidence, effective, speed, power, circulation, downwash = self._call(
             "strips", q, v, state, wind
         )
         return {
             "strip_force": self._vectors(force),
             "strip_point": self._vectors(point),
             "angle_of_attack": self._column(incidence),
+            "effective_angle_of_attack": self._column(effective),
             "strip_airspeed": self._column(speed),
             "power": power,
             "circulation": self._column(circulation),
@@ -230,8 +232,8 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     outputs = {
         "generalized_force": ["generalized_force"],
         "strips": [
-            *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed", "power"),
-            *("circulation", "downwash"),
+            *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
+            *("strip_airspeed", "power", "circulation", "downwash"),
         ],
         "state_derivative": ["state_derivative"],
     }

@@ -118,6 +118,6 @@ class QuasiSteady(Aerodynamics):
             forward=-across * flow.normal - along * flow.forward,
             normal=across * flow.forward - along * flow.normal,
             ahead=ahead,
-            angle_of_attack=flow.angle_of_attack,
+            effective_angle_of_attack=flow.angle_of_attack,
             downwash=downwash,
         )

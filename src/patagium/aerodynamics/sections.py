@@ -2,10 +2,9 @@
 
 Attached up to an effective incidence, fully separated from another on, a smooth share of both
 between; or split as Kirchhoff's flow about a plate has it, so that a section held still gives
-its measured polar. Neglected: Reynolds number, the measured pitching moment, the rise of
-profile drag while flow is attached. Separation takes time by two lags a strip between incidence
-and stall (`StallDelay`); of deep dynamic stall the vortex that leaves the leading edge, and its
-lift while it travels, are neglected too.
+its measured polar. Neglected: Reynolds number, the rise of profile drag while flow is attached.
+Separation takes time, and the lift that it takes away travels off with a vortex
+(`StallDelay`); which way the vortex travels, and the vortices after it, are neglected.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from patagium.aerodynamics.polars import (
     SectionFlow,
     TablePolar,
     polar_from_description,
+    rounded_ramp,
     section_flow,
     table_values,
 )
@@ -36,53 +36,112 @@ from patagium.errors import ParameterError
 
 @dataclass(frozen=True)
 class StallDelay:
-    """Lags of separation behind the effective incidence.
+    """Dynamic stall: lags of separation behind the effective incidence, and its vortex.
 
     With W the normalwash that the lift answers to, s_0 the share of separated flow in
-    steady flow, U the airspeed and c the chord,
+    steady flow, C_a and C_s the lift coefficients of attached and separated flow, V the
+    airspeed or that with p in it, whichever is greater, and c the chord,
 
-        dp/dt = 2U/c (W - p) / pressure,      ds/dt = 2U/c (s_0(p) - s) / separation,
+        dp/dt = 2V/c (W - p) / pressure,      ds/dt = 2V/c (s_0(p) - s) / separation,
+        dy/dt = 2V/c (s (C_a - C_s) - y) / vortex,
 
-    and s takes the place of s_0(W). It stays between 0 and 1 as s_0 does.
+    s takes the place of s_0(W), and separated flow has the coefficients of the incidence that
+    the pressure has reached. Lift that separation takes away is shed as a vortex above the
+    chord: it adds C_v = s (C_a - C_s) - y, while that has the sign of the lift, `vortex_arm`
+    behind the quarter chord. It is perpendicular to the chord by the share of suction that is
+    lost, s^2 (Leishman and Beddoes' 1 - sqrt(1 - s), smooth), to the wind by the rest. Beyond an
+    effective incidence of 30 to 50 degrees no delay holds the flow. All three states come to
+    rest where the static section is.
 
     Args:
         pressure: T_p, lag of the pressure behind the lift [semichords].
         separation: T_f, lag of the separation behind the pressure [semichords].
+        vortex: T_v, time in which the vortex leaves [semichords].
+        vortex_arm: Place of its lift behind the quarter chord [chords].
 
     Raises:
-        ParameterError: If one is not positive and finite.
+        ParameterError: If a lag is not positive and finite, or the arm not in 0..0.75.
 
     References:
         Leishman & Beddoes (1989), A semi-empirical model for dynamic stall, J. American
-        Helicopter Society 34, 3-17 (T_p = 1.7, T_f = 3.0, NACA 0012 at low speed).
+        Helicopter Society 34, 3-17 (T_p = 1.7, T_f = 3.0, T_v = 6.0, NACA 0012 at low speed;
+        arm .2).
         Hansen, Gaunaa & Madsen (2004), Risoe-R-1354 (as states).
     """
 
     pressure: float = 1.7
     separation: float = 3.0
+    vortex: float = 6.0
+    vortex_arm: float = 0.2
 
     def __post_init__(self) -> None:
         for name in DELAYS:
             value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise ParameterError(f"stall delay {name}", "a positive number", value)
+            arm = name == "vortex_arm"
+            if not (isfinite(value) and (0 <= value <= 0.75 if arm else value > 0)):
+                expected = "0 to 0.75 chords" if arm else "a positive number"
+                raise ParameterError(f"stall delay {name}", expected, value)
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
         return {name: getattr(self, name) for name in DELAYS}
 
 
-DELAYS = ("pressure", "separation")
+DELAYS = ("pressure", "separation", "vortex", "vortex_arm")
+STATES = 3
+"""States of a strip with stall delay: p [m/s], s and y."""
+_HELD = (radians(30.0), radians(50.0))
+"""Effective incidences from and beyond which no delay holds the flow: no section that pitched was
+measured with attached flow there [rad]."""
+_FEEBLE = 0.005
+"""Lift coefficient within which the end of a vortex is rounded off."""
+
+
+def held_share(flow: SectionFlow) -> Any:
+    """Share of attached flow that a delay can hold at an effective incidence, 0 to 1.
+
+    Args:
+        flow: Effective, seen from the incidence of no lift.
+    """
+    begins, ends = (np.sin(angle) ** 2 for angle in _HELD)
+    sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
+    return 1.0 - smooth_step((sine_square - begins) / (ends - begins))
+
+
+def faster(speed: Any, other: Any) -> Any:
+    """Greater of two positive speeds, rounded off where they are the same within 2 % [m/s].
+
+    So a wing that turns over, slow through air that it has set in motion, still forgets.
+
+    Args:
+        speed: One [m/s].
+        other: Other [m/s].
+    """
+    both, apart = speed + other, speed - other
+    return (both + ca.sqrt(apart * apart + (0.01 * both) ** 2)) / 2
+
+
+def vortex_lift(fed: Any, shed: Any) -> Any:
+    """Coefficient of the vortex, fed - shed while it has the sign of fed, else zero.
+
+    Args:
+        fed: s (C_a - C_s).
+        shed: y.
+    """
+    sign = fed / ca.sqrt(fed * fed + _FEEBLE**2)
+    left, most = (fed - shed) * sign - _FEEBLE, fed * sign
+    return sign * (rounded_ramp(left, _FEEBLE) - rounded_ramp(left - most, _FEEBLE))
 
 
 def stall_delay_from_description(description: Mapping[str, Any]) -> StallDelay:
     """The delay of `describe()`.
 
     Raises:
-        ParameterError: If a key is missing or unknown.
+        ParameterError: If a key is unknown.
     """
-    check_keys("stall delay", description, DELAYS)
-    return StallDelay(**description)
+    whole = {**StallDelay().describe(), **description}  # flights older than the vortex
+    check_keys("stall delay", whole, DELAYS)
+    return StallDelay(**whole)
 
 
 Array = NDArray[np.float64]
@@ -109,6 +168,11 @@ class StripSection(Protocol):
     stalled: Polar
 
     @property
+    def center_of_pressure_shift(self) -> float:
+        """Place of separated flow's push behind the quarter chord, over sin^2 a_e [chords]."""
+        return CENTER_OF_PRESSURE_SHIFT
+
+    @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
         return f"section stalled={self.stalled.structure}"
@@ -121,6 +185,15 @@ class StripSection(Protocol):
             parameters: Values or symbols in the order of `parameter_names`.
         """
         ...
+
+    def moment(self, flow: SectionFlow, parameters: Any) -> Any:
+        """Coefficient of the moment about the point where the force acts, nose up.
+
+        Args:
+            flow: Geometric, as late as the pressure.
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        return 0.0
 
     def inputs(self) -> dict[str, float]:
         """Run-time inputs before those of the polar, by name [1/rad, rad, -]."""
@@ -243,6 +316,8 @@ class MeasuredSection(StripSection):
         profile_drag: Drag coefficient of attached flow.
         separated: Share of separated flow in steady flow at the angles of `stalled`, (n,) [-].
         stalled: Coefficients of separated flow.
+        static_moment: C_m about the quarter chord, nose up, held still at these angles, (n,) [-];
+            empty where it was not measured: then separated flow pushes behind the quarter chord.
 
     Raises:
         ParameterError: If a number is not finite or not possible.
@@ -253,12 +328,14 @@ class MeasuredSection(StripSection):
     profile_drag: float
     separated: tuple[float, ...]
     stalled: TablePolar
+    static_moment: tuple[float, ...] = ()
 
     numbers = _MEASURED_NUMBERS
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "separated", tuple(map(float, self.separated)))
+        for name in ("separated", "static_moment"):
+            object.__setattr__(self, name, tuple(map(float, getattr(self, name))))
         for name in _MEASURED_NUMBERS:
             value = getattr(self, name)
             if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
@@ -266,23 +343,38 @@ class MeasuredSection(StripSection):
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))
+        if not (
+            len(self.static_moment) in (0, len(self.separated))
+            and all(map(isfinite, self.static_moment))
+        ):
+            expected = f"no moment, or one for each of {len(self.separated)} angles"
+            raise ParameterError("static_moment", expected, self.static_moment)
         if not all(0 <= share <= 1 for share in self.separated):
             raise ParameterError("separated", "shares of 0..1", self.separated)
 
     @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
-        return f"measured section stalled={self.stalled.structure}"
+        moment = " moment" if self.static_moment else ""
+        return f"measured section stalled={self.stalled.structure}{moment}"
+
+    @property
+    def center_of_pressure_shift(self) -> float:
+        """Zero where the moment was measured [chords]."""
+        return 0.0 if self.static_moment else super().center_of_pressure_shift
 
     def inputs(self) -> dict[str, float]:
         """Run-time inputs before those of the polar, by name [1/rad, rad, -]."""
-        return super().inputs() | {f"separated[{k}]": s for k, s in enumerate(self.separated)}
+        tables = {"separated": self.separated, "static_moment": self.static_moment}
+        named = {f"{name}[{k}]": x for name, xs in tables.items() for k, x in enumerate(xs)}
+        return super().inputs() | named
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
         description = super().describe()
         stalled = description.pop("stalled")
-        return {**description, "separated": [*self.separated], "stalled": stalled}
+        tables = {"separated": [*self.separated], "static_moment": [*self.static_moment]}
+        return {**description, **tables, "stalled": stalled}
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
@@ -297,8 +389,24 @@ class MeasuredSection(StripSection):
         angle = section_flow(flow.forward, flow.normal - camber).angle_of_attack
         return table_values(angle, polar[:count], parameters[first : first + count])
 
+    def moment(self, flow: SectionFlow, parameters: Any) -> Any:
+        """Coefficient of the moment about the point where the force acts, nose up.
 
-def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> MeasuredSection:
+        Args:
+            flow: Geometric, as late as the pressure.
+            parameters: Values or symbols in the order of `parameter_names`.
+        """
+        if not self.static_moment:
+            return 0.0
+        _, polar = self.named(parameters)
+        count, first = len(self.separated), len(_MEASURED_NUMBERS) + len(self.separated)
+        values = parameters[first : first + count]
+        return flow.forward_sign * table_values(flow.angle_of_attack, polar[:count], values)
+
+
+def measured_section(
+    angle: ArrayLike, lift: ArrayLike, drag: ArrayLike, moment: ArrayLike | None = None
+) -> MeasuredSection:
     """The section of a measured static polar.
 
     With a0 the lift slope, x = sin a - a_0 cos a seen from the incidence of no lift, and
@@ -310,6 +418,7 @@ def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> Meas
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
         lift: C_L, (n,) [-].
         drag: C_D, (n,) [-].
+        moment: C_m about the quarter chord, nose up, (n,) [-]; None: not measured.
 
     Raises:
         ParameterError: If the polar is impossible, or its lift does not pass through zero
@@ -341,7 +450,8 @@ def measured_section(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> Meas
         of_telling = (c_d - (1 - share) * profile_drag)[telling] / share[telling]
         separated_drag = np.interp(a, a[telling], np.maximum(of_telling, 0.0))
     stalled = TablePolar(polar.angle, tuple(separated_lift), tuple(separated_drag))
-    return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled)
+    static = () if moment is None else tuple(np.asarray(moment, float).ravel())
+    return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, static)
 
 
 def measured_section_from_description(description: Mapping[str, Any]) -> MeasuredSection:
@@ -350,13 +460,15 @@ def measured_section_from_description(description: Mapping[str, Any]) -> Measure
     Raises:
         ParameterError: If a key is missing or unknown, or the polar is no table.
     """
-    known = {*_MEASURED_NUMBERS, "separated", "stalled"}
+    known = {*_MEASURED_NUMBERS, "separated", "static_moment", "stalled"}
+    description = {"static_moment": [], **description}  # flights older than it have none
     check_keys("section", description, known)
     stalled = polar_from_description(description["stalled"])
     if not isinstance(stalled, TablePolar):
         raise ParameterError("section stalled", "a polar of the name table", stalled.name)
     numbers = {name: description[name] for name in _MEASURED_NUMBERS}
-    return MeasuredSection(**numbers, separated=tuple(description["separated"]), stalled=stalled)
+    separated, moment = (tuple(description[name]) for name in ("separated", "static_moment"))
+    return MeasuredSection(**numbers, separated=separated, stalled=stalled, static_moment=moment)
 
 
 def _zero_lift(angle: Array, lift: Array) -> float:

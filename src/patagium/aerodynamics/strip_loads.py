@@ -15,6 +15,7 @@ import casadi as ca
 
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion
+from patagium.aerodynamics.polars import section_flow
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.robot.model import Robot
@@ -25,14 +26,17 @@ class AeroExpressions:
     """Forces of the air on a robot, as CasADi expressions.
 
     Attributes:
-        generalized_force: Q = sum_i (dp_i/dq)^T f_i, (n, 1) [N, N m].
+        generalized_force: Q = sum_i (dp_i/dq)^T f_i, and the moments' part, (n, 1) [N, N m].
         strip_force: Force on each strip, world axes, (3, n_strips) [N].
         strip_point: Where it acts, world axes, (3, n_strips) [m].
-        angle_of_attack: Incidence at that point, (n_strips, 1) [rad].
+        angle_of_attack: Geometric incidence at that point: of its motion relative to the
+            undisturbed air, (n_strips, 1) [rad].
+        effective_angle_of_attack: Incidence that the load answers to: with the wake's lag and
+            the velocity that the wings induce, where a model has them, (n_strips, 1) [rad].
         strip_airspeed: Speed of that point across the span, relative to the air,
             (n_strips, 1) [m/s].
-        power: Sum of force times velocity of its point relative to the air, scalar [W];
-            in still air the power of the air on the robot.
+        power: Sum of force times velocity of its point relative to the air and of moment times
+            pitch rate, scalar [W]; in still air the power of the air on the robot.
         state_derivative: Rate of the model's own states, (n_z, 1) [m/s^2, 1/s].
         circulation: Of each strip, positive where it lifts a wing that moves forward,
             (n_strips, 1) [m^2/s]; zero in models without.
@@ -45,6 +49,7 @@ class AeroExpressions:
     strip_force: ca.SX
     strip_point: ca.SX
     angle_of_attack: ca.SX
+    effective_angle_of_attack: ca.SX
     strip_airspeed: ca.SX
     power: ca.SX
     state_derivative: ca.SX
@@ -62,20 +67,22 @@ class StripLoad:
         forward: Force along the chord to the leading edge [N].
         normal: Force out of the upper surface [N].
         ahead: Where it acts, ahead of the quarter chord [m].
-        angle_of_attack: Incidence that made it [rad].
+        effective_angle_of_attack: Incidence that made it [rad].
         spanwise: Force along normal x forward [N].
         circulation: Bound circulation [m^2/s].
         downwash: Velocity that the wings induce, against the normal [m/s].
+        moment: Moment about the point where the force acts, leading edge up [N m].
     """
 
     motion: StripMotion
     forward: Any
     normal: Any
     ahead: Any
-    angle_of_attack: Any
+    effective_angle_of_attack: Any
     spanwise: Any = 0.0
     circulation: Any = 0.0
     downwash: Any = 0.0
+    moment: Any = 0.0
 
 
 def assemble(
@@ -98,32 +105,39 @@ def assemble(
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     forces, points = [ca.SX(3, 0)], [ca.SX(3, 0)]
     incidences, speeds = [ca.SX(0, 1)], [ca.SX(0, 1)]
+    none = ca.SX(0, 1)
     power = ca.SX(0)
     for load in loads:
         motion, strip = load.motion, load.motion.strip
         forward, normal = vector(strip.forward), vector(strip.normal)
         force = forward * load.forward + normal * load.normal
-        force = force + cross(normal, forward) * load.spanwise
+        span = cross(normal, forward)
+        force = force + span * load.spanwise
         point = vector(strip.quarter_chord) + forward * load.ahead
         total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-        wrenches[strip.body] = (total + force, moment + cross(point, force))
+        moment = moment + cross(point, force) - span * load.moment
+        wrenches[strip.body] = (total + force, moment)
         pose = poses[strip.body]
         forces.append(pose.rotation @ force)
         points.append(pose.position + pose.rotation @ point)
         normal_velocity = motion.normal_ahead(load.ahead)
-        incidences.append(load.angle_of_attack)
+        incidences.append(section_flow(motion.forward, normal_velocity).angle_of_attack)
         speeds.append(ca.sqrt(motion.forward**2 + normal_velocity**2))
         power = power + load.forward * motion.forward + load.normal * normal_velocity
         power = power + load.spanwise * motion.spanwise_ahead(load.ahead)
+        power = power + load.moment * motion.pitch_rate
     return AeroExpressions(
         generalized_force=generalized_force(robot, q, wrenches),
         strip_force=ca.horzcat(*forces),
         strip_point=ca.horzcat(*points),
         angle_of_attack=ca.vertcat(*incidences),
+        effective_angle_of_attack=ca.vertcat(
+            none, *[load.effective_angle_of_attack for load in loads]
+        ),
         strip_airspeed=ca.vertcat(*speeds),
         power=power,
         state_derivative=state_derivative,
-        circulation=ca.vertcat(ca.SX(0, 1), *[load.circulation for load in loads]),
-        downwash=ca.vertcat(ca.SX(0, 1), *[load.downwash for load in loads]),
+        circulation=ca.vertcat(none, *[load.circulation for load in loads]),
+        downwash=ca.vertcat(none, *[load.downwash for load in loads]),
         memory=memory,
     )

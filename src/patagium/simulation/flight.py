@@ -78,7 +78,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "strip_force": Quantity(("strip", "axis"), "N", "force on each strip, world axes"),
     "strip_point": Quantity(("strip", "axis"), "m", "where it acts, world axes"),
-    "angle_of_attack": Quantity(("strip",), "rad", "incidence of each strip"),
+    "angle_of_attack": Quantity(
+        ("strip",), "rad", "geometric incidence of each strip: of its motion through the wind"
+    ),
     "strip_airspeed": Quantity(("strip",), "m/s", "speed of each strip relative to the air"),
     "circulation": Quantity(("strip",), "m^2/s", "bound circulation of each strip, if modeled"),
     "downwash": Quantity(
@@ -112,6 +114,9 @@ COMMAND = "command"
 GIVEN = "given"
 """Samples of the energy and momentum that changes of the machine gave, (N, 4) [J, kg m/s]."""
 OPTIONAL: dict[str, Quantity] = {
+    "effective_angle_of_attack": Quantity(
+        ("strip",), "rad", "incidence that the load answers to, with lag and downwash if modeled"
+    ),
     COMMAND: Quantity(
         ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
     ),
@@ -124,7 +129,7 @@ OPTIONAL: dict[str, Quantity] = {
         ("strip", "axis"), "m/s", "wind each strip answers to in a gust that travels, world axes"
     ),
 }
-"""What a flight has where it was asked for."""
+"""What a flight has where it was asked for, and what flights of older versions lack."""
 
 _Q_WITH_QUATERNION = Quantity(("coordinate",), "m, rad or 1", "generalized coordinates")
 

@@ -35,7 +35,8 @@ from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layo
 
 RECORDED = (
     *("q", "v", "a", "u1", "aero_force", "damping_force", "mount_force", "mount_wrench"),
-    *("strip_force", "strip_point", "angle_of_attack", "strip_airspeed"),
+    *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
+    "strip_airspeed",
     *("circulation", "downwash"),
     *("kinetic_energy", "potential_energy", "aero_power", "momentum", "works", "impulse"),
     "aero_state",
@@ -218,6 +219,7 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
         "strip_force": air.strip_force,
         "strip_point": air.strip_point,
         "angle_of_attack": air.angle_of_attack,
+        "effective_angle_of_attack": air.effective_angle_of_attack,
         "strip_airspeed": air.strip_airspeed,
         "circulation": air.circulation,
         "downwash": air.downwash,

@@ -51,6 +51,7 @@ def test_methods_give_one_entry_a_coordinate_and_a_strip(
         "strip_force": (10, 3),
         "strip_point": (10, 3),
         "angle_of_attack": (10,),
+        "effective_angle_of_attack": (10,),
         "strip_airspeed": (10,),
         "power": (),
         "circulation": (10,),

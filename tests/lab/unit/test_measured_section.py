@@ -22,6 +22,7 @@ from patagium.aerodynamics import (
 )
 from patagium.aerodynamics.model import aero_functions
 from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.sections import held_share
 from patagium.errors import ParameterError
 from patagium.robot import load_robot
 from patagium_lab.validation.cases.wings import flat_wing
@@ -73,13 +74,21 @@ def test_a_section_held_still_has_its_static_polar(polar, section) -> None:
 def test_a_delay_that_has_settled_changes_nothing(section) -> None:
     plain = LiftingLine(endless(), lags=NO_STATE, section=section, surface_constant=0.0)
     delayed = replace(plain, stall_delay=StallDelay())
-    assert delayed.state_size == 6
+    assert delayed.state_size == 9
 
     def settled(angle: float) -> np.ndarray:
         wash = SPEED * (np.sin(angle) - section.zero_lift_angle * np.cos(angle))
         flow = section_flow(ca.DM(SPEED * np.cos(angle)), ca.DM(-wash))
         share = float(section.separated_share(flow, ca.DM(section.parameters)))
-        return np.array([wash] * 3 + [share] * 3)
+        lift = float(
+            section.stalled.coefficients(
+                section_flow(ca.DM(SPEED * np.cos(angle)), ca.DM(-SPEED * np.sin(angle))),
+                ca.DM(section.stalled.parameters),
+            )[0]
+        )
+        held = float(held_share(flow))
+        fed = held * share * (section.lift_slope * wash / float(flow.speed) - lift)
+        return np.array([wash] * 3 + [share] * 3 + [fed] * 3)
 
     still = static_coefficients(plain, lambda angle: ca.DM(0, 1))
     late = static_coefficients(delayed, settled)

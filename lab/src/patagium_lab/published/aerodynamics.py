@@ -121,7 +121,7 @@ class Published(Aerodynamics):
             forward=-along_sign * mass_flow * (lift * v_z + drag * ca.fabs(v_x)),
             normal=mass_flow * (lift * ca.fabs(v_x) - drag * v_z),
             ahead=ahead,
-            angle_of_attack=incidence,
+            effective_angle_of_attack=incidence,
         )
 
     def _coefficients(self, incidence: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -205,7 +205,7 @@ def summary(flight: xr.Dataset) -> dict[str, Any]:
     weight = weight_of(flight)
     speed = np.linalg.norm(v[:, :3] - flight["wind"].to_numpy(), axis=1)
     half = len(speed) // 2
-    incidence = np.abs(flight["angle_of_attack"].to_numpy())
+    incidence = np.abs(flight["effective_angle_of_attack"].to_numpy())
     return {
         "duration": float(flight["time"][-1]),
         "beat_frequency": beat_frequency(flight),
