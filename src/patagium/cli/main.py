@@ -31,6 +31,7 @@ from patagium.cli import (
     import_log,
     inspect,
     motion,
+    optimize,
     robots,
     send,
     simulate,
@@ -83,8 +84,8 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    simulate, trim, fly, cycles, figures, view, export, inspect, import_log, motion, identify,
-    tune, evaluate, stream, send, robots, check, cache,
+    simulate, trim, optimize, fly, cycles, figures, view, export, inspect, import_log, motion,
+    identify, tune, evaluate, stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")

@@ -60,8 +60,9 @@ def trim(
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
     from patagium import control
     from patagium.aerodynamics import Air
-    from patagium.cli.words import answer
+    from patagium.cli.words import answer, show_table
     from patagium.errors import PatagiumError
+    from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
 
@@ -92,7 +93,14 @@ def trim(
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(found.flight(beats), output))
     title = f"Periodic flight of {machine.name}"
+    modes = control.floquet(found).summary()
+    if as_json:
+        facts["modes"] = modes
     outputs.attempt("orbit on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    if not as_json:
+        heads = [name.replace("_", " ") for name in modes[0]]
+        rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
+        outputs.attempt("modes on stdout", lambda: show_table(Table(heads, rows, "Modes")))
     outputs.check()
     words = f"view {output}" if output else f"trim {robot} -o trimmed.nc"
     if not as_json:

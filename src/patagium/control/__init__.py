@@ -15,7 +15,7 @@ from patagium.control.floquet import Floquet, Mode, floquet
 from patagium.control.gait_family import GaitFamily, gait_family
 from patagium.control.loop import fly
 from patagium.control.lqr import LinearRegulator
-from patagium.control.optimal_gait import OptimalGait, optimize
+from patagium.control.optimal_gait import OptimalGait, optimize, power_front
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import PredictiveController, RealTimeIteration
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
@@ -53,5 +53,6 @@ __all__ = [
     "gait_family",
     "off_nominal",
     "optimize",
+    "power_front",
     "trim",
 ]

@@ -284,7 +284,7 @@ class GaitProgram:
         self._samples = np.arange(_SAMPLES) * 2 * steps // _SAMPLES
         motion = rows.table[self._samples][:, self._swings.columns]
         self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
-        self._beyond = np.zeros((2, len(self._swings.columns)))
+        self._beyond = np.full((2, len(self._swings.columns)), _CLOSE)
         flown = self._fly(nodes, rows)
         work = float(flown.ends[:, -1].sum())
         self.power_before = work * family.base.frequency

@@ -193,6 +193,50 @@ def optimize(
     return replace(best, power_before=sinusoid.power_before, sinusoid=sinusoid)
 
 
+def power_front(
+    robot: Robot,
+    speeds: Sequence[float],
+    aero: Aerodynamics | None = None,
+    gait: Gait | None = None,
+    *,
+    climb: float = 0.0,
+    harmonics: int = 3,
+) -> list[tuple[float, OptimalGait | NoOrbit]]:
+    """Least mean power over speed, each gait sought from the one before, with its best sinusoid.
+
+    Args:
+        robot: The machine, with a floating body and Euler angles.
+        speeds: Mean speeds forward [m/s].
+        aero: Model of the air around it; quasi-steady by default.
+        gait: Gait to begin from; by default that of the robot's section `cruise`.
+        climb: Mean speed upward [m/s].
+        harmonics: Order of the Fourier series of the joints, at least 2.
+
+    Returns:
+        Each speed with its gait, or with a `NoOrbit`.
+
+    Raises:
+        ParameterError: If an argument is not what it may be.
+    """
+    if harmonics < 2:
+        raise ParameterError("harmonics", "at least 2, beside the best sinusoid", harmonics)
+    found: list[tuple[float, OptimalGait | NoOrbit]] = []
+    last: OptimalGait | None = None
+    for speed in speeds:
+        given: dict[str, Any] = {"speed": speed, "climb": climb}
+        if last is None or last.sinusoid is None:
+            one = optimize(robot, aero, gait, harmonics=harmonics, **given)
+        else:
+            sine = last.sinusoid.orbit
+            own = optimize(robot, sine.aero, harmonics=1, start=sine, **given)
+            one = optimize(robot, sine.aero, harmonics=harmonics, start=last.orbit, **given)
+            if isinstance(one, OptimalGait):
+                one = replace(one, sinusoid=own) if isinstance(own, OptimalGait) else own
+        last = one if isinstance(one, OptimalGait) else last
+        found.append((float(speed), one))
+    return found
+
+
 def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
     """Names of the parameters that an optimization changes where none are given.
 
@@ -231,9 +275,10 @@ def _optimal(
     robot, added_mass = start.robot, start.added_mass
     names = coefficients(robot, start.gait, harmonics) if free is None else tuple(free)
     family = gait_family(robot, start.gait, names)
-    search = OrbitSearch(FlightMap(robot, start.aero, added_mass), family, start.steps)
+    plain = FlightMap(robot, start.aero, added_mass)
     if free is None:
-        search.family = family = _in_plane(search, start.states)
+        family = _in_plane(plain, family, start)
+    search = OrbitSearch(plain, family, start.steps)
     flight = FlightMap(robot, start.aero, added_mass, work=True)
     nodes = np.vstack([start.states, start.segments.ends[-1]])
     program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
@@ -258,11 +303,11 @@ def _optimal(
     )
 
 
-def _in_plane(search: OrbitSearch, states: Array) -> GaitFamily:
+def _in_plane(flight: FlightMap, family: GaitFamily, start: Orbit) -> GaitFamily:
     """Family without the parameters that lead out of the plane of symmetry, such as a rudder's."""
-    family, names = search.family, search.map.names
-    rows = family.rows(family.neutral, search.steps, search.map.aero.air)
-    moved = np.abs(search.map.fly(states, rows).by_parameter[:, lateral_states(names)])
+    rows = family.rows(family.neutral, start.steps, flight.aero.air)
+    slopes = flight.fly(start.states, rows).by_parameter
+    moved = np.abs(slopes[:, lateral_states(flight.names)])
     kept = moved.max(axis=(0, 1)) < IN_PLANE
     chosen = tuple(name for name, stays in zip(family.names, kept, strict=True) if stays)
     return replace(family, names=chosen, directions=family.directions[kept])

@@ -30,6 +30,7 @@ from patagium.simulation.gait_models import (
     check_period,
     read_gait_table,
 )
+from patagium.whole_file import write_whole
 
 __all__ = [
     "Gait",
@@ -43,6 +44,7 @@ __all__ = [
     "sinusoidal",
     "still",
     "superposed",
+    "to_csv",
 ]
 
 
@@ -201,6 +203,35 @@ def from_csv(
         joints=_joints(robot), source=Path(path).name, time=time, position=np.array(position)
     )
     return _within_limits(robot, gait)
+
+
+def to_csv(robot: Robot, gait: Gait, path: str | Path) -> None:
+    """Table of one period of a gait, as `from_csv` reads it; whole or not at all.
+
+    Args:
+        robot: The machine.
+        gait: A gait that moves.
+        path: The file.
+
+    Raises:
+        ParameterError: If the gait does not move, or is another robot's.
+        OutputError: If the file cannot be written.
+    """
+    check_gait(robot, gait)
+    if gait.period is None:
+        raise ParameterError("gait", "one that moves", gait)
+    time = gait.period * np.arange(_ROWS + 1) / _ROWS
+    position = gait.motion(time).position
+    position[-1] = position[0]  # of a period, to the last bit
+    units = [robot.dof_units[i] for i in robot.actuated]
+    named = zip(gait.joints, units, strict=True)
+    heads = ["time [s]", *(f"{joint} [{unit}]" for joint, unit in named)]
+    rows = [",".join(map(repr, row)) for row in np.column_stack([time, position]).tolist()]
+    write_whole(path, "\n".join([",".join(heads), *rows, ""]))
+
+
+_ROWS = 400
+"""Rows of a period, whose spline is off by 1e-8 of a third harmonic."""
 
 
 def still(robot: Robot, **position: float) -> FourierGait:

@@ -20,8 +20,8 @@ from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
 
 VERBS = (
-    *("simulate", "trim", "fly", "cycles", "figures", "view", "export", "inspect", "import"),
-    *("motion", "identify"),
+    *("simulate", "trim", "optimize", "fly", "cycles", "figures", "view", "export", "inspect"),
+    *("import", "motion", "identify"),
     *("tune", "evaluate", "stream", "send", "robots", "check", "cache"),
 )
 SCREEN = 30

@@ -1,0 +1,181 @@
+"""`patagium optimize`: the gait of least power, least energy a meter, or greatest speed."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from patagium.cli.estimates import GreyModel, air_class
+from patagium.cli.outputs import Outputs
+from patagium.cli.words import Numbers, numbers, quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from patagium.control import OptimalGait
+
+EXAMPLES = (
+    'patagium optimize ornithopter --speed "4 m/s" -o best.nc --gait best.csv',
+    "patagium optimize aerobat --goal range --harmonics 2",
+    "patagium optimize ornithopter --front 3,4,5,6 --figure front.svg",
+)
+PANELS = {"Air and flight": "climb aero density", "Files": "output beats gait figure"}
+
+
+class Aim(StrEnum):
+    """Goals of an optimization."""
+
+    POWER = "power"
+    RANGE = "range"
+    SPEED = "speed"
+
+
+def optimize(
+    robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m/s", "a speed"),
+            help="Mean speed forward, in m/s; free by default, 0 hovers.",
+        ),
+    ] = None,
+    climb: Annotated[
+        float,
+        typer.Option(parser=quantity("m/s", "a speed"), help="Mean speed upward, in m/s."),
+    ] = 0.0,
+    goal: Annotated[
+        Aim, typer.Option(help="Least mean power, least energy a meter, or greatest speed.")
+    ] = Aim.POWER,
+    harmonics: Annotated[
+        int, typer.Option(min=1, help="Order of the Fourier series of the joints.")
+    ] = 3,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Gait parameter that may change, such as frequency or plunge_sine_2; by default "
+            "those of the actuators, else of all joints with limits. Repeat it."
+        ),
+    ] = None,
+    front: Annotated[
+        Numbers | None,
+        typer.Option(parser=numbers, help="Speeds of a front of speed and power, in m/s."),
+    ] = None,
+    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
+    density: Annotated[
+        float,
+        typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
+    ] = 1.225,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File for a flight with the gait (.nc).")
+    ] = None,
+    beats: Annotated[float, typer.Option(min=1e-3, help="Wingbeats of that flight.")] = 10.0,
+    gait: Annotated[
+        Path | None, typer.Option(help="File for the gait (.csv), as simulate --gait takes it.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="File for a picture of the front (.svg, .png, .pdf).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Optimal gait of a periodic flight within the limits of joints and actuators.
+
+    Power is mechanical, and what a joint takes back counts as recovered. With --front, gaits of
+    least power at several speeds, beside the best sinusoids.
+    """
+    from patagium import control
+    from patagium.aerodynamics import Air
+    from patagium.cli.words import answer
+    from patagium.errors import ParameterError, PatagiumError
+    from patagium.robot import load_robot
+    from patagium.simulation import gaits, save_flight
+
+    if front is None and figure is not None:
+        raise ParameterError("--figure", "--front with the speeds of the picture", None)
+    machine = load_robot(robot)
+    model = air_class(aero)(machine, Air(density=density))
+    if front is not None:
+        if speed is not None or output is not None or gait is not None or goal != Aim.POWER:
+            raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
+        given: dict[str, Any] = {"climb": climb, "harmonics": harmonics}
+        _front(control.power_front(machine, front, model, **given), figure, as_json)
+        return
+    options: dict[str, Any] = {"free": free} if free else {}
+    found = control.optimize(
+        machine,
+        model,
+        speed=speed,
+        climb=climb,
+        harmonics=harmonics,
+        goal=goal.value,
+        **options,
+    )
+    if not isinstance(found, control.OptimalGait):
+        if as_json:
+            answer(found.summary(), as_json=True)
+        raise PatagiumError(repr(found))
+    outputs, best = Outputs(), found.orbit
+    if output is not None:
+        outputs.attempt(str(output), lambda: save_flight(best.flight(beats), output))
+    if gait is not None:
+        outputs.attempt(str(gait), lambda: gaits.to_csv(machine, best.gait, gait))
+    facts = found.summary()
+    title = f"Optimal gait of {machine.name}"
+    outputs.attempt("gait on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    outputs.check()
+    if not as_json:
+        words = f"view {output}" if output else f"optimize {robot} -o best.nc --gait best.csv"
+        typer.echo(f"Next: patagium {words}", err=True)
+
+
+def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -> None:
+    """Table and picture of a front."""
+    from patagium.cli.words import say_json, show_table
+    from patagium.errors import PatagiumError
+    from patagium.report.figures import save_figure
+    from patagium.report.page import Table
+
+    gaits = [(speed, gait) for speed, gait in found if gait.found]
+    heads = ("speed [m/s]", "power [W]", "best sinusoid [W]", "saved [%]", "frequency [Hz]")
+    rows = [
+        (speed, one.power, one.sinusoid.power, 100 * (1 - one.power / one.sinusoid.power),
+         one.orbit.gait.frequency)
+        for speed, one in gaits
+    ]  # fmt: skip
+    if as_json:
+        say_json([dict(zip(heads, row, strict=True)) for row in rows])
+    else:
+        show_table(Table(heads, rows, "Least mean power over speed"))
+    for speed, one in found:
+        if not one.found:
+            typer.echo(f"{speed:g} m/s: {one!r}", err=True)
+    if not gaits:
+        raise PatagiumError("no gait was found at any of these speeds")
+    if figure is not None:
+        save_figure(_picture(gaits), figure)
+
+
+def _picture(gaits: list[tuple[float, OptimalGait]]) -> Figure:
+    """Figure of the least power over speed, and that of the best sinusoids."""
+    from patagium.report.style import color, dash, legend_above, panels, styled
+
+    @styled
+    def drawn() -> Figure:
+        figure, axes = panels(1, 1, row_height=3.0)
+        panel = axes[0, 0]
+        speeds = [speed for speed, _ in gaits]
+        kinds = {
+            f"{gaits[0][1].harmonics} harmonics": [one.power for _, one in gaits],
+            "best sinusoid": [one.sinusoid.power for _, one in gaits if one.sinusoid],
+        }
+        for k, (name, powers) in enumerate(kinds.items()):
+            panel.plot(speeds, powers, "o", label=name, color=color(k), linestyle=dash(k))
+        panel.set_xlabel("speed [m/s]")
+        panel.set_ylabel("mean mechanical power [W]")
+        panel.set_ylim(bottom=0.0)
+        legend_above(figure, panel)
+        return figure
+
+    return drawn()
