@@ -116,6 +116,9 @@ class Meaning(NamedTuple):
         return " and ".join(words) or "a finite number"
 
 
+_MOST_SAMPLES = 1_000_000  # minutes of flapping; their arrays are made at once
+
+
 def setting(default: Any, text: str, **meaning: Any) -> Any:
     """A field of a record of settings.
 
@@ -200,7 +203,11 @@ class Screening:
         5.0, "Innovations beyond this many predicted standard deviations are down-weighted", low=2.0
     )
     stuck_samples: int = setting(
-        50, "Repeated values after which a channel is left out", unit="samples", low=2
+        50,
+        "Repeated values after which a channel is left out",
+        unit="samples",
+        low=2,
+        high=_MOST_SAMPLES,
     )
 
     def __post_init__(self) -> None:
@@ -277,6 +284,7 @@ class ChangeDetection:
         "Window of recent samples that is tested for a change",
         unit="samples",
         low=1,
+        high=_MOST_SAMPLES,
         option="change-window",
     )
     reference: int = setting(
@@ -284,6 +292,7 @@ class ChangeDetection:
         "Samples before the window that it is compared with, a wingbeat or more",
         unit="samples",
         low=1,
+        high=_MOST_SAMPLES,
         option="change-reference",
     )
     reopening: float = setting(
@@ -478,6 +487,7 @@ class GradientSettings:
         "Earlier samples that the gradient learner sees again at each step",
         unit="samples",
         low=0,
+        high=_MOST_SAMPLES,
         learners=("gradient",),
     )
 

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 import patagium as pt
@@ -24,6 +25,7 @@ from patagium.robot.units import UnitMismatch, in_si
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.mapping import conversion, load_mapping
 from patagium.sensing.sensors.sense import load_sensor_log
+from patagium.simulation.cycles import cycle_statistics
 from patagium.simulation.simulator import whole_steps
 
 _AT_ONCE = 3.0  # s of the processor, the table of units included
@@ -265,3 +267,14 @@ def test_nothing_waits_at_a_pipe_among_the_parts_of_a_log(name, tmp_path):
     os.mkfifo(tmp_path / name)
     with pytest.raises(Unreadable, match=name):
         open_log(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["window", "reference"])
+def test_samples_to_remember_are_bounded(name):
+    with pytest.raises(ParameterError, match=f"{name}: .*at most 1e\\+06"):
+        pt.learning.ChangeDetection(**{name: 10**30})
+
+
+def test_points_of_a_wingbeat_are_bounded():
+    with pytest.raises(ParameterError, match="2 to ten thousand points"):
+        cycle_statistics(xr.Dataset(), period=0.1, phases=2**31)
