@@ -1,6 +1,6 @@
 """Control: exact derivatives of a wingbeat, periodic orbits, stability, feedback, closed loops."""
 
-from patagium.control.estimators import Estimate, NoisyState, Truth
+from patagium.control.estimators import Estimate, NoisyState, TrackedState, Truth
 from patagium.control.events import (
     Event,
     GustEvent,
@@ -44,6 +44,7 @@ __all__ = [
     "RealTimeIteration",
     "Segments",
     "StuckEvent",
+    "TrackedState",
     "Truth",
     "WindEvent",
     "WingLossEvent",

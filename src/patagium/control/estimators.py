@@ -1,19 +1,31 @@
-"""Estimators of a flight: the true state with noise, late, or not at all.
+"""Estimators of a flight: the true state with noise, or a tracker of sensors with data sheets.
 
-Neglected: noise that is correlated in time, and biases.
+A controller needs the state now: of the tracker that is its filter at the newest sample that has
+come, foretold to the moment, where a smoother would be 20 ms late. Clocks are taken as known, and
+so are delays, but a sample comes when its delay is over. Neglected: samples that overtake others
+of the same sensor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError, finite
+from patagium.control.orbit import Orbit
+from patagium.errors import FilterDiverged, ParameterError, finite
 from patagium.robot import Robot
+from patagium.sensing.motion.motion_tracker import MotionTracker
+from patagium.sensing.sensors.imu import Imu
+from patagium.sensing.sensors.joints import Encoder
+from patagium.sensing.sensors.motion_capture import MotionCapture
+from patagium.sensing.sensors.scene import Scene
+from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation.simulator import FlightState
 
 Array = NDArray[np.float64]
@@ -88,17 +100,18 @@ class NoisyState:
         if not 0 <= finite("missing", self.missing) < 1:
             raise ParameterError("missing", "at least 0 and below 1", self.missing)
 
-    def estimator(self, robot: Robot, seed: int) -> Estimator:
+    def estimator(self, orbit: Orbit, duration: float, seed: int) -> Estimator:
         """Estimator of one flight.
 
         Args:
-            robot: The machine.
+            orbit: Orbit that it flies along.
+            duration: Duration of the flight [s].
             seed: Seed of noise and missing samples.
 
         Raises:
             ParameterError: If the robot has no such state.
         """
-        dofs = robot.dof_names
+        robot, dofs = orbit.robot, orbit.robot.dof_names
         names = [*robot.coordinate_names, *(f"{k} of {i}" for k in _RATES for i in dofs)]
         for name in self.std:
             if name not in names:
@@ -119,3 +132,129 @@ class NoisyState:
 
 
 _RATES = ("velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class TrackedState:
+    """State as a tracker knows it from encoders, inertial units and cameras.
+
+    The driving noise of the tracker is that of the orbit: the variance of the fourth derivative
+    times the beat over 2 pi, of all directions and all joints that of the liveliest one.
+
+    Args:
+        sensors: Sensors, each with its own name, rate, noise and delay.
+
+    Raises:
+        ParameterError: If one is of another kind, or two have one name.
+    """
+
+    sensors: Sequence[Sensor]
+
+    def __post_init__(self) -> None:
+        names = [sensor.name for sensor in self.sensors]
+        for sensor in self.sensors:
+            if not isinstance(sensor, (Encoder, Imu, MotionCapture)):
+                expected = "encoders, inertial units and cameras"
+                raise ParameterError("sensors", expected, type(sensor).__name__)
+            if names.count(sensor.name) > 1:
+                raise ParameterError("sensors", "a name of its own for each", sensor.name)
+
+    def estimator(self, orbit: Orbit, duration: float, seed: int) -> Estimator:
+        """Estimator of one flight.
+
+        Args:
+            orbit: Orbit that it flies along.
+            duration: Duration of the flight [s].
+            seed: Seed of all errors, as of `sense`.
+
+        Raises:
+            LogError: If a coordinate is seen by no sensor.
+        """
+        return _Tracking(self.sensors, orbit, duration, seed)
+
+
+def driving_noise(orbit: Orbit) -> Array:
+    """Density of the white snap that drives each coordinate of an orbit, (n,) [unit^2/s^7].
+
+    Args:
+        orbit: The orbit.
+    """
+    robot, flight = orbit.robot, orbit.flight(beats=1.0)
+    jerk = np.gradient(flight["a"].values, orbit.time_step, axis=0)
+    snap = np.gradient(jerk, orbit.time_step, axis=0)[2:-2]
+    density = np.mean(snap**2, axis=0) * orbit.period / (2 * np.pi)
+    floating = [list(b.floating_dofs or ()) for b in robot.bodies if b.floating_dofs]
+    for group in (floating[0][:3], floating[0][3:], list(robot.actuated)):
+        if group:
+            density[group] = max(density[group].max(), _LEAST)
+    return np.asarray(np.maximum(density, _LEAST))
+
+
+_LEAST = 1.0
+"""Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
+_MEMORY = 0.05
+"""Longest delay of a sample that is still used [s]."""
+_BESIDE = 8
+"""Time steps before a sample through which its truth is interpolated."""
+
+
+class _Tracking:
+    """Sensors and tracker of one flight; samples are taken as the truth goes on."""
+
+    def __init__(self, sensors: Sequence[Sensor], orbit: Orbit, duration: float, seed: int) -> None:
+        self._by_name = {sensor.name: sensor for sensor in sensors}
+        self._robot, self._density = orbit.robot, driving_noise(orbit)
+        self._samples: dict[str, tuple[Array, tuple[Array, ...]]] = {}
+        for name, sensor in self._by_name.items():
+            rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+            times = sensor.clock(0.0, duration)[1]
+            self._samples[name] = times, sensor.errors(orbit.robot, len(times), rng)
+        self._shown = dict.fromkeys(self._by_name, 0)
+        self._coming: list[tuple[float, float, str, Array]] = []
+        self._tracker = self._started()
+
+    def _started(self) -> MotionTracker:
+        return MotionTracker(self._robot, self._by_name, self._density, memory=_MEMORY)
+
+    def __call__(self, truth: Truth) -> Estimate | None:
+        """Estimate by now, or None where no sample has come since the last one."""
+        now = (len(truth.q) - 1) * truth.time_step
+        self._look(truth, now)
+        self._coming.sort(key=lambda one: one[:3])
+        come = [one for one in self._coming if one[0] <= now + 1e-9]
+        del self._coming[: len(come)]
+        for _, time, name, row in come:
+            try:
+                self._tracker.push(name, time, row)
+            except FilterDiverged:
+                self._tracker = self._started()
+        if not come or not self._tracker.started:
+            return None
+        found = self._tracker.now(max(now, self._tracker.span[1]))
+        return Estimate(FlightState(self._robot, now, found.q, found.v), found.a)
+
+    def _look(self, truth: Truth, now: float) -> None:
+        """Take the samples of the truth since the last look."""
+        if len(truth.q) < 4:
+            return
+        due: dict[str, slice] = {}
+        earliest = now
+        for name, (times, _) in self._samples.items():
+            first = self._shown[name]
+            last = int(np.searchsorted(times, now + 1e-9, side="right"))
+            if last > first:
+                due[name], earliest = slice(first, last), min(earliest, times[first])
+            self._shown[name] = last
+        begin = max(0, min(int(earliest / truth.time_step), len(truth.q)) - _BESIDE)
+        time = truth.time_step * np.arange(begin, len(truth.q))
+        parts = {name: getattr(truth, name)[begin:] for name in ("q", "v", "a")}
+        flown = xr.Dataset({k: (("time", f"of_{k}"), part) for k, part in parts.items()})
+        scene = Scene(flown.assign_coords(time=time), truth.robot)
+        for name, span in due.items():
+            sensor, (times, errors) = self._by_name[name], self._samples[name]
+            own = np.clip(times[span], time[0], time[-1])
+            reading = sensor.shown(scene, own, tuple(part[span] for part in errors))
+            rows = np.hstack([one.values for one in reading.measured.values()])
+            arrivals = times[span] + sensor.delay
+            for arrival, stamp, row in zip(arrivals, times[span], rows, strict=True):
+                self._coming.append((float(arrival), float(stamp), name, row))

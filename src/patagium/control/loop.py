@@ -19,7 +19,13 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.control.estimators import Estimate, Estimator, NoisyState, Truth
+from patagium.control.estimators import (
+    Estimate,
+    Estimator,
+    NoisyState,
+    TrackedState,
+    Truth,
+)
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
 from patagium.errors import Outcome, ParameterError, SimulationFailed, of_kind, positive
@@ -85,7 +91,7 @@ def fly(
     *,
     orbit: Orbit,
     duration: float,
-    sensors: NoisyState | None = None,
+    sensors: NoisyState | TrackedState | None = None,
     events: Sequence[Event] = (),
     **options: Unpack[LoopOptions],
 ) -> xr.Dataset:
@@ -115,7 +121,7 @@ def fly(
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
     seed = options.get("seed", 0)
     known = NoisyState() if sensors is None else sensors
-    estimator = options.get("estimator") or known.estimator(orbit.robot, seed)
+    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, seed)
     own = controller if hasattr(controller, "learn") else None
     learner = cast("Learner | None", options.get("learner") or own)
     loop.run(estimator, learner, options.get("progress"))
@@ -158,13 +164,14 @@ class _Loop:
         self.period = ceil(period / longest * (1 - 1e-9))
         step = period / self.period
         steps = max(1, round(positive("duration", self.duration) / step))
-        self._check_events(steps * step)
+        self.duration = steps * step
+        self._check_events(self.duration)
         aero, added = with_gusts(self.aero, self.events), self.options.get("added_mass")
         start = self.orbit.start()
         lags = start.pop("aero_state")
         self.simulator = Simulator(
             self.robot, aero, SteeredGait(self.robot, self.orbit.gait),
-            duration=steps * step, time_step=step,
+            duration=self.duration, time_step=step,
             q=self.options.get("q", start["q"]), v=self.options.get("v", start["v"]),
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),

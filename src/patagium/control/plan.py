@@ -8,7 +8,7 @@ gust of a tenth of the speed after a third of the flight.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -16,7 +16,7 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine, QuasiSteady
-from patagium.control.estimators import NoisyState
+from patagium.control.estimators import NoisyState, TrackedState
 from patagium.control.events import (
     Event,
     GustEvent,
@@ -38,12 +38,15 @@ from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
 from patagium.robot.units import (
     Duration,
+    Frequency,
     Length,
     Mass,
     PureNumber,
     Speed,
     quantity_type,
 )
+from patagium.sensing.sensors import presets
+from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits
 
 Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
@@ -95,12 +98,51 @@ class ControllerPart(_Part):
     tolerable: dict[str, PureNumber] = {}
 
 
+class SensorPart(_Part):
+    """Sensor with the noise of its data sheet, from `patagium.sensing.sensors.presets`."""
+
+    type: Literal["icm_42688_p", "bmi270", "as5600", "prime_x_13"]
+    body: str = ""
+    rate: Frequency | None = None
+    delay: Duration | None = None
+
+    def sensor(self, robot: Robot) -> Sensor:
+        """Sensor on a robot, on its first body where none is named.
+
+        Args:
+            robot: The machine.
+        """
+        rate = {} if self.rate is None else {"rate": self.rate}
+        body = self.body or robot.bodies[0].name
+        robot.body_index(body)
+        given = () if self.type == "as5600" else (body,)
+        made: Sensor = getattr(presets, self.type)(*given, **rate)
+        return made if self.delay is None else replace(made, delay=self.delay)
+
+
 class SensorsPart(_Part):
-    """Knowledge of the state, as `NoisyState`."""
+    """Knowledge of the state: `NoisyState`, or with `parts` the tracker of sensors."""
 
     std: dict[str, PureNumber] = {}
     delay: Duration = 0.0
     missing: PureNumber = 0.0
+    parts: tuple[SensorPart, ...] = ()
+
+    def known(self, robot: Robot) -> NoisyState | TrackedState:
+        """Source of the estimates.
+
+        Args:
+            robot: The machine.
+
+        Raises:
+            ParameterError: If numbers are not possible, or there are `parts` beside other keys.
+        """
+        state = NoisyState(self.std, self.delay, self.missing)
+        if not self.parts:
+            return state
+        if state != NoisyState():
+            raise ParameterError("sensors", "parts, or std, delay and missing", "both")
+        return TrackedState([part.sensor(robot) for part in self.parts])
 
 
 class _EventPart(_Part):
@@ -250,7 +292,7 @@ class Prepared:
         added = truth.added_mass
         return fly(
             robot, aero, self.controller, orbit=self.orbit, duration=self.duration,
-            sensors=NoisyState(**dict(plan.sensors)), events=self.events,
+            sensors=plan.sensors.known(self.orbit.robot), events=self.events,
             added_mass=None if added is None else AddedMass(robot, air, factor=added),
             seed=plan.seed, time_step=plan.time_step, throw=False, progress=progress,
         )  # fmt: skip
@@ -308,7 +350,10 @@ def _words(
     duration: float,
     events: tuple[Event, ...],
 ) -> tuple[str, ...]:
-    truth, noise = plan.truth, NoisyState(**dict(plan.sensors))
+    truth, known = plan.truth, plan.sensors.known(robot)
+    told = "the true state, without noise" if known == NoisyState() else repr(known)
+    if isinstance(known, TrackedState):
+        told = f"what a tracker makes of {', '.join(one.name for one in known.sensors)}"
     climb = round(orbit.climb, 9) + 0.0
     happen = [f"at {event.time:.3g} s {event.words}" for event in events]
     return (
@@ -318,6 +363,6 @@ def _words(
         f"Truth: masses and inertias {100 * truth.masses:g} % off the file's (seed {plan.seed}), "
         f"{truth.air} air of {truth.density:g} kg/m^3, the controller's {plan.trim.air} of "
         f"{plan.trim.density:g}",
-        f"Known: {noise if noise != NoisyState() else 'the true state, without noise'}",
+        f"Known: {told}",
         f"Flight of {duration:.3g} s; events: {'; '.join(happen) or 'none'}",
     )

@@ -16,6 +16,7 @@ from patagium.control import (
     PayloadEvent,
     PredictiveController,
     StuckEvent,
+    TrackedState,
     WingLossEvent,
     off_nominal,
 )
@@ -171,3 +172,52 @@ def test_a_flight_that_breaks_is_kept(orbit):
     assert kept.attrs["outcome"] == "LIMIT_REACHED" and "held" in kept.attrs
     assert 1 <= kept.sizes["control_time"] < 20 and kept["time"].values[-1] < 1.0
     assert flown(orbit, duration=4.0, throw=False, **down).identical(kept)
+
+
+def test_a_tracker_of_sensors_is_good_enough_to_fly_with(orbit):
+    """The newest sample, foretold to now, is closer to the state than the flight to its orbit."""
+    presets = pt.sensors.presets
+    parts = [
+        presets.icm_42688_p("body", rate=500.0),
+        presets.as5600(rate=200.0),
+        presets.prime_x_13("body", rate=120.0),
+    ]
+    flight = flown(orbit, sensors=TrackedState(parts), duration=0.4)
+    assert json.loads(flight.attrs["held"]) == {"missing": 1}  # at the start
+    places = np.round(flight["control_time"].values / flight.attrs["time_step"]).astype(int)
+    true = np.hstack([flight["q"].values, flight["v"].values])[places[3:]]
+    errors = np.sqrt(np.mean((flight["estimate"].values[3:] - true) ** 2, axis=0))
+    names = list(flight["state"].values)
+    for name, most in (("z", 5e-4), ("pitch", 5e-3), ("velocity of z", 0.02)):  # m, rad, m/s
+        assert 0 < errors[names.index(name)] < most
+    # what comes late is another time's: a smoother would be here
+    smoothed = flight["q"].sel(dof="z").values[places[3:] - round(0.02 / 5e-4)]
+    assert np.std(smoothed - true[:, names.index("z")]) > 20 * errors[names.index("z")]
+    with pytest.raises(ParameterError, match="encoders, inertial units and cameras"):
+        TrackedState([presets.nano17()])
+    with pytest.raises(ParameterError, match="a name of its own"):
+        TrackedState([parts[0], parts[0]])
+
+
+def test_samples_in_the_loop_are_those_of_a_log(orbit):
+    """What the tracker is given is what `sense` draws of the same flight with the same seed."""
+    camera = pt.sensors.presets.prime_x_13("body")
+    encoder = pt.sensors.presets.as5600(rate=200.0)
+    from patagium.sensing.motion.motion_tracker import MotionTracker
+
+    given = []
+    push = MotionTracker.push
+
+    def kept(self, name, stamp, values):
+        given.append((name, stamp, values))
+        push(self, name, stamp, values)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MotionTracker, "push", kept)
+        flight = flown(orbit, sensors=TrackedState([camera, encoder]), duration=0.2, seed=7)
+    log = pt.sense(flight, [camera, encoder], seed=7)
+    rows = np.array([values for name, _, values in given if name == "as5600"])
+    own = log["as5600"].position.values
+    assert len(rows) > 30 and np.abs(rows - own[: len(rows)]).max() < 1e-9
+    late = [time for name, time, _ in given if name == "prime_x_13"]
+    assert late[-1] <= flight["control_time"].values[-1] - camera.delay + 1e-9

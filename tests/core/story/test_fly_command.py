@@ -82,6 +82,7 @@ def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
         ("share:", "shar:", "line 11, .*did you mean share"),
         ("mass: 5 g", "mass: 5 m", "line 10, .*expected a mass"),
         ("regulator", "regulatr", "line 5, .*did you mean regulator"),
+        ("missing: 0.02", "parts: [{type: as560}]", "line 6, .*did you mean as5600"),
         ("seed: 3", "seed: -3", "line 16, seed"),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],
@@ -100,3 +101,10 @@ def test_what_a_plan_cannot_ask_is_refused(tmp_path):
         prepared(load_plan(path))
     with pytest.raises(ParameterError, match="actuators"):
         prepared(load_plan("dragonfly"))
+    parts = "parts: [{type: icm_42688_p, rate: 500 Hz}, {type: as5600}, {type: prime_x_13}]"
+    path.write_text(PLAN.replace("missing: 0.02", parts))
+    with pytest.raises(ParameterError, match="parts, or std"):
+        prepared(load_plan(path))
+    path.write_text(PLAN.replace("std: {z: 0.005, velocity of z: 0.02}, missing: 0.02", parts))
+    words = prepared(load_plan(path)).words
+    assert any("tracker makes of icm_42688_p, as5600" in one for one in words)

@@ -165,4 +165,4 @@ def test_wrong_numbers_are_refused():
     with pytest.raises(ParameterError, match="z: expected zero or more"):
         NoisyState({"z": -1.0})
     with pytest.raises(ParameterError, match="did you mean velocity of z"):
-        NoisyState({"velocity of zz": 1.0}).estimator(pt.load_robot("aerobat"), 0)
+        NoisyState({"velocity of zz": 1.0}).estimator(pt.trim(pt.load_robot("aerobat")), 1.0, 0)

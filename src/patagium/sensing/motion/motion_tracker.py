@@ -73,12 +73,16 @@ class MotionNow:
 
 @dataclass
 class _Event:
-    """Sample, with the estimate after it, its correction, and the smoother's gain to the next."""
+    """Sample, the estimate after it, its correction, and what the estimate foretold of the next.
+
+    The smoother's gain to the next sample is found when it is asked for the first time.
+    """
 
     time: float
     observation: Observation
     after: MotionEstimate
     change: Array
+    predicted: tuple[float, MotionEstimate] | None = None
     gain: Array | None = None
 
 
@@ -306,7 +310,7 @@ class _Part:
         for k in range(len(stamps) - 1, places[0] - 1, -1):
             if k in wanted:
                 changes[k] = change
-            gain = self.events[k - 1].gain if k > places[0] else None
+            gain = self._gain(self.events[k - 1]) if k > places[0] else None
             change = change + self.events[k].change
             change = change if gain is None else gain @ change
         found = []
@@ -335,8 +339,14 @@ class _Part:
         if time <= last.time:
             return last.after
         estimate = self.filter.predict(last.after, time - last.time)
-        last.gain = self.filter.smoother_gain(last.after, time - last.time, estimate)
+        last.predicted = time - last.time, estimate
         return estimate
+
+    def _gain(self, event: _Event) -> Array | None:
+        """Gain of the smoother from a sample to the next, None where they are at one time."""
+        if event.gain is None and event.predicted is not None:
+            event.gain = self.filter.smoother_gain(event.after, *event.predicted)
+        return event.gain
 
     def _append(self, time: float, observation: Observation, estimate: MotionEstimate) -> None:
         """Add the sample of a time to the estimate before it."""
@@ -357,7 +367,7 @@ class _Part:
             return
         again = [(event.time, event.observation) for event in self.events[place:]]
         del self.events[place:]
-        self.events[-1].gain = None
+        self.events[-1].gain = self.events[-1].predicted = None
         for moment, seen in [(time, observation), *again]:
             self._append(moment, seen, self._predicted(moment))
         oldest = self.events[-1].time - memory

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from patagium.errors import ParameterError, positive
+from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     UPRIGHT,
@@ -96,19 +97,25 @@ class Imu(Sensor):
         """Standard deviation of a sample of the angular rate, (3,) [rad/s]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.gyroscope_density, float))
 
-    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
+    def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
+        """Bias and noise of the specific force, then of the angular rate; see `Sensor.errors`."""
+        found = []
+        for part in ("accelerometer", "gyroscope"):
+            found.append(self._bias(part, count, rng))
+            found.append(getattr(self, f"{part}_std") * rng.standard_normal((count, 3)))
+        return tuple(found)
+
+    def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
         motion = scene.frame(
             self.body, np.asarray(self.position), np.asarray(self.orientation), times
         )
         measured, true = {}, {}
-        for part, quantity, units in (
-            ("accelerometer", "specific_force", "m/s^2"),
-            ("gyroscope", "angular_rate", "rad/s"),
+        for part, quantity, units, (bias, white) in (
+            ("accelerometer", "specific_force", "m/s^2", errors[:2]),
+            ("gyroscope", "angular_rate", "rad/s", errors[2:]),
         ):
             truth = motion.specific_force if part == "accelerometer" else motion.angular_velocity
-            bias = self._bias(part, len(times), rng)
-            white = getattr(self, f"{part}_std") * rng.standard_normal((len(times), 3))
             shown = limited(truth + bias + white, getattr(self, f"{part}_range"))
             measured[quantity] = Signal(
                 ("axis",), units, stepped(shown, getattr(self, f"{part}_step"))

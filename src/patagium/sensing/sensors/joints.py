@@ -55,20 +55,25 @@ class Encoder(Sensor):
         """Standard deviation of a sample by noise and rounding, without the zero [rad, m]."""
         return float(np.hypot(self.std, self.resolution / np.sqrt(12.0)))
 
-    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
-        joints = joint_names(self.joints, scene.robot)
+    def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
+        """Error of each zero, and noise of each sample; see `Sensor.errors`."""
+        width = len(joint_names(self.joints, robot))
+        zero = self.zero_std * rng.standard_normal(width)
+        white = self.std * rng.standard_normal((count, width))
+        return np.broadcast_to(zero, white.shape), white
+
+    def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
+        joints, (zero, white) = joint_names(self.joints, scene.robot), errors
         places = scene.robot.coordinate_indices
         columns = [places[scene.robot.index(name)] for name in joints]
         truth = scene.coordinates(times)[0][:, columns]
-        zero = self.zero_std * rng.standard_normal(len(joints))
-        white = self.std * rng.standard_normal(truth.shape)
         shown = stepped(truth + zero + white, self.resolution)
         return Reading(
             {"position": Signal(("joint",), "m or rad", shown)},
             {
                 "position": Signal(("joint",), "m or rad", truth),
-                "zero": Signal(("joint",), "m or rad", np.broadcast_to(zero, truth.shape)),
+                "zero": Signal(("joint",), "m or rad", zero),
             },
             {"joint": joints},
         )

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.deprecation import renamed_fields
 from patagium.errors import ParameterError, finite
+from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     UPRIGHT,
@@ -81,17 +82,21 @@ class MotionCapture(Sensor):
         if not isinstance(self.body, str) or not self.body:
             raise ParameterError("body", "the name of a body", self.body)
 
-    def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
-        """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
+    def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
+        """Errors of position and attitude, and whether a frame is lost; see `Sensor.errors`."""
+        moved = np.asarray(self.position_std) * rng.standard_normal((count, 3))
+        turned = np.asarray(self.attitude_std) * rng.standard_normal((count, 3))
+        return moved, turned, self._lost(count, rng).astype(float)
+
+    def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
+        moved, turned, missing = errors
         motion = scene.frame(
             self.body, np.asarray(self.position), np.asarray(self.orientation), times
         )
-        count = len(times)
-        moved = np.asarray(self.position_std) * rng.standard_normal((count, 3))
-        turned = np.asarray(self.attitude_std) * rng.standard_normal((count, 3))
         attitude = Rotation.from_matrix(motion.rotation)
         shown = attitude * Rotation.from_rotvec(turned)
-        lost = self._lost(count, rng)[:, None]
+        lost = missing[:, None].astype(bool)
         return Reading(
             {
                 "position": Signal(("axis",), "m", np.where(lost, np.nan, motion.position + moved)),

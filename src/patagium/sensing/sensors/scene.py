@@ -47,13 +47,14 @@ class Scene:
 
     Args:
         flight: Record with q, v, a.
+        robot: The machine; by default the one whose text the flight carries.
 
     Raises:
         FlightError: If the flight has no robot, lacks a quantity or has less than 4 samples.
     """
 
-    def __init__(self, flight: xr.Dataset) -> None:
-        self.flight, self.robot = flight, robot_of(flight)
+    def __init__(self, flight: xr.Dataset, robot: Robot | None = None) -> None:
+        self.flight, self.robot = flight, robot or robot_of(flight)
         self.time = np.asarray(flight["time"].values, float)
         if len(self.time) < 4:
             raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")

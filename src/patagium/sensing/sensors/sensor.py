@@ -19,6 +19,7 @@ from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
+    from patagium.robot import Robot
     from patagium.sensing.sensors.scene import Scene
 
 Array: TypeAlias = NDArray[np.float64]
@@ -155,6 +156,29 @@ class Sensor:
         Raises:
             FlightError: If the flight lacks a quantity that the sensor measures.
             ParameterError: If the robot has no such body, joint or load cell.
+        """
+        return self.shown(scene, times, self.errors(scene.robot, len(times), rng))
+
+    def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
+        """Errors of samples, drawn beforehand, so that they can be shown one after the other.
+
+        Args:
+            robot: The machine.
+            count: Number of samples N.
+            rng: Generator of the errors.
+
+        Returns:
+            Arrays of any kind for `shown`, (N, ...) each [units of the signals].
+        """
+        raise NotImplementedError
+
+    def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
+        """Reading of a scene with given errors.
+
+        Args:
+            scene: True motion and forces of a flight.
+            times: Times by the world's clock, (N,) [s].
+            errors: Those of the samples, from `errors`, (N, ...) each [units of the signals].
         """
         raise NotImplementedError
 
