@@ -28,6 +28,7 @@ from patagium.aerodynamics import (
     fitted_indicial,
     measured_section,
     register_polar,
+    section_history,
 )
 
 __all__ = [
@@ -55,4 +56,5 @@ __all__ = [
     "fitted_indicial",
     "measured_section",
     "register_polar",
+    "section_history",
 ]

@@ -26,6 +26,7 @@ from patagium.aerodynamics.polars import (
     register_polar,
 )
 from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.aerodynamics.section_history import section_history
 from patagium.aerodynamics.sections import (
     MeasuredSection,
     Section,
@@ -68,5 +69,6 @@ __all__ = [
     "fitted_indicial",
     "measured_section",
     "register_polar",
+    "section_history",
     "strip_flow",
 ]

@@ -1,0 +1,183 @@
+"""Airfoil test: one section that pitches, plunges and surges, with any model of the air.
+
+The section is a wing of a million chords, so that its ends do nothing. Neglected: what the
+model neglects; walls of a wind tunnel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.errors import ParameterError, positive
+from patagium.robot.model import Body, Robot, Strip
+
+Array = NDArray[np.float64]
+
+_SPAN = 1e6
+"""Span of the wing without end [chords]."""
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_AHEAD, _UP, _PITCH = 0, 2, 4
+
+
+def section_history(
+    model: Callable[[Robot, Air], Aerodynamics],
+    time: ArrayLike,
+    *,
+    pitch: ArrayLike,
+    airspeed: ArrayLike,
+    chord: float,
+    plunge: ArrayLike = 0.0,
+    pitch_axis: float = 0.25,
+    added_mass: bool = True,
+) -> xr.Dataset:
+    """Coefficients of a section over time.
+
+    Splines through the given motion drive the section; the states of the model begin at zero and
+    follow by the Runge-Kutta method of order four, one step from time to time. Coefficients are
+    over the dynamic pressure of the mean airspeed.
+
+    Args:
+        model: Makes the model of the air for the section, as `LiftingLine` itself does.
+        time: Ascending times, (N,) [s].
+        pitch: Angle of the chord above the direction of flight, scalar or (N,) [rad].
+        airspeed: Speed of flight, scalar or (N,) where it surges [m/s].
+        chord: Chord [m].
+        plunge: Height, scalar or (N,) [m].
+        pitch_axis: Place that the section turns about behind its leading edge [chords].
+        added_mass: Whether the air carried along counts.
+
+    Returns:
+        `lift`, `drag`, `moment` (C_l, C_d, and C_m about the quarter chord, nose up) [1],
+        `angle_of_attack` and `effective_angle_of_attack` [rad], over `time`, and the states of
+        the model as `aero_state`.
+
+    Raises:
+        ParameterError: If times do not ascend, or a length or a number is not possible.
+    """
+    times = np.asarray(time, float)
+    if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
+        raise ParameterError("time", "two or more ascending times, (N,) [s]", times.shape)
+    positive("chord", chord, "a positive number [m]")
+    if not (isfinite(pitch_axis) and abs(pitch_axis) <= 2):
+        raise ParameterError("pitch_axis", "chords behind the leading edge, -2 to 2", pitch_axis)
+    lever = (pitch_axis - 0.25) * chord
+    aero = model(_wing(chord, lever), Air())
+    motion = _Motion(times, pitch, plunge, airspeed)
+    carried = AddedMass(aero.robot, aero.air) if added_mass else None
+    area = 0.5 * aero.air.density * motion.mean_speed**2 * chord * _SPAN * chord
+    states = [np.zeros(aero.state_size)]
+    for now, later in pairwise(times):
+        states.append(_step(aero, motion, states[-1], now, later - now))
+    rows = [
+        _row(aero, carried, motion.at(now), state, lever)
+        for now, state in zip(times, states, strict=True)
+    ]
+    columns = np.array(rows).T / [[area], [area], [area * chord], [1.0], [1.0]]
+    variables: dict[str, Any] = {
+        name: ("time", column) for name, column in zip(_NAMES, columns, strict=True)
+    }
+    variables["aero_state"] = (("time", "lag"), np.array(states))
+    return xr.Dataset(variables, coords={"time": times}, attrs={"model": aero.name})
+
+
+_NAMES = ("lift", "drag", "moment", "angle_of_attack", "effective_angle_of_attack")
+
+
+class _Motion:
+    """Splines through a motion.
+
+    Args:
+        times: Times, (N,) [s].
+        pitch: Scalar or (N,) [rad].
+        plunge: Scalar or (N,) [m].
+        airspeed: Scalar or (N,) [m/s].
+    """
+
+    def __init__(
+        self, times: Array, pitch: ArrayLike, plunge: ArrayLike, airspeed: ArrayLike
+    ) -> None:
+        given = {"pitch": pitch, "plunge": plunge, "airspeed": airspeed}
+        columns = []
+        for name, values in given.items():
+            column = np.asarray(values, float)
+            if column.shape not in ((), times.shape) or not np.isfinite(column).all():
+                raise ParameterError(name, f"finite, scalar or ({len(times)},)", column.shape)
+            columns.append(np.broadcast_to(column, times.shape))
+        self.mean_speed = positive("airspeed", float(columns[2].mean()), "a positive mean [m/s]")
+        self._splines = [CubicSpline(times, column) for column in columns]
+
+    def at(self, time: float) -> tuple[Array, Array, Array]:
+        """Coordinates, velocities and accelerations of the wing, (6,) each [m, rad, s]."""
+        pitch, height, speed = self._splines
+        q, v, a = np.zeros((3, 6))
+        q[_UP], v[_UP], a[_UP] = (height(time, order) for order in range(3))
+        q[_PITCH], v[_PITCH], a[_PITCH] = (-pitch(time, order) for order in range(3))
+        v[_AHEAD], a[_AHEAD] = speed(time), speed(time, 1)
+        return q, v, a
+
+
+def _row(
+    aero: Aerodynamics,
+    carried: AddedMass | None,
+    motion: tuple[Array, Array, Array],
+    state: Array,
+    lever: float,
+) -> list[float]:
+    """Lift, drag [N], moment about the quarter chord [N m] and both angles of attack [rad]."""
+    q, v, a = motion
+    force = aero.generalized_force(q, v, state)
+    if carried is not None:
+        force = force + carried.generalized_force(q, v, a) + carried.circulatory_force(q, v)
+    strips, angle = aero.strips(q, v, state), -q[_PITCH]
+    normal = np.cos(angle) * force[_UP] - np.sin(angle) * force[_AHEAD]
+    moment = -force[_PITCH] - lever * normal
+    angles = [float(strips[name][0]) for name in _NAMES[3:]]
+    return [force[_UP], -force[_AHEAD], moment, *angles]
+
+
+def _step(aero: Aerodynamics, motion: _Motion, state: Array, time: float, step: float) -> Array:
+    """States of the model a step later, (n_z,)."""
+
+    def rate(later: float, z: Array) -> Array:
+        q, v, _ = motion.at(time + later)
+        return aero.state_derivative(q, v, z)
+
+    if not aero.state_size:
+        return state
+    first = rate(0.0, state)
+    second = rate(step / 2, state + step / 2 * first)
+    third = rate(step / 2, state + step / 2 * second)
+    fourth = rate(step, state + step * third)
+    return np.asarray(state + step / 6 * (first + 2 * second + 2 * third + fourth))
+
+
+def _wing(chord: float, lever: float) -> Robot:
+    """Free wing without end that turns about its origin, the quarter chord ahead of it."""
+    strip = Strip(
+        "section", "section", 0, False, (lever, 0.0, 0.0), _AXES[0], _AXES[2], chord, _SPAN * chord
+    )
+    still, limits = (0.0, 0.0, 0.0), (inf,) * 6
+    body = Body("section", -1, still, _AXES, (), tuple(range(6)), 1.0, still, (1.0,) * 3 + still)
+    return Robot(
+        "section",
+        (body,),
+        (strip,),
+        ("x", "y", "z", "roll", "pitch", "yaw"),
+        ("m",) * 3 + ("rad",) * 3,
+        (),
+        (0.0,) * 6,
+        tuple(-x for x in limits),
+        limits,
+        9.81,
+    )

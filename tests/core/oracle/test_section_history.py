@@ -1,0 +1,65 @@
+"""Section driven through a motion: Theodorsen's lift, a static polar, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.aerodynamics import FOUR_STATE
+from patagium.aerodynamics.indicial import theodorsen_function
+from patagium.errors import ParameterError
+
+CHORD, SPEED, STEPS = 0.2, 8.0, 160
+
+
+def thin(robot: pt.Robot, air: pt.Air) -> pt.LiftingLine:
+    return pt.LiftingLine(robot, air, lags=FOUR_STATE, section=pt.air.Section(profile_drag=0.0))
+
+
+@pytest.mark.parametrize("axis", [0.25, 0.6])
+def test_a_pitching_section_has_theodorsens_lift_and_moment(axis: float) -> None:
+    k, size, cycles = 0.3, 0.01, 8
+    omega = 2 * k * SPEED / CHORD
+    phase = np.arange(cycles * STEPS + 1) * 2 * np.pi / STEPS
+    history = pt.air.section_history(
+        thin,
+        phase / omega,
+        pitch=size * np.cos(phase),
+        airspeed=SPEED,
+        chord=CHORD,
+        pitch_axis=axis,
+    )
+    last = slice(-STEPS - 1, -1)
+    seen = [
+        2 * np.mean(history[name].to_numpy()[last] * np.exp(-1j * phase[last])) / size
+        for name in ("lift", "moment")
+    ]
+    a = 2 * axis - 1  # axis behind mid-chord in semichords
+    circulatory = theodorsen_function([k])[0] * (1 + 1j * k * (0.5 - a))
+    lift = 2 * np.pi * circulatory + np.pi * (1j * k + a * k**2)
+    about = np.pi * (a + 0.5) * circulatory  # moment about the axis, nose up
+    about += np.pi / 2 * (-1j * k * (0.5 - a) + k**2 * (1 / 8 + a**2))
+    at_quarter = about - (a + 0.5) / 2 * lift
+    assert abs(seen[0] - lift) < 0.01 * abs(lift)  # lags and splines
+    assert abs(seen[1] - at_quarter) < 0.01 * abs(lift)
+
+
+def test_a_steady_section_is_steady_and_one_that_speeds_up_lifts_more() -> None:
+    time = np.linspace(0, 0.05, 11)
+    history = pt.air.section_history(
+        pt.QuasiSteady, time, pitch=0.2, airspeed=SPEED, chord=CHORD, added_mass=False
+    )
+    assert np.allclose(history["angle_of_attack"], 0.2)
+    assert np.allclose(history["lift"], history["lift"][0]) and history["drag"][0] > 0
+    surging = pt.air.section_history(
+        pt.DeLaurier, time, pitch=0.1, airspeed=SPEED + 20 * time, chord=CHORD
+    )
+    assert surging["lift"][-1] > surging["lift"][0] > 0
+
+
+def test_what_is_no_motion_is_refused() -> None:
+    with pytest.raises(ParameterError, match="time"):
+        pt.air.section_history(thin, [0.0, 0.0], pitch=0.1, airspeed=SPEED, chord=CHORD)
+    with pytest.raises(ParameterError, match="pitch"):
+        pt.air.section_history(thin, [0.0, 1.0], pitch=[0.1] * 3, airspeed=SPEED, chord=CHORD)
