@@ -115,6 +115,7 @@ _REMOVED = {
     **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
     "LowRank": 'covariance="layer", which errs less',
     "low rank": "layer, which errs less",
+    "residual network": "None: LinearStripNetwork learns what physics leaves, and errs less",
 }
 """What takes the place of each network and structure that was removed, by class and by kind."""
 FORMER: dict[str, dict[str, str]] = {

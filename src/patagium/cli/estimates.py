@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from patagium.aerodynamics import Aerodynamics
     from patagium.learning import Identification
-    from patagium.learning.models.network import Network
 
 
 class GreyModel(StrEnum):
@@ -30,8 +29,7 @@ EstimateOption: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(
         help="Numbers of the air or the robot to estimate, each with its prior standard "
-        'deviation: "section.lift_slope=0.5,lags.rate[0]=0.02"; may be repeated. With --network, '
-        "a network learns what these numbers do not explain."
+        'deviation: "section.lift_slope=0.5,lags.rate[0]=0.02"; may be repeated.'
     ),
 ]
 AeroOption: TypeAlias = Annotated[
@@ -71,9 +69,7 @@ def check_estimate(
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
 
 
-def grey_box(
-    flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None, rest: Network | None
-) -> Any:
+def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -> Any:
     """Grey box for a flight or an imported log of one.
 
     Its air begins at rest where the air of the flight does. Added mass is part of the model
@@ -83,7 +79,6 @@ def grey_box(
         flight: Flight.
         words: Prior standard deviations, NAME=VALUE, in each word one or several.
         aero: Model of the air; None: that of the flight, quasi-steady for a log.
-        rest: Network that learns the rest, or None.
 
     Raises:
         ParameterError: If a word is not NAME=VALUE, or a name comes twice.
@@ -101,7 +96,7 @@ def grey_box(
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)
     still = "aero_state" in flight and not flight["aero_state"].values[0].any()
     start: Any = "still" if still and model.state_size else "steady"
-    return GreyBox(model, estimate, added, rest, start=start)
+    return GreyBox(model, estimate, added, start=start)
 
 
 def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:

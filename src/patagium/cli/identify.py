@@ -27,6 +27,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.outputs import Outputs
+from patagium.deprecation import refuse_removed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -126,8 +127,9 @@ def identify(
         network = table_network(table, kind, layers, choice.activation)
         choice = forgetting(choice, table, network, every)
     elif estimate:
-        rest = None if kind is None else flight_network(flight, kind, layers, choice.activation)
-        network = grey_box(flight, estimate, aero, rest)
+        if kind is not None:
+            refuse_removed("--network", "residual network")
+        network = grey_box(flight, estimate, aero)
     else:
         network = flight_network(flight, kind, layers, choice.activation)
     outputs = Outputs()

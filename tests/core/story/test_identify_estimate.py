@@ -70,14 +70,6 @@ def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_pat
     assert left.value.code in (None, 0)
 
 
-def test_a_network_beside_learns_with_them(identify: Say) -> None:
-    beside = ("--network", "strip", "--hidden", "3")
-    answer = identify(*LEARN, *beside, "--prior-std", "0.3", "--json")
-    assert answer.code == 0
-    assert set(json.loads(answer.out)["parameter_value"]) == {"lift_slope", "zero_lift_angle"}
-    assert "prior: 1;" in identify(*LEARN, *beside).out
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -87,6 +79,7 @@ def test_a_network_beside_learns_with_them(identify: Say) -> None:
         (("--estimate", "wing[0].chord=2 kg", *LEARN[2:]), "--estimate wing[0].chord"),
         (("--estimate", "lift_slope=-1", *LEARN[2:]), "positive prior deviation"),
         (("--aero", "delaurier", *LEARN[2:]), "--estimate"),
+        (("--network", "strip", *LEARN), "residual network was removed"),
         (("--refine", *LEARN[2:], "--prior-std", "1"), "--estimate"),
     ],
 )

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.learning import load_model, model_of, network_from_description, save_model
 from patagium.learning.identify import compare, samples
-from patagium.learning.models.memory import MemoryState, memory_of, network_inputs
-from patagium.learning.models.network import Encoding, Network
+from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.learning.models.physical import unit_of, written_unit
 from patagium.learning.stream import stream
 from patagium.robot import load_robot_text
@@ -155,89 +154,6 @@ def test_added_mass_is_part_of_y_or_not(robot):
         assert np.allclose(grey.evaluate(x, np.zeros(1)), y, atol=1e-12)  # rounding
 
 
-def test_a_residual_network_starts_at_nothing_and_learns_the_rest(robot, log):
-    time, x = log
-    residual = pt.StripNetwork(robot, (4,), AIR)
-    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"polar.lift_amplitude": 0.2}, residual=residual)
-    assert grey.size == 1 + residual.size and grey.hidden == (4,)
-    blocks = [block for layer in grey.neurons for block in layer]
-    assert sorted(np.concatenate(blocks)) == list(range(grey.size))
-    weights = grey.initial(3)
-    physics = pt.QuasiSteady(robot, AIR).batch.generalized_force(x[:, :3], x[:, 3:])
-    assert np.allclose(grey.evaluate(x, weights), physics, rtol=1e-12, atol=1e-15)
-    learner = pt.ExtendedLearner(grey, prior_std=0.5, measurement_std=1e-3)
-    assert learner.variances[0] == 1.0
-    assert learner.variances[1:] == pytest.approx(0.25 / residual.fan_in)
-    stream(learner, time, x, 1.3 * physics + 0.01, every=2)
-    assert not np.allclose(learner.weights[1:], weights[1:])
-    moved = learner.weights
-    assert np.allclose(
-        grey.evaluate(x, moved) - grey.evaluate(x, np.append(moved[0], weights[1:])),
-        residual.evaluate(x, moved[1:]) - residual.evaluate(x, weights[1:]),
-        atol=1e-12,
-    )
-    row, points = x[5], moved + 0.1 * np.random.default_rng(0).normal(size=(5, grey.size))
-    values = grey.values(grey.encode_one(row), points)
-    assert np.allclose(values, [grey(row, point) for point in points], rtol=1e-12)
-    free = pt.ExtendedLearner(grey, measurement_std=1e-3).prior[1]
-    own = np.isfinite(grey.own_prior)
-    assert np.array_equal(free[own], grey.own_prior[own] ** 2)
-    assert np.array_equal(free[~own], 1 / grey.fan_in[~own])
-
-
-class Faded(Network):
-    """y = w z in every output, z following the first input: a network that remembers."""
-
-    size, measured_inputs, inputs = 1, 6, 7
-    output_names, outputs, hidden = ("slide", "plunge", "feather"), 3, ()
-    neurons, fan_in = [[np.arange(1)]], np.ones(1)
-
-    def initial(self, seed):
-        return np.ones(1)
-
-    def describe(self):
-        return {"kind": "faded"}
-
-    def encode(self, x):
-        return Encoding(x[:, None, :], np.ones((len(x), 3, 1)), np.zeros(3))
-
-    def decode(self, encoding, weights):
-        return np.tile(weights[0] * encoding.features[:, 0, 6:], 3)
-
-    lag_equations = property(lambda self: ((0, self),))
-    measured, states, parameters, carried, compiled = 6, 1, 0, (1, 0), None
-
-    def drivers(self, weights, x):
-        return x
-
-    def begin(self, driver, weights):
-        return self.step(driver, weights, 0.0, MemoryState(np.zeros(1), None, None))
-
-    def step(self, driver, weights, time_step, before):
-        return 0.9 * before.state + 0.1 * driver[:1], np.zeros((1, 0)), np.zeros(0)
-
-
-def test_a_residual_network_may_have_memory(grey, robot, log):
-    time, x = log
-    both = pt.GreyBox(pt.LiftingLine(robot, AIR), LAGS, residual=Faded())
-    assert not both.initial(0).any()
-    weights = np.array([0.1, 0.2, -0.3, 2.0])
-    rows = network_inputs(both, weights, time, x)
-    memory = memory_of(both)
-    first = memory.recall(weights, time[:40], x[:40])
-    second = memory.recall(weights, time[40:], x[40:])
-    assert np.array_equal(np.vstack([first, second]), rows)
-    physics = grey.evaluate(network_inputs(grey, weights[:3], time, x), weights[:3])
-    residual = Faded().evaluate(network_inputs(Faded(), weights[3:], time, x), weights[3:])
-    assert np.abs(residual).max() > 1e-3
-    assert np.allclose(both.evaluate(rows, weights), physics + residual, atol=1e-12)  # rounding
-    before = memory.states
-    memory.corrected(np.full(4, 0.1))
-    air, faded = memory.states
-    assert np.allclose(air.weights, weights[:3] + 0.1)
-    assert np.array_equal(faded.state, before[1].state)
-
-
 @pytest.mark.parametrize("make", ["strips", "stall"])
 def test_other_models_have_memory_too(make, robot, log):
     """DeLaurier's lags and those of stall settle where their derivatives vanish."""
@@ -266,13 +182,14 @@ def test_it_is_made_again(grey, log):
         assert np.array_equal(rows, network_inputs(grey, np.zeros(3), *log))
 
 
-def test_the_residual_network_had_another_name(robot):
+def test_a_residual_network_was_removed(robot, grey):
     residual = pt.StripNetwork(robot, (4,), AIR)
-    with pytest.warns(DeprecationWarning, match="residual"):
-        old = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"density": 0.1}, beside=residual)
-    assert old.residual is residual
-    again = network_from_description(old.describe())
-    assert again.residual.describe() == residual.describe()
+    with pytest.raises(
+        ParameterError, match=r"LinearStripNetwork .* \(residual network was removed"
+    ):
+        pt.GreyBox(pt.QuasiSteady(robot, AIR), {"density": 0.1}, residual=residual)
+    former = {**grey.describe(), "beside": None}  # as files before hold it
+    assert network_from_description(former).describe() == grey.describe()
 
 
 def test_wandering_is_said_in_own_units(grey):
@@ -310,9 +227,6 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
     other = pt.AddedMass(robot, pt.Air(density=1.0))
     with pytest.raises(ParameterError, match="added_mass.air"):
         pt.GreyBox(plain, {"density": 0.1}, other)
-    wide = pt.DenseNetwork(9, (2,), robot.dof_names)
-    with pytest.raises(ShapeError, match="residual"):
-        pt.GreyBox(plain, {"density": 0.1}, residual=wide)
 
 
 @pytest.mark.parametrize(

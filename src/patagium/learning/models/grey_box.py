@@ -1,8 +1,8 @@
 """A grey box: model of the air whose numbers are the weights, learned as networks are.
 
-Physics of `QuasiSteady`, `LiftingLine` or `DeLaurier`, numbers of it or of the robot unknown; a
-residual network may learn what the physics leaves. The lag states of the air are found at the
-numbers known by then, with their sensitivity to them (recursive prediction error):
+Physics of `QuasiSteady`, `LiftingLine` or `DeLaurier`, numbers of it or of the robot unknown. The
+lag states of the air are found at the numbers known by then, with their sensitivity to them
+(recursive prediction error):
 
     y = Q(x, z; p) + circulation and force of the air carried along - changes of the robot's own
     inertia and damping, at numbers p of which some are learned.
@@ -14,7 +14,7 @@ errors of measured states and accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple, get_args
@@ -27,18 +27,17 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.deprecation import renamed_arguments
+from patagium.deprecation import refuse_removed
 from patagium.dynamics.equations import inverse, kirchhoff_force
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
 from patagium.learning.models.memory import (
     LagEquations,
     MemoryState,
-    measured_inputs,
     memory_in,
     row_size,
 )
-from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork, Network
+from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork
 from patagium.learning.models.physical import (
     FACTOR,
     Estimate,
@@ -59,7 +58,7 @@ _MOST_ROUNDS, _CLOSE = 20, 1e-11  # of Newton's method where a memory begins
 
 
 class GreyBox(GroupedNetwork):
-    """Force of the air with unknown numbers, y = Q(x, z; p(W)) + residual network.
+    """Force of the air with unknown numbers, y = Q(x, z; p(W)).
 
     x is [q, v], or [q, v, a] where y depends on accelerations: with added mass, or with an
     inertia of the robot among the unknowns. y is what `training_data` gives: with added mass
@@ -67,27 +66,24 @@ class GreyBox(GroupedNetwork):
 
     A weight counts prior deviations of its parameter, or of its logarithm if it cannot be zero
     or less (`PhysicalParameter`): all start at zero, with a deviation of one whatever a learner
-    is given, and a process deviation of .01 is a hundredth of the prior's. A learner's
-    `prior_std` is that of the residual network, whose last layer starts at zero.
+    is given, and a process deviation of .01 is a hundredth of the prior's.
 
     Lags z follow the flow by `lag_step` from sample to sample; x as the learner sees it goes on
-    with [z, vec dz/dW, W], which its memory finds, and with the memory of the residual network.
+    with [z, vec dz/dW, W], which its memory finds.
 
     Args:
         model: The air around a robot, its numbers where they start.
         estimate: Prior standard deviation of each number to learn, by name, in its own unit:
             of the model (`parameter_names`), of its robot, `wind.x`, `added_mass.factor`.
         added_mass: The air carried along, in the same air, if y holds its force.
-        residual: A network of the same force, learned with the numbers; its measured inputs
-            are the first of those of the grey box.
+        residual: None; a network of what physics leaves was removed.
         measured: Coordinates whose force y is; None: all.
         start: Flow before the first sample and in gaps: as it was always there, or "still" as
             a simulated flight begins.
 
     Raises:
-        ParameterError: If a name is unknown, a deviation not positive, or the residual network
-            or the added mass does not go with the model.
-        ShapeError: If the residual network reads more inputs than there are.
+        ParameterError: If a name is unknown, a deviation not positive, or the added mass does not
+            go with the model.
 
     References:
         Ljung (1999), System Identification, chapter 11 (recursive prediction errors).
@@ -95,13 +91,12 @@ class GreyBox(GroupedNetwork):
 
     kind = "grey_box"
 
-    @renamed_arguments(beside="residual")
     def __init__(
         self,
         model: Aerodynamics,
         estimate: Mapping[str, float],
         added_mass: AddedMass | None = None,
-        residual: Network | None = None,
+        residual: object = None,
         *,
         measured: Sequence[str] | None = None,
         start: Start = "steady",
@@ -112,28 +107,28 @@ class GreyBox(GroupedNetwork):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
+        if residual is not None:
+            refuse_removed("residual", "residual network")
         robot = model.robot
         numbers = numbers_of(model, added_mass)
         self.model = model
         self.added_mass = added_mass
         self._start = start
-        self.residual = residual
         self.parameters = physical_parameters(estimate, numbers, robot)
         self._names = robot.dof_names if measured is None else tuple(measured)
         outputs = tuple(robot.index(name) for name in self._names)
         self.equations = GreyEquations(model, added_mass, self.parameters, outputs)
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
-        self._check_residual()
         self._count = len(self.parameters)
-        self._groups = stacked(self._count, *self._residuals)
+        self._groups = stacked(self._count)
         self._functions = self.equations.compiled()
         sizes = self.measured_inputs, model.state_size, self._count
         self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
         self._memory_size = row_size(self._lags)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = self.model, self._estimate, self.added_mass, self.residual
+        arguments = self.model, self._estimate, self.added_mass
         return partial(GreyBox, *arguments, measured=self._names, start=self._start), ()
 
     @property
@@ -149,10 +144,8 @@ class GreyBox(GroupedNetwork):
 
     @property
     def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
-        """Equations of the air's lags, then those of the residual network."""
-        own: tuple[tuple[int, LagEquations], ...] = ((0, self._lags),) if self._lags.states else ()
-        others = getattr(self.residual, "lag_equations", ())
-        return own + tuple((place + self._count, lags) for place, lags in others)
+        """Equations of the air's lags."""
+        return ((0, self._lags),) if self._lags.states else ()
 
     @property
     def flight_terms(self) -> FlightTerms:
@@ -166,82 +159,56 @@ class GreyBox(GroupedNetwork):
 
     @property
     def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of the residual network."""
-        return () if self.residual is None else self.residual.hidden
+        """No hidden layers."""
+        return ()
 
     @property
     def own_prior(self) -> Array:
-        """Standard deviations before any sample: 1 of each parameter, else nan, (n,)."""
-        return np.where(np.arange(self.size) < self._count, 1.0, np.nan)
+        """Standard deviations before any sample, 1 of each parameter, (n,)."""
+        return np.ones(self._count)
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from: the parameters at their priors, the residual zero, (n,).
+        """Weights to start from, the parameters at their priors, (n,).
 
         Args:
-            seed: Seed of the draw.
+            seed: Not used: nothing is drawn.
         """
-        weights = np.zeros(self.size)
-        if self.residual is not None:
-            drawn = self.residual.initial(seed)
-            for neuron in self.residual.neurons[-1]:
-                drawn[neuron] = 0.0
-            weights[self._count :] = drawn
-        return weights
+        return np.zeros(self._count)
 
     def encode(self, x: Array) -> Encoding:
-        """Samples as they are, (N, 1, n_x), with the residual's readout."""
+        """Samples as they are, (N, 1, n_x), with a readout of ones."""
         readout = np.ones((len(x), self.outputs, 1))
-        if self.residual is not None:
-            readout = self.residual.encode(self._residual_inputs(x)).readout
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
     def encode_one(self, x: Array) -> Encoding:
-        """One sample, (1, n_x), with the residual's readout, which scales estimated noise."""
-        readout = np.ones((self.outputs, 1))
-        if self.residual is not None:
-            readout = self.residual.encode_one(self._residual_inputs(x)).readout
-        return Encoding(x[None], readout, np.zeros(self.outputs))
+        """One sample, (1, n_x), with a readout of ones."""
+        return Encoding(x[None], np.ones((self.outputs, 1)), np.zeros(self.outputs))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of N encoded samples at weights (n,), (N, n_y)."""
         x = encoding.features[:, 0]
-        y = self._force(x, np.broadcast_to(weights[: self._count], (len(x), self._count)))
-        if self.residual is not None:
-            seen = self.residual.encode(self._residual_inputs(x))
-            y = y + self.residual.decode(seen, weights[self._count :])
-        return y
+        return self._force(x, np.broadcast_to(weights, (len(x), self._count)))
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at weights (p, n), (p, n_y)."""
         x = encoding.features[0]
-        own = points[:, : self._count].astype(float)
-        different, place = np.unique(own, axis=0, return_inverse=True)
-        y = self._force(np.broadcast_to(x, (len(different), len(x))), different)[place.ravel()]
-        if self.residual is not None:
-            seen = self.residual.encode_one(self._residual_inputs(x))
-            y = y + self.residual.values(seen, points[:, self._count :])
-        return y
+        different, place = np.unique(points.astype(float), axis=0, return_inverse=True)
+        return self._force(np.broadcast_to(x, (len(different), len(x))), different)[place.ravel()]
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         x = encoding.features[0]
-        own = weights[: self._count]
         memory = self._memory_in(x[None])
-        state = memory.at(own[None])
+        state = memory.at(weights[None])
         slopes = memory.sensitivity
         function = self._functions["force_forward"]
         measured = x[: self.measured_inputs]
         y, columns = np.zeros(0), []
         for k, along in enumerate(np.eye(self._count)):
-            found = function(measured, state[0], own, slopes[0][:, k], along, self._numbers)
+            found = function(measured, state[0], weights, slopes[0][:, k], along, self._numbers)
             y, column = (np.atleast_1d(part) for part in found)
             columns.append(column)
-        slope = np.column_stack(columns)
-        if self.residual is not None:
-            seen = self.residual.encode_one(self._residual_inputs(x))
-            more, rest = self.residual.linearized(seen, weights[self._count :])
-            y, slope = y + more, np.hstack([slope, rest])
-        return y, slope
+        return y, np.column_stack(columns)
 
     def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
         """The parameters, with standard deviations in their own units.
@@ -254,23 +221,20 @@ class GreyBox(GroupedNetwork):
         each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
-    @renamed_arguments(beside="residual")
-    def stds(self, wandering: Mapping[str, float], residual: float = 0.0) -> Array:
+    def stds(self, wandering: Mapping[str, float]) -> Array:
         """A learner's process deviation from those of parameters in their own units, (n,).
 
         Args:
             wandering: By which each parameter wanders between two updates, by name; others
                 stay.
-            residual: By which each weight of the residual network wanders.
 
         Raises:
             ParameterError: If a name is not learned.
         """
-        own = process_stds(self.parameters, wandering)
-        return np.append(own, np.full(self.size - self._count, residual))
+        return process_stds(self.parameters, wandering)
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
-        """Model of the air and added mass with what was learned, to fly with, without the residual.
+        """Model of the air and added mass with what was learned, to fly with.
 
         Args:
             weights: Weights, (n,) [1].
@@ -288,35 +252,31 @@ class GreyBox(GroupedNetwork):
             "model": self.model.describe(),
             "estimate": self._estimate,
             "added_mass": None if self.added_mass is None else self.added_mass.describe(),
-            "beside": None if self.residual is None else self.residual.describe(),
             "measured": list(self._names),
             "start": self._start,
         }
 
     @classmethod
-    def from_description(
-        cls, description: Mapping[str, Any], network_of: Callable[[Mapping[str, Any]], Network]
-    ) -> GreyBox:
+    def from_description(cls, description: Mapping[str, Any]) -> GreyBox:
         """Inverse of `describe`.
 
         Args:
             description: What `describe` gave.
-            network_of: Makes the residual network from its description.
 
         Raises:
-            ParameterError: If a key is missing or unknown.
+            ParameterError: If a key is missing or unknown, or it has a residual network, which
+                was removed.
             RobotFileError: If the text of the robot does not describe one.
         """
         keys = ("robot", "model", "estimate", "added_mass", "beside", "measured", "start")
-        values = described(cls.kind, description, keys)
+        values = described(cls.kind, {"beside": None, **description}, keys)
         robot = load_robot_text(values.pop("robot"))
         added = values.pop("added_mass")
-        beside = values.pop("beside")
         return cls(
             aero_from_description(robot, values.pop("model")),
             values.pop("estimate"),
             None if added is None else added_mass_from_description(robot, added),
-            None if beside is None else network_of(beside),
+            values.pop("beside"),
             **values,
         )
 
@@ -324,38 +284,17 @@ class GreyBox(GroupedNetwork):
     def _estimate(self) -> dict[str, float]:
         return {parameter.name: parameter.std for parameter in self.parameters}
 
-    @property
-    def _residuals(self) -> tuple[Network, ...]:
-        return () if self.residual is None else (self.residual,)
-
     def _memory_in(self, x: Array) -> MemoryState:
         """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
         rows = x[:, self.measured_inputs : self.measured_inputs + self._memory_size]
         return memory_in(rows, self._lags.states, self._count)
 
     def _force(self, x: Array, own: Array) -> Array:
-        """y without the residual, (N, n_y), of x (N, n_x) at weights (N, count)."""
+        """y, (N, n_y), of x (N, n_x) at weights (N, n)."""
         state = self._memory_in(x).at(own)
         seen = x[:, : self.measured_inputs]
         y = self._functions["force"].batch(seen, state, own, self._numbers)
         return np.asarray(y).reshape(len(x), self.outputs)
-
-    def _residual_inputs(self, x: Array) -> Array:
-        """Inputs of the residual network among those of the grey box, (..., n)."""
-        first = 0 if self.residual is None else measured_inputs(self.residual)
-        rows = x[..., self.measured_inputs + self._memory_size :]
-        return np.concatenate([x[..., :first], rows], axis=-1)
-
-    def _check_residual(self) -> None:
-        if self.residual is None:
-            return
-        if self.residual.output_names != self._names:
-            expected = f"a network of {', '.join(self._names)}"
-            raise ParameterError("residual", expected, ", ".join(self.residual.output_names))
-        found = measured_inputs(self.residual)
-        if found > self.measured_inputs:
-            expected = f"at most {self.measured_inputs} inputs"
-            raise ShapeError("residual", expected, found)
 
 
 class GreyLags(NamedTuple):

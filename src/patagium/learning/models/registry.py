@@ -55,7 +55,5 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
     if kind is None:
         refuse_removed("network", description.get("kind"))
         raise ParameterError("network", f"of kind {', '.join(_KINDS)}", description.get("kind"))
-    if kind is GreyBox:
-        return GreyBox.from_description(description, network_from_description)
     network: Network = kind.from_description(description)
     return network
