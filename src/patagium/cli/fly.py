@@ -42,9 +42,9 @@ def fly(
     states, and disturbed by a gust after a third of the flight; `docs/control.md` has a plan.
     A flight that breaks is kept up to there, in FILE.partial.nc; the exit code is then 2.
     """
+    from patagium.cli.plan import load_plan, prepared
     from patagium.cli.simulate import check_outputs, keep
     from patagium.cli.words import progress_bar
-    from patagium.control.plan import load_plan, prepared
 
     check_outputs(output, figure)
     given = {"duration": duration, "seed": seed}

@@ -9,7 +9,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.control.plan import load_plan, prepared
+from patagium.cli.plan import load_plan, prepared
 from patagium.errors import LogError, ParameterError
 
 PLAN = """
