@@ -16,6 +16,7 @@ from patagium.aerodynamics import (
     MeasuredSection,
     OneMinusCosineGust,
     Polar,
+    PolarTable,
     QuasiSteady,
     RampGust,
     Section,
@@ -27,6 +28,7 @@ from patagium.aerodynamics import (
     TravelingGust,
     fitted_indicial,
     measured_section,
+    read_polar,
     register_polar,
     section_history,
 )
@@ -44,6 +46,7 @@ __all__ = [
     "MeasuredSection",
     "OneMinusCosineGust",
     "Polar",
+    "PolarTable",
     "QuasiSteady",
     "RampGust",
     "Section",
@@ -55,6 +58,7 @@ __all__ = [
     "TravelingGust",
     "fitted_indicial",
     "measured_section",
+    "read_polar",
     "register_polar",
     "section_history",
 ]

@@ -17,6 +17,7 @@ from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import strip_flow
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.polar_files import PolarTable, read_polar
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
@@ -54,6 +55,7 @@ __all__ = [
     "MeasuredSection",
     "OneMinusCosineGust",
     "Polar",
+    "PolarTable",
     "QuasiSteady",
     "RampGust",
     "Section",
@@ -68,6 +70,7 @@ __all__ = [
     "aero_from_description",
     "fitted_indicial",
     "measured_section",
+    "read_polar",
     "register_polar",
     "section_history",
     "strip_flow",

@@ -1,0 +1,58 @@
+"""Polars from files: XFOIL's text, comma-separated values, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import PatagiumError
+
+XFOIL = """
+       XFOIL         Version 6.99
+
+ Calculated polar for: NACA 0012
+
+ Mach =   0.000     Re =     0.500 e 6     Ncrit =   9.000
+
+   alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr
+  ------ -------- --------- --------- -------- -------- --------
+   4.000   0.4300   0.00870   0.00260   0.0010   0.3000   0.9900
+  -4.000  -0.4300   0.00870   0.00260  -0.0010   0.9900   0.3000
+   0.000   0.0000   0.00650   0.00130   0.0000   0.6000   0.6000
+"""
+
+
+def test_a_polar_of_xfoil_makes_a_section(tmp_path: Path) -> None:
+    file = tmp_path / "naca0012.txt"
+    file.write_text(XFOIL)
+    table = pt.air.read_polar(file)
+    assert np.allclose(np.degrees(table.angle), [-4, 0, 4])
+    assert np.allclose(table.drag, [0.0087, 0.0065, 0.0087])
+    assert table.moment is not None and np.allclose(table.moment, [-0.001, 0, 0.001])
+    section = pt.air.measured_section(*table)
+    assert section.lift_slope == pytest.approx(0.43 / np.sin(np.radians(4)))
+    assert section.static_moment == tuple(table.moment)
+
+
+def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -> None:
+    file = tmp_path / "polar.csv"
+    file.write_text('"analysis_confidence","CD","alpha","CL"\n0.9,0.01,5,0.5\n0.9,0.02,-5,-0.4\n')
+    table = pt.air.read_polar(file)
+    assert np.allclose(np.degrees(table.angle), [-5, 5]) and np.allclose(table.lift, [-0.4, 0.5])
+    assert table.moment is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("1 2 3\n", "header"), ("alpha CL CD\n1 0.1 0.01\n", "two or more rows")],
+)
+def test_what_is_no_polar_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "polar.txt"
+    file.write_text(text)
+    with pytest.raises(PatagiumError, match=said):
+        pt.air.read_polar(file)
+    with pytest.raises(PatagiumError, match="no such file"):
+        pt.air.read_polar(tmp_path / "none.txt")
