@@ -14,6 +14,7 @@ from patagium.aerodynamics.indicial import (
     fitted_indicial,
 )
 from patagium.aerodynamics.inflow import Inflow
+from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
 from patagium.aerodynamics.local_flow import strip_flow
 from patagium.aerodynamics.model import Aerodynamics
@@ -51,6 +52,7 @@ __all__ = [
     "DrydenGust",
     "Indicial",
     "Inflow",
+    "LearnedAir",
     "LiftingLine",
     "MeasuredSection",
     "OneMinusCosineGust",

@@ -10,6 +10,7 @@ from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
 from patagium.aerodynamics.indicial import indicial_from_description
 from patagium.aerodynamics.inflow import NUMBERS as INFLOW_NUMBERS
 from patagium.aerodynamics.inflow import Inflow
+from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.named_descriptions import check_keys
@@ -43,12 +44,15 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name == Inflow.name:
         check_keys(f"model {name}", values, {"of", *INFLOW_NUMBERS})
         return Inflow(aero_from_description(robot, values.pop("of")), **values)
+    if name == LearnedAir.name:
+        check_keys(f"model {name}", values, {"of", "weights"})
+        return LearnedAir(aero_from_description(robot, values["of"]), values["weights"])
     added = None if name in _KEYS else plugin(AIR_MODELS, str(name))
     if added is not None:
         made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
         return made
     if name not in _KEYS:
-        expected = f"one of {', '.join([*_KEYS, Inflow.name])}"
+        expected = f"one of {', '.join([*_KEYS, Inflow.name, LearnedAir.name])}"
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none

@@ -1,5 +1,6 @@
 """Control: exact derivatives of a wingbeat, periodic orbits, stability, feedback, closed loops."""
 
+from patagium.control.adaptation import AdaptiveController, AirWeights
 from patagium.control.estimators import Estimate, NoisyState, TrackedState, Truth
 from patagium.control.events import (
     Event,
@@ -23,6 +24,8 @@ from patagium.control.trimming import free_parameters, trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 
 __all__ = [
+    "AdaptiveController",
+    "AirWeights",
     "Estimate",
     "Event",
     "FlightMap",

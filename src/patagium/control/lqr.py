@@ -58,7 +58,7 @@ class LinearRegulator(OrbitController):
             first: Number of the interval.
             start: Departure of the flight from the orbit, (n_x,) [SI].
         """
-        neutral = self.model.steered.neutral[self.model.places]
+        neutral = self.model.neutral
         low, high, _ = np.array(self.ends).T
         wanted = -self.gains[first % self.model.parts] @ start
         return np.asarray(np.clip(wanted, low - neutral, high - neutral))

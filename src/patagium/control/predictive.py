@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -173,26 +174,27 @@ class Reference(Protocol):
         """States of the orbit, the first at the beginning of a beat, (m, n) [SI]."""
 
 
-def lagged(sharpness: float, time: float, integrated: bool) -> tuple[Array, Array]:
-    """Response of three equal lags after a time, s(t) = E s(0) + F u.
+def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Array]:
+    """Response of three equal lags after some times, s(t) = E s(0) + F u.
 
     Args:
         sharpness: k of each lag [1/s].
-        time: The time t [s].
+        time: The times t, (m,) [s].
         integrated: Whether s begins with the integral of the response, before its value and
             first two rates.
 
     Returns:
-        E, (3 or 4, 3 or 4), and F, (3 or 4,).
+        E, (m, 3 or 4, 3 or 4), and F, (m, 3 or 4).
     """
     *state, target = np.eye(4)
     responses = Responses.from_state(np.array(state), target, 0 * target, 0 * target + sharpness)
-    found = np.concatenate(responses.at(np.array([time])))
+    found = np.stack(responses.at(time), axis=1)
     if not integrated:
-        return found[:, :3], found[:, 3]
-    whole = [float(responses.integral(np.array(time), k)) for k in range(4)]
-    found = np.vstack([whole, found])
-    return np.column_stack([[1.0, 0.0, 0.0, 0.0], found[:, :3]]), found[:, 3]
+        return found[:, :, :3], found[:, :, 3]
+    whole = np.stack([responses.integral(time, k) for k in range(4)], axis=1)
+    found = np.concatenate([whole[:, None], found], axis=1)
+    own = np.broadcast_to(np.eye(4)[:, :1], (len(time), 4, 1))
+    return np.concatenate([own, found[:, :, :3]], axis=2), found[:, :, 3]
 
 
 class OrbitModel:
@@ -209,11 +211,16 @@ class OrbitModel:
         orbit: The orbit; it goes straight on.
         commands: Names of the commands, as `SteeredGait` takes them.
         parts: Intervals of a beat.
+        steered: Gait that is flown and that the orbit's is reached from by `parameters`; by
+            default one that begins as the orbit's.
+        parameters: Values of the commands on the orbit, where the steered gait's own are others.
 
     Raises:
         ParameterError: If a command is none of the gait, or the orbit turns or is none.
 
     Attributes:
+        neutral: Response to the commands on the orbit, (n_u,) [unit of a response].
+        origin: Where the orbit begins, (n,) [SI]; zero but for an orbit that is changed to.
         period: Length of an interval [s].
         states: Orbit at the beginning of each interval of a beat, (parts, n) [SI].
         travel: What a beat adds to the state, (n,) [SI].
@@ -221,21 +228,30 @@ class OrbitModel:
         by_input: Derivative by the commands, (parts, n_x, n_u).
     """
 
-    def __init__(self, orbit: Reference, commands: Sequence[str], parts: int = 10) -> None:
-        flight, gait = orbit.map, orbit.gait
+    def __init__(
+        self,
+        orbit: Reference,
+        commands: Sequence[str],
+        parts: int = 10,
+        steered: SteeredGait | None = None,
+        parameters: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        flight = orbit.map
         robot = flight.robot
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
         self.names = flight.names
-        self.steered = SteeredGait(robot, gait)
+        self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
+        gait = self.steered.gait
         self.places = [self.steered.place(name) for name in commands]
         beat = gait.period or 0.0
         self.period = positive("period of the gait", beat) / parts
         self._chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
-        rows = self._rows(gait, flight, parts * steps)
+        rows = self._rows(flight, parts * steps, parameters)
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
         self.size = len(self.kept) + sum(self._chains)
         self.states = np.zeros((parts + 1, flight.size))
+        self.origin = np.zeros(flight.size)
         self.states[0] = orbit.states[0]
         self.by_state = np.zeros((parts, self.size, self.size))
         self.by_input = np.zeros((parts, self.size, len(commands)))
@@ -253,15 +269,24 @@ class OrbitModel:
             expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
             raise ParameterError("orbit", expected, f"{worst} changes by {moved.max():.3g}")
 
-    def _rows(self, gait: Gait, flight: FlightMap, steps: int) -> PrescribedRows:
+    def _rows(
+        self, flight: FlightMap, steps: int, parameters: Mapping[str, float]
+    ) -> PrescribedRows:
         """Rows of a beat, and their slopes by each command, of the frequency by the own time."""
-        robot = self.robot
+        robot, gait = self.robot, self.steered.gait
         base = fourier_series(gait)
         moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
         leads = [f"{name}_phase" for k, name in enumerate(base.joints) if moving[k]]
         named = [name for name in self.commands if name != "frequency"]
         family = gait_family(robot, gait, tuple(dict.fromkeys([*leads, *named])))
-        found = family.rows(family.neutral, steps, flight.aero.air)
+        values = family.neutral
+        self.neutral = self.steered.neutral[self.places]
+        for name, value in parameters.items():
+            place = family.names.index(name)
+            scale = self.steered.scale(name)
+            self.neutral[self.commands.index(name)] += scale * (value - values[place])
+            values[place] = value
+        found = family.rows(values, steps, flight.aero.air)
         places = [family.names.index(name) for name in leads]
         own = found.slopes[:, places].sum(axis=1) * 2 * np.pi * base.frequency
         slopes = [
@@ -277,37 +302,38 @@ class OrbitModel:
         """Ends and derivatives of an interval of the beat."""
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
-        ways = [len(self.kept), *self._chains]
-        firsts, count = np.cumsum(ways)[:-1], len(self.commands)
-        total = sum(self._chains)
-        slopes = np.zeros((2 * steps + 1, total + count, given.shape[2] * given.shape[3]))
-        for j in range(2 * steps + 1):
-            for i, (first, size) in enumerate(zip(firsts, self._chains, strict=True)):
-                free, forced = self._lag(i, 0.5 * j * rows.time_step)
-                shape, moved, bent = given[j, i]
-                for way, response in enumerate([*free.T, forced]):
-                    value, rate, bend = response[:3]
-                    motion = (
-                        *(shape * value, moved * value + shape * rate),
-                        bent * value + 2 * moved * rate + shape * bend,
-                    )
-                    column = first - ways[0] + way if way < size else total + i
-                    slopes[j, column] = np.concatenate(motion)
-        none = np.zeros(total + count)
-        task = PrescribedRows(rows.table[inside], slopes, rows.time_step, none)
+        times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
+        n, total = len(self.kept), sum(self._chains)
+        matrix, slopes, forced = self.by_state[part], [], []
+        first = 0
+        for i, size in enumerate(self._chains):
+            free, answer = self._lag(i, times)
+            ways = np.concatenate([free, answer[:, :, None]], axis=2)[:, :3].transpose(1, 0, 2)
+            value, rate, bend = ways[..., None]
+            shape, moved, bent = given[:, i].transpose(1, 0, 2)[:, :, None]
+            motion = [
+                shape * value,
+                moved * value + shape * rate,
+                bent * value + 2 * moved * rate + shape * bend,
+            ]
+            both = np.concatenate(motion, axis=2)
+            slopes.append(both[:, :size])
+            forced.append(both[:, size:])
+            own = slice(n + first, n + first + size)
+            matrix[own, own], self.by_input[part, own, i] = free[-1], answer[-1]
+            first += size
+        whole = np.concatenate([*slopes, *forced], axis=1)
+        none = np.zeros(total + len(self.commands))
+        task = PrescribedRows(rows.table[inside], whole, rows.time_step, none)
         found = flight.fly(self.states[part : part + 1], task)
-        n, matrix = ways[0], self.by_state[part]
         self.states[part + 1] = found.ends[0]
         matrix[:n, :n] = found.by_state[0][np.ix_(self.kept, self.kept)]
         matrix[:n, n:] = found.by_parameter[0][self.kept, :total]
         self.by_input[part, :n] = found.by_parameter[0][self.kept, total:]
-        for i, (first, size) in enumerate(zip(firsts, self._chains, strict=True)):
-            own = slice(first, first + size)
-            matrix[own, own], self.by_input[part, own, i] = self._lag(i, self.period)
 
-    def _lag(self, command: int, time: float) -> tuple[Array, Array]:
+    def _lag(self, command: int, times: Array) -> tuple[Array, Array]:
         sharpness = float(self.steered.sharpness[self.places[command]])
-        return lagged(sharpness, time, self._chains[command] == 4)
+        return lagged(sharpness, times, self._chains[command] == 4)
 
     def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).
@@ -317,15 +343,22 @@ class OrbitModel:
             state: State of the flight, (n,) [SI].
             time: The time, for what the gait answered so far [s].
         """
-        beat, part = divmod(first, self.parts)
-        parts = [(state - self.states[part] - beat * self.travel)[self.kept]]
+        parts = [(state - self.along(first))[self.kept]]
         own, responses = self.steered.responses_at(time)
-        for place, size in zip(self.places, self._chains, strict=True):
+        for place, neutral, size in zip(self.places, self.neutral, self._chains, strict=True):
             if size == 4:
                 parts.append(np.array([own - time]))
-            neutral = np.array([self.steered.neutral[place], 0.0, 0.0])
-            parts.append(responses[:, place] - neutral)
+            parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
+
+    def along(self, first: int) -> Array:
+        """State of the orbit at the beginning of an interval, (n,) [SI].
+
+        Args:
+            first: Number of the interval.
+        """
+        beat, part = divmod(first, self.parts)
+        return np.asarray(self.origin + self.states[part] + beat * self.travel)
 
     def predict(self, first: int, states: Array, inputs: Array) -> Intervals:
         """Intervals of the linear model, whatever the prediction.
@@ -443,6 +476,7 @@ class OrbitController:
         averaged: bool = False,
     ) -> None:
         self.model = model = OrbitModel(orbit, commands, parts)
+        self._averaged = averaged
         self.weights = self._weights(tolerable or {})
         self.ends = [model.steered.limits(name) for name in commands]
         for name, (low, high, _) in zip(commands, self.ends, strict=True):
@@ -452,11 +486,38 @@ class OrbitController:
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
         self.state_cost, self.input_cost = np.diag(self.weights), np.diag(costs / half**2)
-        a, b = model.by_state, model.by_input
-        if averaged:
-            a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
-        self.costs, self.gains = periodic_riccati(a, b, self.state_cost, self.input_cost)
+        self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
+
+    def _law(self, model: OrbitModel) -> tuple[Array, Array]:
+        """Costs to go and gains of a model."""
+        a, b = model.by_state, model.by_input
+        if self._averaged:
+            a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
+        return periodic_riccati(a, b, self.state_cost, self.input_cost)
+
+    def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
+        """Follow another orbit of the same frequency from an interval on.
+
+        Its mean position goes on from that of the orbit before.
+
+        Args:
+            orbit: The orbit, and the model of robot and air that it was found with.
+            parameters: Values of the commands on it.
+            first: Number of the interval.
+
+        Raises:
+            ParameterError: If it is no orbit, or the commands cannot hold it; the one before is
+                followed on then.
+        """
+        before = self.model
+        model = OrbitModel(orbit, before.commands, before.parts, before.steered, parameters)
+        costs, gains = self._law(model)
+        beat = range(first, first + model.parts)
+        gap = np.mean([before.along(k) - model.along(k) for k in beat], axis=0)
+        places = [model.names.index(name) for name in ("x", "y", "z")]
+        model.origin[places] = gap[places]
+        self.model, self.costs, self.gains = model, costs, gains
 
     @property
     def period(self) -> float:
@@ -491,13 +552,13 @@ class OrbitController:
         if not abs(time - state.time) <= 0.5 * period:
             return self._hold("late")
         first = round(time / period)
-        start = model.departure(first, self._measured(state, first), time)
+        start = model.departure(first, self.measured(state, first), time)
         if not np.isfinite(start).all():
             return self._hold("not finite")
         inputs = self.answer(first, start)
         if inputs is None:
             return self._hold("not solved")
-        values = inputs + model.steered.neutral[model.places]
+        values = inputs + model.neutral
         given = {
             name: float(value / model.steered.scale(name))
             for name, value in zip(model.commands, values, strict=True)
@@ -534,10 +595,14 @@ class OrbitController:
             weights[self._state(name)] = positive(name, value) ** -2.0
         return weights
 
-    def _measured(self, state: FlightState, first: int) -> Array:
-        """State of the model, its unmeasured lags as on the orbit, (n,)."""
-        beat, part = divmod(first, self.model.parts)
-        found: Array = self.model.states[part] + beat * self.model.travel
+    def measured(self, state: FlightState, first: int) -> Array:
+        """State of the model, its unmeasured lags as on the orbit, (n,) [SI].
+
+        Args:
+            state: State of the flight.
+            first: Number of the interval.
+        """
+        found = self.model.along(first)
         robot = self.model.robot
         for k, name in enumerate(self.model.names):
             moving = name.removeprefix("velocity of ")
@@ -579,19 +644,32 @@ class PredictiveController(OrbitController):
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         super().__init__(orbit, commands, parts, tolerable)
-        model, ends = self.model, self.ends
+        model = self.model
         self.iteration = RealTimeIteration(model.predict, horizon, self.state_cost, self.input_cost)
-        neutral = model.steered.neutral[model.places]
         program = self.iteration.program
-        program["lower"][...] = [low for low, _, _ in ends] - neutral
-        program["upper"][...] = [high for _, high, _ in ends] - neutral
-        program["rise"][...] = [rate * model.period for _, _, rate in ends]
+        self._place_ranges()
+        program["rise"][...] = [rate * model.period for _, _, rate in self.ends]
         program["fall"][...] = -program["rise"]
         self._limits = {self._state(k): v for k, v in (limits or {}).items()}
         for place in self._limits:
             program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
         self._before = np.zeros(len(commands))
         self._last: int | None = None
+
+    def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
+        """Follow another orbit from an interval on; see `OrbitController.follow`."""
+        before = self.model.neutral
+        super().follow(orbit, parameters, first)
+        self._before = self._before + before - self.model.neutral
+        self.iteration.inputs = self.iteration.inputs + before - self.model.neutral
+        self.iteration.predict = self.model.predict
+        self._place_ranges()
+
+    def _place_ranges(self) -> None:
+        """Ranges of the commands about the orbit."""
+        low, high, _ = np.array(self.ends).T
+        self.iteration.program["lower"][...] = low - self.model.neutral
+        self.iteration.program["upper"][...] = high - self.model.neutral
 
     def answer(self, first: int, start: Array) -> Array | None:
         """Departures of the commands by one iteration, (n_u,) [response's unit].
@@ -618,8 +696,7 @@ class PredictiveController(OrbitController):
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
         program, model = self.iteration.program, self.model
-        beats, places = np.divmod(first + np.arange(len(program["x"])), model.parts)
+        ahead = np.array([model.along(first + k) for k in range(len(program["x"]))])
         for place, (low, high) in self._limits.items():
-            own = model.kept[place]
-            along = model.states[places, own] + beats * model.travel[own]
+            along = ahead[:, model.kept[place]]
             program["least"][:, place], program["most"][:, place] = low - along, high - along

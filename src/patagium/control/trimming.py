@@ -11,8 +11,9 @@ wind (an orbit is relative to the air), stops of joints but as limits of the gai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -51,11 +52,15 @@ class TrimOptions(TypedDict, total=False):
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         start: Orbit to begin from; by default the robot's `cruise`.
         steps: Time steps of a beat, a multiple of 40.
+        tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
+            by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
+            the conditions; by default 1 rad, 3 m/s and 20 rad/s.
     """
 
     added_mass: AddedMass | None
     start: Orbit | None
     steps: int
+    tolerable: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -125,11 +130,19 @@ class _Point(NamedTuple):
 class OrbitSearch:
     """Search for orbits of one robot with some free parameters."""
 
-    def __init__(self, flight_map: FlightMap, family: GaitFamily, steps: int) -> None:
+    def __init__(
+        self,
+        flight_map: FlightMap,
+        family: GaitFamily,
+        steps: int,
+        tolerable: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self.map, self.family, self.steps = flight_map, family, steps
         self.frame = Frame(flight_map.names)
         self.still = np.zeros(len(family.names), bool)
         self._scale, self._reach = state_sizes(flight_map.names), parameter_sizes(family)
+        sizes = dict(zip(flight_map.names, self._scale, strict=True)) | dict(tolerable)
+        self._size = np.array([sizes[name] for name in self.frame.names])
         self._pitch = flight_map.names.index("pitch")
         self.iterations = self.points = 0
 
@@ -169,7 +182,7 @@ class OrbitSearch:
         right = -(at.misfit + at.slope @ gap)
         rows = self.rows_scale(len(right) - len(kept))
         reach = np.where(self.still, 0.0, self._reach)
-        scaled = np.hstack([matrix * self._scale[kept], values * reach]) / rows[:, None]
+        scaled = np.hstack([matrix * self._size, values * reach]) / rows[:, None]
         return scaled, right / rows, nodes
 
     def step(self, at: _Point) -> tuple[Array, Array]:
@@ -177,7 +190,7 @@ class OrbitSearch:
         matrix, right, nodes = self.system(at)
         found = np.linalg.lstsq(matrix, right, rcond=_RANK)[0]
         kept, first = self.frame.kept, np.zeros(self.frame.size)
-        first[kept] = found[: len(kept)] * self._scale[kept]
+        first[kept] = found[: len(kept)] * self._size
         moved = found[len(kept) :] * np.where(self.still, 0.0, self._reach)
         return np.array([a @ first + b @ moved + c for a, b, c in nodes]), np.asarray(moved, float)
 
@@ -330,7 +343,8 @@ def trim(
     conditions = Conditions(finite("turn_rate", turn_rate), climb, speed)
     family = _family(robot, gait, free, conditions)
     steps = _steps(family, options.get("steps"))
-    search = OrbitSearch(FlightMap(robot, aero, options.get("added_mass")), family, steps)
+    flight = FlightMap(robot, aero, options.get("added_mass"))
+    search = OrbitSearch(flight, family, steps, options.get("tolerable", {}))
     excess = search.excess(family.neutral)
     if excess:
         raise ParameterError("gait", "a gait within the limits of the robot", excess)

@@ -124,7 +124,7 @@ def test_what_is_not_finite_leaves_the_prediction():
 
 
 def test_lags_in_a_row_are_those_of_a_steered_gait():
-    free, forced = lagged(30.0, 0.07, True)
+    free, forced = (part[0] for part in lagged(30.0, np.array([0.07]), True))
     k, t = 30.0, 0.07
     fading = np.exp(-k * t)
     assert forced[1] == pytest.approx(1 - fading * (1 + k * t + (k * t) ** 2 / 2), rel=1e-9)

@@ -1,0 +1,303 @@
+"""Adaptive control: the model of the air relearns in flight, and the orbit follows it.
+
+Once a beat the intervals that were flown are compared with what the model makes of them, by the
+map of the flight and its exact derivatives by the weights of `LearnedAir`. The weights follow by
+least squares that forget, the orbit is trimmed anew with them, and neutral values of the commands,
+reference and gains follow the orbit: what integral action would do, for any cause that shows in
+the motion (a wing that was cut, another polar, a weight that was never weighed, wind). Neglected:
+what the weights cannot explain, which is noise to them; errors of the measured state.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
+from patagium.control.orbit import NoOrbit, Orbit
+from patagium.control.predictive import OrbitController
+from patagium.control.trimming import trim
+from patagium.control.wingbeat import FlightMap, PrescribedRows
+from patagium.errors import ParameterError
+from patagium.simulation.simulator import FlightState
+
+Array = NDArray[np.float64]
+
+EFFECTIVENESS_STD, WRENCH_STD = 0.5, 0.3
+"""Standard deviations before any flight: of the effectiveness of a strip [1], and of the force
+over the weight and the moment over weight times mean chord."""
+NOISE_SHARE = 0.1
+"""Standard deviation of the noise of an interval over what the strips do in it, at least."""
+MEMORY = 10.0
+"""Beats that are remembered, where nobody says."""
+STIFFNESS = 0.1
+"""Change of a state of the orbit over what is tolerable that weighs as much as a gait parameter
+changed by 0.3: the commands rather than the attitude make up for what changed."""
+
+
+class AirWeights:
+    """Weights of `LearnedAir`, learned by least squares that forget.
+
+    With y = H w + noise of a beat, both over the standard deviation of the noise,
+
+        L <- c L + (1 - c) L0 + H'H,  b <- c b + (1 - c) L0 w0 + H'y,  w = L^-1 b
+
+    minimizes the errors of all beats, forgotten by c = 1 - 1/memory a beat, and the distance from
+    the prior, which is never forgotten: what the motion does not tell goes back to it.
+
+    Args:
+        prior: Weights before any flight, w0, (n_w,) [1, N, N m].
+        stds: Their standard deviations, (n_w,) [1, N, N m].
+        memory: Beats that are remembered.
+
+    Attributes:
+        weights: Estimate, (n_w,) [1, N, N m].
+    """
+
+    def __init__(self, prior: Array, stds: Array, memory: float) -> None:
+        self.prior, self.weights, self._kept = prior, prior.copy(), 1.0 - 1.0 / memory
+        self._own = np.diag(stds**-2.0)
+        self._information, self._vector = self._own.copy(), self._own @ prior
+        self._errors, self._count = np.zeros(2), 0.0
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the weights, (n_w, n_w)."""
+        return np.asarray(np.linalg.inv(self._information), float)
+
+    @property
+    def better(self) -> bool:
+        """Whether the weights predicted the beats that came better than the prior did."""
+        return bool(self._errors[0] < self._errors[1])
+
+    def learn(self, slopes: Array, measured: Array) -> None:
+        """Take the samples of a beat.
+
+        Args:
+            slopes: H, (N, n_w) [1].
+            measured: y, (N,) [1].
+        """
+        kept = self._kept
+        errors = [np.sum((measured - slopes @ w) ** 2) for w in (self.weights, self.prior)]
+        self._errors = kept * self._errors + np.array(errors)
+        self._count = kept * self._count + len(measured)
+        self._information = kept * self._information + (1 - kept) * self._own + slopes.T @ slopes
+        self._vector = kept * self._vector + (1 - kept) * self._own @ self.prior
+        self._vector += slopes.T @ measured
+        self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
+
+    def differ(self, others: Array) -> bool:
+        """Whether the weights differ from others by more than a standard deviation.
+
+        That is of the errors made of late, where these are smaller than the noise.
+
+        Args:
+            others: Other weights, (n_w,).
+        """
+        gap = self.weights - others
+        variance = min(1.0, self._errors[0] / max(self._count, 1.0))
+        return bool(gap @ self._information @ gap > len(gap) * variance)
+
+
+class _Beat(NamedTuple):
+    """Samples of a beat for the weights, y = H w, interval by interval.
+
+    Attributes:
+        slopes: H, (m, velocities, n_w) [SI].
+        measured: y, (m, velocities) [m/s, rad/s].
+    """
+
+    slopes: Array
+    measured: Array
+
+
+class AdaptiveController:
+    """Controller along an orbit that follows a model of the air, which relearns in flight.
+
+    The model is used where it predicted better than the design model, within bounds: an
+    effectiveness from 0 to 2, a force up to the weight. Where it has no orbit, or none that the
+    commands can hold, the one before is followed on.
+
+    Args:
+        controller: Controller along the orbit.
+        orbit: That orbit; its robot and air are the design model. Its frequency stays.
+        memory: Beats that are remembered.
+
+    Raises:
+        ParameterError: If the memory is not longer than a beat, the air has states of its own, or
+            the controller has no command but the frequency.
+
+    Attributes:
+        learner: Weights of the air as they are learned.
+        learning: Whether it learns; it may be switched on the way.
+        weights: Weights of the orbit that is followed.
+        orbit: That orbit.
+        counts: Number of beats by what became of the orbit.
+    """
+
+    def __init__(
+        self, controller: OrbitController, orbit: Orbit, *, memory: float = MEMORY
+    ) -> None:
+        if not (np.isfinite(memory) and memory > 1.0):
+            raise ParameterError("memory", "more than one beat", memory)
+        if orbit.aero.state_size:
+            expected = "air without states of its own (quasi-steady)"
+            raise ParameterError("orbit", expected, orbit.aero.name)
+        model = controller.model
+        self._free = tuple(name for name in model.commands if name != "frequency")
+        if not self._free:
+            raise ParameterError("commands", "one beside the frequency", model.commands)
+        self.controller, self.orbit, self._design = controller, orbit, orbit
+        robot, strips = orbit.robot, orbit.robot.strips
+        weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+        lever = float(np.mean([strip.chord for strip in strips]))
+        wrench = weight * np.array([1.0, 1.0, lever])
+        stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
+        self._least = np.r_[np.zeros(len(strips)), -wrench]
+        self._most = np.r_[np.full(len(strips), 2.0), wrench]
+        self.weights = np.asarray(LearnedAir(orbit.aero).weights)
+        self.learner, self.learning = AirWeights(self.weights, stds, memory), True
+        self._samples: dict[int, Array] = {}
+        self._ripple: Array | None = None
+        self.counts: Counter[str] = Counter()
+        self._tolerable = {
+            model.names[k]: STIFFNESS * float(weight) ** -0.5
+            for k, weight in zip(model.kept, controller.weights, strict=False)
+            if weight > 0
+        }
+
+    @property
+    def held(self) -> Counter[str]:
+        """Number of samples at which the last command was held, by cause."""
+        return self.controller.held
+
+    @property
+    def period(self) -> float:
+        """Length of an interval: the `control_period` of a flight [s]."""
+        return self.controller.period
+
+    def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
+        """Commands for the interval that begins now.
+
+        Args:
+            time: Now, since the beginning of the orbit's first beat [s].
+            state: State of the flight now, or None where no sample came.
+
+        Returns:
+            Commands by name; none where the last ones are held.
+        """
+        first, parts = round(time / self.period), self.controller.model.parts
+        if state is not None and abs(time - state.time) <= 0.5 * self.period:
+            self._samples[first] = self.controller.measured(state, first)
+        if first % parts == 0:
+            if self.learning and first:
+                self._relearn(first)
+            self._samples = {k: x for k, x in self._samples.items() if k == first}
+        return self.controller(time, state)
+
+    def report(self) -> str:
+        """Sentences about the samples that were held and the orbits that were found."""
+        found = ", ".join(f"{count} {what}" for what, count in sorted(self.counts.items()))
+        return f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
+
+    def use(self, weights: Array, first: int) -> bool:
+        """Follow the orbit of other weights from an interval on, and say whether there is one.
+
+        Args:
+            weights: Weights of `LearnedAir`, (n_w,) [1, N, N m].
+            first: Number of the interval.
+        """
+        design = self._design
+        found = trim(
+            design.robot,
+            LearnedAir(design.aero, weights),
+            design.gait,
+            free=self._free,
+            speed=design.speed,
+            climb=design.climb,
+            start=design,
+            added_mass=design.added_mass,
+            tolerable=self._tolerable,
+        )
+        if isinstance(found, NoOrbit):
+            self.counts["not found"] += 1
+            return False
+        try:
+            self.controller.follow(found, found.parameters, first)
+        except ParameterError:
+            self.counts["not held by the commands"] += 1
+            return False
+        self.counts["moved"] += 1
+        self.orbit, self.weights = found, np.asarray(weights)
+        return True
+
+    def _relearn(self, first: int) -> None:
+        """Learn from the beat that ends, and follow the model where it is another."""
+        beat = self._flown(first)
+        if beat is None:
+            self.counts["without samples"] += 1
+            return
+        self.learner.learn(*self._whitened(beat))
+        learner, wanted = self.learner, self.learner.prior
+        if learner.better:
+            moved = learner.differ(self.weights)
+            wanted = np.clip(learner.weights, self._least, self._most) if moved else self.weights
+        if np.array_equal(wanted, self.weights):
+            self.counts["kept"] += 1
+        else:
+            self.use(wanted, first)
+
+    def _flown(self, first: int) -> _Beat | None:
+        """Intervals of the beat before an interval whose ends were measured; None without any."""
+        model, samples = self.controller.model, self._samples
+        places = range(first - model.parts, first)
+        begin = np.array([samples.get(k, model.along(k)) for k in places])
+        end = np.array([samples.get(k + 1, model.along(k + 1)) for k in places])
+        steps = model.parts * -(-self.orbit.steps // model.parts)
+        air = LearnedAir(self._design.aero, self.weights)
+        flight = FlightMap(air.robot, air, self._design.added_mass, air.weight_names)
+        flown = flight.fly(begin, self._rows(places[0] * self.period, steps))
+        moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
+        slopes, missed = flown.by_parameter[:, moving], (end - flown.ends)[:, moving]
+        known = np.array([k in samples and k + 1 in samples for k in places])
+        known &= np.isfinite(missed).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+        if not known.any():
+            return None
+        return _Beat(slopes[known], missed[known] + slopes[known] @ self.weights)
+
+    def _rows(self, time: float, steps: int) -> PrescribedRows:
+        """Prescribed rows of a beat as the gait was steered.
+
+        Args:
+            time: Its beginning [s].
+            steps: Time steps.
+        """
+        model = self.controller.model
+        step = model.parts * self.period / steps
+        times = time + 0.5 * step * np.arange(2 * steps + 1)
+        motion = model.steered.motion(times)
+        wind = self._design.aero.air.uniform_wind_at(times)
+        table = np.column_stack([motion.position, motion.velocity, motion.acceleration, wind])
+        none = np.zeros((len(table), 0, table.shape[1] - 3))
+        return PrescribedRows(table, none, step, np.zeros(0))
+
+    def _whitened(self, beat: _Beat) -> tuple[Array, Array]:
+        """H and y of a beat over their noise: its mean, and what differs from that.
+
+        What models of the air differ in within a beat repeats and is no white noise: its size is
+        taken from the beats, while the mean, which moves the flight, keeps the noise of a sample.
+        """
+        strips = slice(0, len(self.weights) - len(WRENCH))
+        own = ((beat.slopes * self.learner.prior)[:, :, strips] ** 2).sum(axis=2).mean(axis=0)
+        noise = NOISE_SHARE * np.sqrt(own)
+        slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
+        within, apart = beat.slopes - slopes, beat.measured - measured
+        ripple = ((apart - within @ self.learner.weights) ** 2).mean(axis=0)
+        self._ripple = ripple if self._ripple is None else 0.5 * (self._ripple + ripple)
+        std, many = np.sqrt(noise**2 + self._ripple), np.sqrt(len(apart))
+        whole = np.vstack([slopes[None] * many / noise[:, None], within / std[:, None]])
+        told = np.vstack([measured * many / noise, apart / std])
+        return whole.reshape(-1, len(self.weights)), told.ravel()

@@ -1,0 +1,133 @@
+"""Does a model of the air that relearns in flight bring a changed robot back to its orbit?"""
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.air import LearnedAir, QuasiSteady, SmoothPolar
+from patagium.control import AdaptiveController, AirWeights, LinearRegulator, PredictiveController
+from patagium.errors import ParameterError, ShapeError
+
+COMMANDS = (
+    *("left_plunge_amplitude", "right_plunge_amplitude"),
+    *("left_feather_offset", "right_feather_offset", "feather_amplitude"),
+)
+TOLERABLE = {"yaw": 0.4, "roll": 0.3, "pitch": 0.3, "velocity of y": 1.0}
+BEATS = 40
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    robot = pt.load_robot("aerobat")
+    return pt.trim(robot, QuasiSteady(robot, polar=SmoothPolar()))
+
+
+def test_learned_air_is_its_model_with_strips_scaled_and_a_wrench_added(orbit):
+    robot, draw = orbit.robot, np.random.default_rng(3)
+    q, v = robot.coordinates(roll=0.2, pitch=-0.4, left_plunge=0.3), draw.normal(size=robot.dof)
+    plain = LearnedAir(orbit.aero).generalized_force(q, v)
+    model = orbit.aero.generalized_force(q, v)
+    np.testing.assert_allclose(plain, model, rtol=1e-12, atol=1e-15)
+    weights = np.array(LearnedAir(orbit.aero).weights)
+    weights[4], weights[-3:] = 0.3, [0.01, 0.03, 2e-4]
+    narrow = robot.with_parameters({"left_wing[4].width": 0.3 * float(robot.strips[4].width)})
+    lesser = QuasiSteady(narrow, polar=SmoothPolar()).generalized_force(q, v)
+    more = LearnedAir(orbit.aero, weights).generalized_force(q, v) - lesser
+    side = -np.sin(0.2) * 0.03  # across the heading, of a force in body axes: pitch, then roll
+    assert more[1] == pytest.approx(side, rel=1e-9)
+    assert np.linalg.norm(more[:3]) == pytest.approx(np.linalg.norm(weights[-3:-1]), rel=1e-9)
+    assert np.abs(more[6:]).max() < 1e-15  # the joints carry none of it
+
+
+def test_learned_air_is_made_again_from_its_description(orbit):
+    weights = np.linspace(0.5, 1.0, len(orbit.robot.strips) + 3)
+    model = LearnedAir(orbit.aero, weights)
+    again = pt.aerodynamics.aero_from_description(orbit.robot, model.describe())
+    assert again == model
+    np.testing.assert_array_equal(again.parameters[-13:], weights)
+
+
+@pytest.mark.parametrize(
+    ("weights", "error"),
+    [(np.ones(3), ShapeError), (np.full(13, np.nan), ParameterError)],
+)
+def test_weights_that_are_none_are_refused(orbit, weights, error):
+    with pytest.raises(error, match="weights"):
+        LearnedAir(orbit.aero, weights)
+
+
+def test_weights_are_the_minimum_of_forgotten_squares():
+    draw, stds = np.random.default_rng(0), np.array([0.5, 0.2, 2.0])
+    learner, kept = AirWeights(np.ones(3), stds, memory=4.0), 0.75
+    beats = [(draw.normal(size=(7, 3)), draw.normal(size=7)) for _ in range(5)]
+    for slopes, measured in beats:
+        learner.learn(slopes, measured)
+    age = kept ** np.arange(4, -1, -1)
+    rows = np.vstack([*(a**0.5 * h for a, (h, _) in zip(age, beats, strict=True))])
+    told = np.concatenate([a**0.5 * y for a, (_, y) in zip(age, beats, strict=True)])
+    prior = np.diag(1 / stds)  # never forgotten
+    found = np.linalg.lstsq(np.vstack([rows, prior]), np.r_[told, 1 / stds], rcond=None)[0]
+    np.testing.assert_allclose(learner.weights, found, rtol=1e-10)
+
+
+def flown(orbit, controller, robot, beats=BEATS):
+    """Mean height and heading of the last five beats [m, rad]."""
+    start = {name: value for name, value in orbit.start().items() if name != "aero_state"}
+    period = controller.period
+    flight = pt.simulate(
+        robot, QuasiSteady(robot, polar=SmoothPolar()), orbit.gait, duration=10 * beats * period,
+        time_step=period / 24, control_period=period, controller=controller, **start,
+    )  # fmt: skip
+    return [float(flight.q.sel(dof=name)[-1200:].mean()) for name in ("z", "yaw")]
+
+
+def damaged(robot):
+    """Robot 3 % too heavy whose left wing lost most of its outer fifth."""
+    mass, width = float(robot.bodies[0].mass), float(robot.strips[4].width)
+    return robot.with_parameters({"body.mass": 1.06 * mass, "left_wing[4].width": 0.2 * width})
+
+
+def test_damaged_robot_comes_back_to_height_and_heading(orbit):
+    robot = damaged(orbit.robot)
+    fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), robot)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    learned = flown(orbit, controller, robot)
+    assert abs(learned[0]) < 0.5 * abs(fixed[0])
+    assert abs(learned[1]) < 0.5 * abs(fixed[1])  # which goes on to grow
+    assert controller.learner.better and controller.counts["moved"] >= 1
+    outer, inner = controller.learner.weights[[4, 9]]
+    assert outer < 0.6 < inner  # 0.2 and 1: what the damage was
+    assert "moved" in controller.report()
+
+
+def test_predictive_controller_takes_what_was_learned(orbit):
+    law = PredictiveController(orbit, COMMANDS, tolerable=TOLERABLE)
+    controller = AdaptiveController(law, orbit)
+    flown(orbit, controller, damaged(orbit.robot), beats=5)
+    assert controller.counts["moved"] >= 1 and not controller.held
+    model, program = law.model, law.iteration.program
+    assert model.neutral[0] > 1.1 * model.neutral[1]  # the cut wing beats more
+    np.testing.assert_allclose(program["lower"][0] + model.neutral, [e[0] for e in law.ends])
+
+
+def test_samples_that_are_none_are_not_learned(orbit):
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    for k in range(21):
+        assert controller(k * controller.period, None) == {}
+    assert controller.counts == {"without samples": 2}
+    assert controller.held == {"missing": 21}
+
+
+def test_weights_without_an_orbit_leave_the_last_one(orbit):
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    weightless = np.zeros(13)
+    before = controller.controller.model
+    assert not controller.use(weightless, 10)
+    assert controller.counts == {"not found": 1} and controller.orbit is orbit
+    assert controller.controller.model is before
+
+
+def test_what_cannot_be_adapted_is_refused(orbit):
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    with pytest.raises(ParameterError, match="memory"):
+        AdaptiveController(law, orbit, memory=1.0)
