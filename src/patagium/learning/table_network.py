@@ -57,6 +57,7 @@ def network_for(
         input_scale=scale[:n],
         output_center=center[n:],
         output_scale=scale[n:],
+        inputs_jump=True,
     )
 
 

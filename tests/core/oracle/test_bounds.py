@@ -131,6 +131,22 @@ def test_an_encoder_that_jumps_within_its_range_is_refused() -> None:
     assert np.isfinite(learner.update(x[901], y[901], 0.901)).all()
 
 
+def test_a_command_may_jump_within_its_range() -> None:
+    """The same samples: refused as states, learned as the columns of a table may be."""
+    x, y = flapping(600)
+    x[500, 0] = -x[500, 0] + 0.9
+    counted = []
+    for jumps in (False, True):
+        inputs = pt.DenseNetwork(4, (5,), 2, inputs_jump=jumps)
+        again = type(inputs).from_description(inputs.describe())
+        assert again.inputs_jump is jumps and ("inputs_jump" in inputs.describe()) is jumps
+        learner = pt.ExtendedLearner(again, measurement_std=0.05)
+        for k in range(600):
+            learner.update(x[k], y[k], STEP * k)
+        counted.append(learner.events.get("jumps", 0))
+    assert counted == [1, 0]
+
+
 def test_a_sensor_that_says_something_else_for_long_is_believed() -> None:
     """An offset of 2000 rad/s: the range opens after 100 samples, which is told."""
     x, y = flapping(700)

@@ -1,10 +1,9 @@
 """Bounds of inputs and outputs, ahead of every filter: what a sensor can say.
 
 A value is refused that lies further than 3 widths of its range (10 for an output) outside of that
-range. So is an input, no acceleration, that moves by more than 15 times its median step and a
-quarter of its range, and 2 steps more for each usual time step since it was last taken, of which
-there are 20 at most: what it did in a longer gap nobody knows. The range
-is that of the values taken so far, at least the network's own scale of an input and a hundredth of
+range. So is an input, no acceleration and no command, that moves by more than 15 times its median
+step and a quarter of its range, and 2 steps more for each usual time step since it was last taken,
+of which there are 20 at most: what it did in a longer gap nobody knows. The range is that of the values taken so far, at least the network's own scale of an input and a hundredth of
 the widest output. A value outside of it widens it by a quarter at most, and 1e-4 of it is
 forgotten with each sample. The first 20 values of a channel that moves are bounded by 1e6 of the
 network's scale alone.
@@ -48,7 +47,7 @@ class Bounds:
 
     Attributes:
         inputs: Number of inputs that are measured.
-        smooth: Number of them that do not jump, the first: all but accelerations.
+        smooth: Number of them that do not jump, the first: all but accelerations and commands.
         x: Inputs of a sample where a kernel does not read them itself, (n_x,) [units of x].
         scale: Scale of each channel before it is known, (n,) [units of x and y].
         arrays: Memory by name, (n,) each; clock: last stamp [s], usual step [s], samples
@@ -58,7 +57,7 @@ class Bounds:
     def __init__(self, network: Network) -> None:
         self.inputs, outputs = measured_inputs(network), network.outputs
         accelerations = self.inputs // 3 if flight_terms(network).acceleration else 0
-        self.smooth = self.inputs - accelerations
+        self.smooth = 0 if getattr(network, "inputs_jump", False) else self.inputs - accelerations
         self.x = np.zeros(network.inputs)
         self.scale = np.ones(self.inputs + outputs)
         self.scale[: self.inputs] = getattr(network, "input_scale", 1.0)

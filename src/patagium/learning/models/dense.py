@@ -37,6 +37,7 @@ class DenseNetwork(PerceptronNetwork):
         input_scale: Divides x, scalar or (n_x,), in the unit of x.
         output_center: Added to y, scalar or (n_y,), in the unit of y.
         output_scale: Multiplies y, scalar or (n_y,), in the unit of y.
+        inputs_jump: Whether inputs may jump as commands do; those of a motion do not.
 
     Raises:
         ParameterError: If a width or a scale is not positive, or the activation unknown.
@@ -56,8 +57,10 @@ class DenseNetwork(PerceptronNetwork):
         input_scale: ArrayLike = 1.0,
         output_center: ArrayLike = 0.0,
         output_scale: ArrayLike = 1.0,
+        inputs_jump: bool = False,
     ) -> None:
         names = named_outputs(outputs)
+        self.inputs_jump = inputs_jump
         self.perceptron = Perceptron((inputs, *hidden, len(names)), activation)
         self._names = names
         self.input_center = center_of("input_center", input_center, inputs)
@@ -109,6 +112,7 @@ class DenseNetwork(PerceptronNetwork):
             "input_scale": self.input_scale.tolist(),
             "output_center": self.output_center.tolist(),
             "output_scale": self.output_scale.tolist(),
+            **({_JUMPS: True} if self.inputs_jump else {}),
         }
 
     @classmethod
@@ -151,6 +155,7 @@ class LinearNetwork(DenseNetwork):
             base.output_names,
             output_center=base.output_center,
             output_scale=base.output_scale,
+            inputs_jump=base.inputs_jump,
         )
         self._base = base
         self._features = features
@@ -198,6 +203,7 @@ class LinearNetwork(DenseNetwork):
         return softplus(scaled @ self._mixing + self._bias) if self._features else scaled
 
 
+_JUMPS = "inputs_jump"  # in a description only where they do
 DESCRIBED = (
     "inputs",
     "hidden",
@@ -231,6 +237,6 @@ def described(kind: str, description: Mapping[str, Any], keys: Sequence[str]) ->
         ParameterError: If a key is missing or unknown.
     """
     values = {key: value for key, value in description.items() if key != "kind"}
-    if set(values) != set(keys):
+    if set(values) - {_JUMPS} != set(keys) or not isinstance(values.get(_JUMPS, True), bool):
         raise ParameterError(f"{kind} network", f"the keys {sorted(keys)}", sorted(values))
     return values
