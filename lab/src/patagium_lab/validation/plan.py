@@ -15,6 +15,7 @@ CASES = (
     "measured_wing",
     "pitching_section",
     "hover",
+    "hover_modes",
 )
 """Modules of the package `cases` in reading order; `compute()` of each gives its results."""
 

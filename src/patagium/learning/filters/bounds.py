@@ -3,10 +3,10 @@
 A value is refused that lies further than 3 widths of its range (10 for an output) outside of that
 range. So is an input, no acceleration and no command, that moves by more than 15 times its median
 step and a quarter of its range, and 2 steps more for each usual time step since it was last taken,
-of which there are 20 at most: what it did in a longer gap nobody knows. The range is that of the values taken so far, at least the network's own scale of an input and a hundredth of
-the widest output. A value outside of it widens it by a quarter at most, and 1e-4 of it is
-forgotten with each sample. The first 20 values of a channel that moves are bounded by 1e6 of the
-network's scale alone.
+of which there are 20 at most: what it did in a longer gap nobody knows. The range is that of the
+values taken so far, at least the network's own scale of an input and a hundredth of the widest
+output. A value outside of it widens it by a quarter at most, and 1e-4 of it is forgotten with each
+sample. The first 20 values of a channel that moves are bounded by 1e6 of the network's scale alone.
 
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row

@@ -257,7 +257,7 @@ def hoverer(insect: Insect) -> Robot:
       - body: {name}
         strips: {STRIPS}
         stations:
-{_stations(wing, insect.second_moment)}""")
+{stations(wing, insect.second_moment)}""")
     text = (
         f"name: insect\ngravity: 9.81\nbodies:{''.join(bodies)}\nwings:{''.join(wings)}\n"
         "mirror:\n  - {from: left, to: right}\n"
@@ -265,7 +265,7 @@ def hoverer(insect: Insect) -> Robot:
     return load_robot_text(text, "insect")
 
 
-def _stations(wing: InsectWing, second: float) -> str:
+def stations(wing: InsectWing, second: float) -> str:
     """Stations of a wing whose chord is a beta distribution of its second moment."""
     first = (second / 0.929) ** (1 / 0.732)
     spread = first * (1 - first) / (second**2 - first**2) - 1
@@ -282,14 +282,14 @@ def _stations(wing: InsectWing, second: float) -> str:
 def _gait(insect: Insect, robot: Robot) -> Any:
     moves: dict[str, Any] = {}
     for wing in insect.wings:
-        moves[f"{wing.name}_sweep"] = _series(*wing.sweep, sign=-1.0)
-        moves[f"{wing.name}_feather"] = _series(*wing.pitch, sign=1.0)
+        moves[f"{wing.name}_sweep"] = series(*wing.sweep, sign=-1.0)
+        moves[f"{wing.name}_feather"] = series(*wing.pitch, sign=1.0)
         moves[f"{wing.name}_cone"] = (float(np.radians(wing.cone)), [])
         moves[f"{wing.name}_plane"] = (float(np.radians(wing.plane)), [])
     return gaits.fourier(robot, frequency=insect.frequency, **moves)
 
 
-def _series(mean: float, harmonics: Harmonics, sign: float) -> tuple[float, list[Any]]:
+def series(mean: float, harmonics: Harmonics, sign: float) -> tuple[float, list[Any]]:
     """Mean and harmonics (cosine, sine) [rad] from amplitudes and phases [deg]."""
     size, phase = (np.radians([one[k] for one in harmonics]) for k in range(2))
     pairs = np.column_stack([size * np.cos(phase), -size * np.sin(phase)])
