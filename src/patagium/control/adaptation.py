@@ -4,8 +4,10 @@ Once a beat the intervals that were flown are compared with what the model makes
 map of the flight and its exact derivatives by the weights of `LearnedAir`. The weights follow by
 least squares that forget, the orbit is trimmed anew with them, and neutral values of the commands,
 reference and gains follow the orbit: what integral action would do, for any cause that shows in
-the motion (a wing that was cut, another polar, a weight that was never weighed, wind). Neglected:
-what the weights cannot explain, which is noise to them; errors of the measured state.
+the motion (a wing that was cut, another polar, a weight that was never weighed, wind). A wing cut
+in flight takes its mass along, which no weight of the air explains: what repeats within the beat
+jumps. Such beats teach nothing; from the second on the cut is sought that explains them. Neglected:
+what neither explains, which is noise to the weights; errors of the measured state.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
+from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController
 from patagium.control.trimming import trim
@@ -36,6 +40,12 @@ MEMORY = 10.0
 STIFFNESS = 0.1
 """Change of a state of the orbit over what is tolerable that weighs as much as a gait parameter
 changed by 0.3: the commands rather than the attitude make up for what changed."""
+
+SURPRISE = 6.0
+"""Mean square of what differs within a beat, over that of the beats before, which the weights
+cannot explain."""
+LARGEST_CUT = 0.6
+"""Largest share of a wing's span that is sought as lost."""
 
 
 class AirWeights:
@@ -119,7 +129,10 @@ class AdaptiveController:
 
     The model is used where it predicted better than the design model, within bounds: an
     effectiveness from 0 to 2, a force up to the weight. Where it has no orbit, or none that the
-    commands can hold, the one before is followed on.
+    commands can hold, the one before is followed on. A beat that differs from the others within
+    itself more than any weights explain (`SURPRISE`) teaches nothing; if the next one does so too,
+    each wing is cut in the model, of air and masses alike, as far as explains it best. Where no
+    cut does, nothing is learned until beats are explained again.
 
     Args:
         controller: Controller along the orbit.
@@ -135,7 +148,7 @@ class AdaptiveController:
         learning: Whether it learns; it may be switched on the way.
         weights: Weights of the orbit that is followed.
         orbit: That orbit.
-        counts: Number of beats by what became of the orbit.
+        counts: Number of beats by what became of the orbit, and of the model.
     """
 
     def __init__(
@@ -151,6 +164,7 @@ class AdaptiveController:
         if not self._free:
             raise ParameterError("commands", "one beside the frequency", model.commands)
         self.controller, self.orbit, self._design = controller, orbit, orbit
+        self._air, self._surprised = orbit.aero, False
         robot, strips = orbit.robot, orbit.robot.strips
         weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
         lever = float(np.mean([strip.chord for strip in strips]))
@@ -212,8 +226,8 @@ class AdaptiveController:
         """
         design = self._design
         found = trim(
-            design.robot,
-            LearnedAir(design.aero, weights),
+            self._air.robot,
+            LearnedAir(self._air, weights),
             design.gait,
             free=self._free,
             speed=design.speed,
@@ -236,29 +250,75 @@ class AdaptiveController:
 
     def _relearn(self, first: int) -> None:
         """Learn from the beat that ends, and follow the model where it is another."""
-        beat = self._flown(first)
+        beat = self._flown(first, self._air)
+        if beat is not None and self._surprise(beat) > SURPRISE:
+            cut, self._surprised = self._surprised and self._cut(first), True
+            if not cut:
+                self.counts["beyond the model"] += 1
+                return
+            beat = self._flown(first, self._air)
         if beat is None:
             self.counts["without samples"] += 1
             return
+        self._surprised = False
         self.learner.learn(*self._whitened(beat))
         learner, wanted = self.learner, self.learner.prior
         if learner.better:
             moved = learner.differ(self.weights)
             wanted = np.clip(learner.weights, self._least, self._most) if moved else self.weights
-        if np.array_equal(wanted, self.weights):
+        if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
         else:
             self.use(wanted, first)
 
-    def _flown(self, first: int) -> _Beat | None:
+    def _cut(self, first: int) -> bool:
+        """Whether the cut of a wing explains the beat before an interval; it is taken over then."""
+        from scipy.optimize import minimize_scalar  # slow to import, rarely needed
+
+        found: list[tuple[float, Aerodynamics]] = []
+        for wing in dict.fromkeys(strip.wing for strip in self._air.robot.strips):
+
+            def without(share: float, wing: str = wing) -> float:
+                loss = WingLossEvent(time=0.0, wing=wing, share=share)
+                air = loss.changed(self._air.robot, self._air)[1]
+                beat = self._flown(first, air)
+                found.append((np.inf if beat is None else self._surprise(beat), air))
+                return found[-1][0]
+
+            minimize_scalar(without, bounds=(0.0, LARGEST_CUT), options={"xatol": 0.005})
+        least, air = min(found, key=lambda one: one[0])
+        if not least <= SURPRISE:
+            return False
+        self._air = air
+        self.counts["cut of a wing found"] += 1
+        return True
+
+    def _surprise(self, beat: _Beat) -> float:
+        """Mean square of what differs within a beat over that of the beats before; 0 at first."""
+        if self._ripple is None:
+            return 0.0
+        return float((self._ripple_of(beat) / (self._noise(beat) ** 2 + self._ripple)).mean())
+
+    def _ripple_of(self, beat: _Beat) -> Array:
+        """Mean square of what differs within a beat and no weight explains, (velocities,)."""
+        missed = beat.measured - beat.slopes @ self.learner.weights
+        return np.asarray(((missed - missed.mean(axis=0)) ** 2).mean(axis=0))
+
+    def _noise(self, beat: _Beat) -> Array:
+        """Least standard deviation of the noise of an interval, (velocities,)."""
+        strips = slice(0, len(self.weights) - len(WRENCH))
+        own = ((beat.slopes * self.learner.prior)[:, :, strips] ** 2).sum(axis=2).mean(axis=0)
+        return np.asarray(NOISE_SHARE * np.sqrt(own))
+
+    def _flown(self, first: int, air: Aerodynamics) -> _Beat | None:
         """Intervals of the beat before an interval whose ends were measured; None without any."""
         model, samples = self.controller.model, self._samples
         places = range(first - model.parts, first)
         begin = np.array([samples.get(k, model.along(k)) for k in places])
         end = np.array([samples.get(k + 1, model.along(k + 1)) for k in places])
         steps = model.parts * -(-self.orbit.steps // model.parts)
-        air = LearnedAir(self._design.aero, self.weights)
-        flight = FlightMap(air.robot, air, self._design.added_mass, air.weight_names)
+        learned = LearnedAir(air, self.weights)
+        flight = FlightMap(air.robot, learned, self._design.added_mass, learned.weight_names)
         flown = flight.fly(begin, self._rows(places[0] * self.period, steps))
         moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
         slopes, missed = flown.by_parameter[:, moving], (end - flown.ends)[:, moving]
@@ -290,12 +350,9 @@ class AdaptiveController:
         What models of the air differ in within a beat repeats and is no white noise: its size is
         taken from the beats, while the mean, which moves the flight, keeps the noise of a sample.
         """
-        strips = slice(0, len(self.weights) - len(WRENCH))
-        own = ((beat.slopes * self.learner.prior)[:, :, strips] ** 2).sum(axis=2).mean(axis=0)
-        noise = NOISE_SHARE * np.sqrt(own)
+        noise, ripple = self._noise(beat), self._ripple_of(beat)
         slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
         within, apart = beat.slopes - slopes, beat.measured - measured
-        ripple = ((apart - within @ self.learner.weights) ** 2).mean(axis=0)
         self._ripple = ripple if self._ripple is None else 0.5 * (self._ripple + ripple)
         std, many = np.sqrt(noise**2 + self._ripple), np.sqrt(len(apart))
         whole = np.vstack([slopes[None] * many / noise[:, None], within / std[:, None]])

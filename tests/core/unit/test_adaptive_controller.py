@@ -5,8 +5,16 @@ import pytest
 
 import patagium as pt
 from patagium.air import LearnedAir, QuasiSteady, SmoothPolar
-from patagium.control import AdaptiveController, AirWeights, LinearRegulator, PredictiveController
+from patagium.control import (
+    AdaptiveController,
+    AirWeights,
+    LinearRegulator,
+    NoisyState,
+    PredictiveController,
+    WingLossEvent,
+)
 from patagium.errors import ParameterError, ShapeError
+from patagium.simulation.simulator import FlightState
 
 COMMANDS = (
     *("left_plunge_amplitude", "right_plunge_amplitude"),
@@ -131,3 +139,41 @@ def test_what_cannot_be_adapted_is_refused(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
     with pytest.raises(ParameterError, match="memory"):
         AdaptiveController(law, orbit, memory=1.0)
+
+
+@pytest.mark.parametrize("wing", ["left_wing", "right_wing"])
+def test_a_wing_cut_in_flight_is_found_and_taken_over(orbit, wing):
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    controller, share, beat = AdaptiveController(law, orbit), 0.3, orbit.period
+    cut = WingLossEvent(time=5.4 * beat, wing=wing, share=share)
+    flight = pt.fly(
+        orbit.robot, QuasiSteady(orbit.robot), controller, orbit=orbit, duration=25 * beat,
+        events=[cut], sensors=NoisyState({"yaw": 5e-3, "velocity of roll": 0.02}),
+    )  # fmt: skip
+    assert controller.counts["cut of a wing found"] == 1
+    assert controller.counts["beyond the model"] == 1  # the beat that holds the cut
+    found = controller.orbit.robot
+    wings = ("left_wing", "right_wing")
+    widths = {w: sum(s.width for s in found.strips if s.wing == w) for w in wings}
+    whole = sum(s.width for s in orbit.robot.strips if s.wing == wing)
+    assert widths[wing] == pytest.approx((1 - share) * whole, rel=0.03)  # of noise and polar
+    assert max(widths.values()) == pytest.approx(whole, rel=1e-12)  # the other wing is whole
+    assert "1 cut of a wing found" in flight.attrs["controller"]
+
+
+def test_what_no_cut_explains_is_not_learned(orbit):
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    controller, draw = AdaptiveController(law, orbit), np.random.default_rng(0)
+    robot, model = orbit.robot, law.model
+    for k in range(81):
+        state = dict(zip(model.names, model.along(k), strict=True))
+        state["velocity of roll"] += 5.0 * draw.standard_normal() * (k > 40)
+        moving = {n.rpartition(" ")[2]: x for n, x in state.items() if n.startswith("vel")}
+        still = {name: x for name, x in state.items() if not name.startswith("vel")}
+        q, v = robot.coordinates(**still), robot.velocities(**moving)
+        controller(k * law.period, FlightState(robot, k * law.period, q, v))
+        if k == 40:
+            before = controller.learner.weights.copy()
+    assert controller.counts["beyond the model"] == 4
+    assert controller.counts["cut of a wing found"] == 0
+    np.testing.assert_array_equal(controller.learner.weights, before)
