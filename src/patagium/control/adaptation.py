@@ -132,7 +132,8 @@ class AdaptiveController:
     commands can hold, the one before is followed on. A beat that differs from the others within
     itself more than any weights explain (`SURPRISE`) teaches nothing; if the next one does so too,
     each wing is cut in the model, of air and masses alike, as far as explains it best. Where no
-    cut does, nothing is learned until beats are explained again.
+    cut does, nothing is learned until beats are explained again, and the orbit is that without
+    weights.
 
     Args:
         controller: Controller along the orbit.
@@ -252,9 +253,11 @@ class AdaptiveController:
         """Learn from the beat that ends, and follow the model where it is another."""
         beat = self._flown(first, self._air)
         if beat is not None and self._surprise(beat) > SURPRISE:
-            cut, self._surprised = self._surprised and self._cut(first), True
-            if not cut:
+            again, self._surprised = self._surprised, True
+            if not (again and self._cut(first, self._surprise(beat))):
                 self.counts["beyond the model"] += 1
+                if again and not np.array_equal(self.weights, self.learner.prior):
+                    self.use(self.learner.prior, first)
                 return
             beat = self._flown(first, self._air)
         if beat is None:
@@ -271,7 +274,7 @@ class AdaptiveController:
         else:
             self.use(wanted, first)
 
-    def _cut(self, first: int) -> bool:
+    def _cut(self, first: int, surprise: float) -> bool:
         """Whether the cut of a wing explains the beat before an interval; it is taken over then."""
         from scipy.optimize import minimize_scalar  # slow to import, rarely needed
 
@@ -287,7 +290,7 @@ class AdaptiveController:
 
             minimize_scalar(without, bounds=(0.0, LARGEST_CUT), options={"xatol": 0.005})
         least, air = min(found, key=lambda one: one[0])
-        if not least <= SURPRISE:
+        if not least <= max(SURPRISE, surprise / 4):
             return False
         self._air = air
         self.counts["cut of a wing found"] += 1
