@@ -84,8 +84,7 @@ _MOVED = {
             CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
             RobotFileError RobotFileWarning ShapeError SimulationFailed""",
         "patagium.learning": """
-            ChangeDetection HiddenStripNetwork Screening""",
-        "patagium.learning.settings": "NoiseEstimation",
+            ChangeDetection HiddenStripNetwork NoiseEstimation Screening""",
         "patagium.sensing": """
             ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
             cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
@@ -95,11 +94,10 @@ _MOVED = {
         "patagium.learning": """
             ChangeDetection CubatureLearner DenseNetwork ExtendedLearner GradientLearner
             GreyBox HiddenStripNetwork Identification LinearLearner Model
-            Screening Settings StripNetwork Tuned
+            NoiseEstimation Screening Settings StripNetwork Tuned
             evaluate evaluate_table identify identify_table learner_from_description
             load_identification load_learner load_model load_settings model_of network_for
             network_from_description refine save_learner save_model stream tune""",
-        "patagium.learning.settings": "NoiseEstimation",
         "patagium.live": "AutoSave Pipeline",
         "patagium.sensing": """
             ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay Shifts Spline
@@ -107,7 +105,6 @@ _MOVED = {
             inverse_dynamics_force load_cell_force load_log load_mapping momentum_force
             motor_forces read_table training_data""",
     },
-    "patagium.learning": {"patagium.learning.settings": "NoiseEstimation"},
 }
 _DEFAULT = "the default, which errs less"
 _REMOVED = {

@@ -23,7 +23,6 @@ from patagium.learning.settings import (
     OLD_NAMES,
     RECORDS,
     Meaning,
-    Misfit,
     checked_structure,
     leaves,
     settings_from,
@@ -219,7 +218,6 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
-    yield _parameter("noise_memory", int, typer.Option(hidden=True))  # of 0.1
     for word, path, one in setting_options():
         yield _setting(word, path, one, several, hidden=False)
         for old in (old for old, new in OLD_NAMES.items() if new == one.name):
@@ -279,11 +277,7 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     shape |= {name: given[name] for name in ("network", "hidden", "seed") if name in given}
     words = {"activation": "activation", "learner": "kind"}
     shape |= {new: str(given[old]) for old, new in words.items() if old in given}
-    settings: dict[str, Any] = {}
-    if "noise_memory" in given:
-        message = "--noise-memory is called --misfit, without a memory; the old name goes with 0.3"
-        typer.echo(f"patagium: {message}", err=True)
-        settings["misfit.floor"] = Misfit().floor
+    settings = {}
     for word, dotted, one in setting_options():
         value = given.get(word.replace("-", "_"))
         for old in (old for old, new in OLD_NAMES.items() if new == one.name and old in given):

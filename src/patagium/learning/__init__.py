@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from patagium.learning.settings import ChangeDetection as ChangeDetection
     from patagium.learning.settings import FilterSettings as FilterSettings
     from patagium.learning.settings import Misfit as Misfit
+    from patagium.learning.settings import NoiseEstimation as NoiseEstimation
     from patagium.learning.settings import Screening as Screening
     from patagium.learning.stream import stream as stream
     from patagium.learning.table_network import network_for as network_for
@@ -76,7 +77,10 @@ _NAMES = {
     "models.structure": ("register_blocks",),
     "refinement": ("refine",),
     "result": ("Identification", "load_identification"),
-    "settings": ("ChangeDetection", "FilterSettings", "Misfit", "Screening"),
+    "settings": (
+        *("ChangeDetection", "FilterSettings", "Misfit", "NoiseEstimation"),
+        "Screening",
+    ),
     "stream": ("stream",),
     "tuning.settings_file": ("Settings", "load_settings"),
     "tuning.tune": ("Tuned", "tune"),
@@ -91,9 +95,10 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
-            from patagium.deprecation import former_name
+            from patagium.deprecation import refuse_removed
 
-            return former_name(__name__, name, __all__)
+            refuse_removed(__name__, name)
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
         super().__setattr__(name, value)
         return value

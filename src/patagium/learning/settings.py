@@ -215,6 +215,43 @@ class Screening:
 
 
 @dataclass(frozen=True)
+class NoiseEstimation:
+    """Variances of the measurement as the innovations show them, channel by channel.
+
+    R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
+    readout: in a strip network it goes with the dynamic pressure of the strips, in a dense one it
+    is constant. After each sample a_k moves by a share, 1 / 10 at first and 1 / memory in the end,
+    towards its expectation given the sample, a_k + a_k^2 ((P_yy^-1 e)_k^2 - (P_yy^-1)_kk), and
+    b_k alike: a step of the EM algorithm, times R_k over the larger part, so that R_k as a whole
+    moves by that share. Both stay positive. `measurement_std` is where it starts, half in
+    each: rather too large than too small, as a covariance that shrank on too small a noise opens
+    by forgetting only.
+
+    Args:
+        memory: Samples over which it is estimated; a wingbeat or more.
+
+    Raises:
+        ParameterError: If it is no integer of at least 10.
+
+    References:
+        Shumway & Stoffer (1982), An approach to time series smoothing and forecasting using the
+        EM algorithm; Cappé & Moulines (2009), On-line expectation-maximization algorithm.
+    """
+
+    memory: int = setting(
+        200,
+        "Memory over which the measurement noise is estimated",
+        unit="samples",
+        low=10,
+        high=_MOST_SAMPLES,
+        option="noise-memory",
+    )
+
+    def __post_init__(self) -> None:
+        _check_fields(self)
+
+
+@dataclass(frozen=True)
 class Misfit:
     """Error of the model itself, as the data show it; see `learning/filters/misfit.py`.
 
@@ -241,15 +278,6 @@ class Misfit:
 
     def __post_init__(self) -> None:
         _check_fields(self)
-
-
-def NoiseEstimation(memory: int = 200) -> Misfit:  # noqa: N802
-    """`Misfit`, which took the place of the estimation of noise over a memory of samples.
-
-    Args:
-        memory: Not used.
-    """
-    return Misfit()
 
 
 @dataclass(frozen=True)
@@ -322,7 +350,7 @@ class FilterSettings:
             network has its own (`GreyBox`) keep that; for a `LinearStripNetwork` the number is
             a factor on its own.
         measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
-            None: none, so that all noise is the error of the model, as `misfit` says.
+            None: a tenth of each output's scale at first, then as `noise_estimation` says.
         process_std: Standard deviation by which each weight wanders between two samples, one
             number or (n,) [1]; not divided by anything.
         spread: kappa, distance of the cubature points [standard deviations]; None is sqrt(n), the
@@ -336,12 +364,15 @@ class FilterSettings:
             sample, 0 <= share < 1: a memory of 1 / share samples.
         covariance: Structure of the covariance: "full", "layer" or "node".
         screening: How far samples are believed; None: as they are, if they are numbers.
-        misfit: Error of the model itself beside the noise of the measurement; None: it has none,
-            or, where no measurement_std is given, that of the default floor.
+        noise_estimation: How the variances of the measurement follow the innovations, from
+            measurement_std on; None: it is known, or, where no measurement_std is given,
+            estimated with the default memory.
+        misfit: Error of the model itself beside the noise of the measurement; None: it has none.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
-        ParameterError: If a number is out of its range, or "cholesky" is not of "full".
+        ParameterError: If a number is out of its range, "cholesky" is not of "full", or the noise
+            is estimated and the misfit too.
     """
 
     prior_std: Numbers | None = setting(
@@ -360,7 +391,7 @@ class FilterSettings:
         low=0.0,
         above=True,
         learners=(*FILTERS, "linear"),
-        found="0 beside the error of the model, which is estimated from the innovations",
+        found="a tenth of each output's scale at first, then estimated from the innovations",
         search=LogRange(1e-5, 1.0, per_output=True),
     )
     process_std: Numbers = setting(
@@ -411,6 +442,11 @@ class FilterSettings:
         search=Alternatives(("full", "layer", "node")),
     )
     screening: Screening | None = group(Screening, "Screening of outliers and stuck channels")
+    noise_estimation: NoiseEstimation | None = group(
+        NoiseEstimation,
+        "Estimation of the measurement noise from the innovations",
+        search=Alternatives((None, {"memory": 50}, {"memory": 200})),
+    )
     misfit: Misfit | None = group(Misfit, "Error of the model itself, found from the data")
     change_detection: ChangeDetection | None = group(
         ChangeDetection, "Detection of changes, which opens the covariance anew"
@@ -419,6 +455,8 @@ class FilterSettings:
     def __post_init__(self) -> None:
         checked_structure(self.covariance)
         _check_fields(self)
+        if self.misfit is not None and self.noise_estimation is not None:
+            raise ParameterError("noise_estimation", "None beside misfit", self.noise_estimation)
         if self.square_root == "cholesky" and self.covariance != "full":
             raise ParameterError(
                 "covariance", '"full" with square_root="cholesky"', self.covariance
@@ -552,18 +590,13 @@ def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str,
 def renamed(description: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values by the names of today, from a file that may hold older names.
 
-    Noise that was estimated is the error of the model by now, with its default floor.
-
     Args:
         description: Plain values by name, nested where a group of settings is.
     """
-    found = {
+    return {
         OLD_NAMES.get(name, name): renamed(value) if isinstance(value, Mapping) else value
         for name, value in description.items()
     }
-    if found.pop("noise_estimation", None) is not None:
-        found["misfit"] = found.get("misfit") or {}
-    return found
 
 
 def settings_of(learner: str) -> list[Field[Any]]:
@@ -606,8 +639,7 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
     Raises:
         ParameterError: If a name is unknown to the learner or a value out of range.
     """
-    names = OLD_NAMES | ({"noise_estimation": "misfit"} if learner in FILTERS else {})
-    values, known = with_new_names(given, names, 4), [one.name for one in settings_of(learner)]
+    values, known = with_new_names(given, OLD_NAMES, 4), [one.name for one in settings_of(learner)]
     for name in values:
         if name not in known:
             raise ParameterError(

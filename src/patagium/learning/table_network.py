@@ -48,7 +48,7 @@ def network_for(
         bounds[k] = low, high
     center, scale = bounds.mean(axis=1), np.diff(bounds, axis=1)[:, 0] / 2
     n = len(table.input_names)
-    return DenseNetwork(
+    network = DenseNetwork(
         n,
         hidden,
         table.output_names,
@@ -57,8 +57,9 @@ def network_for(
         input_scale=scale[:n],
         output_center=center[n:],
         output_scale=scale[n:],
-        inputs_jump=True,
     )
+    network.inputs_jump = True
+    return network
 
 
 def scaling_samples(table: LogTable) -> int:

@@ -139,21 +139,29 @@ SCREENING = struct(
     int32_t window: samples tested for a change; 0: changes are not looked for
     int32_t reference: samples before them
     double limit: largest innovation in standard deviations; infinite: any
+    double share: of a sample in the estimated variance; 0: the variance is known
     double ratio: of the mean in the window over that before, at an alarm
     double *numbers: 5
     int64_t *whole: 5
     int64_t *counts: of each event
     double *noise: m: variance at this sample
-    double *known: m: its part that is the measurement's own
+    double *steady: m: its part that is always there
+    double *loaded: m: its part that goes with the load, over the mean load
+    double *smallest: m: neither part falls below
     double *load: m: squared norm of the channel's row of the readout, now
+    double *mean_load: m
     double *extra: m: added to the noise of this sample
     double *last: m: measured before
     int64_t *still: m: samples that repeated it
     int64_t *moved: m: whether the channel ever changed
     int64_t *left_out: m
     double *past: window + reference
-    double *stated: m: variance that this sample has on top, where the rest is found
+    double *stated: m: variance that this sample has on top, where the rest is estimated
+    double relative: standard deviation to start from over an output's scale; 0: it is known
     double *offset: m: value of y that its scale is about
+    double *scale: m: mean square distance of the measurements from it so far
+    double *largest: m: largest scale that the noise grew with
+    int64_t *seen: m: samples of the channel so far
     double floor: error of the model at least, over the rms of each output; 0: there is none
     double span: samples in a span of correlation
     double least: variance, at least

@@ -18,7 +18,7 @@ FACTORS: dict[str, list[Any]] = {
     "compiled": [True, False],
     "dtype": ["float64", "float32"],
     "screening": [None, pt.learning.Screening(outlier_std=3.0, stuck_samples=5)],
-    "misfit": [None, pt.learning.Misfit()],
+    "noise_estimation": [None, pt.learning.NoiseEstimation(memory=20)],
     "change_detection": [None, pt.learning.ChangeDetection(0.05, 8, 16, 0.5)],
     "prior_share": [0.0, 0.01],
 }
@@ -151,7 +151,7 @@ def test_a_copy_goes_on_as_the_learner(
         teach(other, 60, 120)
     for other in copies.values():
         assert_same(learner, other)
-    if combination.get("misfit"):
+    if combination.get("noise_estimation"):
         assert (learner.measurement_std != [0.1, 0.3]).all()
     if combination.get("change_detection"):
         assert learner.changes

@@ -16,7 +16,7 @@ NOISE = {"prior_std": 0.5, "measurement_std": [0.1, 0.3]}
 DRIFT = {"process_std": 0.01, "forgetting_factor": 0.99, "prior_share": 0.01}
 CAREFUL = {
     "screening": pt.learning.Screening(outlier_std=3.0, stuck_samples=5),
-    "misfit": pt.learning.Misfit(),
+    "noise_estimation": pt.learning.NoiseEstimation(memory=20),
 }
 CHANGE = {
     "change_detection": pt.learning.ChangeDetection(0.05, window=8, reference=16, reopening=0.5)

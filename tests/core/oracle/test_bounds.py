@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import Misfit, Screening
+from patagium.learning import Misfit, NoiseEstimation, Screening
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.bounds import Bounds
 from patagium.learning.filters.numbers import filter_numbers
@@ -47,7 +47,7 @@ KINDS: dict[str, Any] = {
 }
 OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {"measurement_std": 0.05},
-    "screened, noise found": {"screening": Screening(), "misfit": Misfit()},
+    "screened, noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation()},
     "misfit": {"misfit": Misfit()},
 }
 
@@ -137,7 +137,8 @@ def test_a_command_may_jump_within_its_range() -> None:
     x[500, 0] = -x[500, 0] + 0.9
     counted = []
     for jumps in (False, True):
-        inputs = pt.DenseNetwork(4, (5,), 2, inputs_jump=jumps)
+        inputs = pt.DenseNetwork(4, (5,), 2)
+        inputs.inputs_jump = jumps
         again = type(inputs).from_description(inputs.describe())
         assert again.inputs_jump is jumps and ("inputs_jump" in inputs.describe()) is jumps
         learner = pt.ExtendedLearner(again, measurement_std=0.05)

@@ -12,7 +12,7 @@ from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.models import memory as module
 from patagium.learning.models.memory import memory_of, network_inputs
-from patagium.learning.settings import FilterSettings, Misfit, Screening
+from patagium.learning.settings import FilterSettings, Misfit, NoiseEstimation, Screening
 from patagium.native import compiler_name
 from patagium.robot import load_robot_text
 
@@ -46,12 +46,12 @@ HOW = {
     "layer": {"covariance": "layer"},
     "forgets": {"forgetting_factor": 0.95},
     "wanders": {"process_std": 1e-3},
-    "screened": {"screening": Screening(3.0, 5), "misfit": Misfit()},
+    "screened": {"screening": Screening(3.0, 5), "noise_estimation": NoiseEstimation(20)},
     "misfit": {"misfit": Misfit()},
     "safe": {
         "prior_share": 1e-3,
         "screening": Screening(3.0, 5),
-        "misfit": Misfit(),
+        "noise_estimation": NoiseEstimation(20),
     },
     "safe by layers": {"prior_share": 1e-3, "covariance": "layer", "process_std": 1e-3},
 }

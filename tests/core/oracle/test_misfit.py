@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import patagium as pt
-from patagium.learning import ExtendedLearner, FilterSettings, Misfit
+from patagium.errors import ParameterError
+from patagium.learning import ExtendedLearner, Misfit, NoiseEstimation
 from patagium.learning.filters import block_kernel
 from patagium.learning.filters.misfit import PARTS
 from patagium.learning.learners import filter_learner
@@ -71,7 +72,7 @@ def test_weights_are_as_sure_as_their_errors_are_large() -> None:
     network, ratios = DenseNetwork(2, (), ("y",)), {}
     for name, settings in (
         ("misfit", {"misfit": Misfit()}),
-        ("white", {"measurement_std": 0.2 * (1 - 0.81) ** 0.5}),
+        ("white", {"noise_estimation": NoiseEstimation()}),
     ):
         squares = []
         for seed in range(30):
@@ -172,15 +173,11 @@ def test_parts_of_the_last_error_at_many_times_are_those_one_by_one() -> None:
     np.testing.assert_array_equal(learner.carried(times), each)
 
 
-def test_noise_that_was_estimated_is_misfit_by_now() -> None:
-    stored = {"noise_estimation": {"memory": 50}, "measurement_std": 0.1}
-    assert FilterSettings.from_description(stored).misfit == Misfit()
-    assert FilterSettings.from_description({"noise_estimation": None}).misfit is None
-    with pytest.warns(DeprecationWarning, match="NoiseEstimation"):
-        former = pt.learning.NoiseEstimation(memory=50)
-    with pytest.warns(DeprecationWarning, match="noise_estimation is called misfit"):
-        learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), noise_estimation=former)
-    assert learner.settings.misfit == Misfit()
+def test_misfit_and_estimated_noise_exclude_each_other() -> None:
+    with pytest.raises(ParameterError, match="None beside misfit"):
+        ExtendedLearner(
+            DenseNetwork(1, (), ("y",)), misfit=Misfit(), noise_estimation=NoiseEstimation()
+        )
 
 
 def test_outputs_that_are_zero_are_learned_beside_others() -> None:

@@ -11,7 +11,7 @@ from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.blocks import BLOCKS, WHOLE
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
-from patagium.learning.settings import FilterSettings, Misfit, Screening
+from patagium.learning.settings import FilterSettings, NoiseEstimation, Screening
 from patagium.native import compiler_name
 
 ROUNDING = 1e-9  # sums in another order, one sample on from the same state
@@ -24,7 +24,7 @@ NOISES = {
         "process_std": 1e-4,
         "forgetting_factor": 0.999,
         "screening": Screening(3.0, 5),
-        "misfit": Misfit(),
+        "noise_estimation": NoiseEstimation(20),
     },
 }
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")

@@ -20,6 +20,7 @@ from patagium.learning import (
     HiddenStripNetwork,
     LinearStripNetwork,
     Misfit,
+    NoiseEstimation,
     Screening,
 )
 from patagium.robot import load_robot_text
@@ -39,6 +40,7 @@ NETWORKS: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {"measurement_std": 0.1},
+    "noise found": {"screening": Screening(), "noise_estimation": NoiseEstimation(30)},
     "misfit": {"misfit": Misfit(), "screening": Screening(3.0, 4)},
     "changes": {"change_detection": ChangeDetection(1e-2, 5, 12), "prior_share": 1e-3},
     "layer": {"covariance": "layer"},
@@ -94,9 +96,9 @@ def test_copies_go_on_bit_for_bit(kind: str, network: str, option: str, tmp_path
 
 
 def test_eight_threads_with_a_learner_each_are_as_one() -> None:
-    expected = run(learner_of("cubature", "dense", "misfit"), 0, 60)
+    expected = run(learner_of("cubature", "dense", "noise found"), 0, 60)
     with ThreadPoolExecutor(8) as pool:
-        learners = [learner_of("cubature", "dense", "misfit") for _ in range(8)]
+        learners = [learner_of("cubature", "dense", "noise found") for _ in range(8)]
         for found in pool.map(lambda learner: run(learner, 0, 60), learners, timeout=60):
             for one, two in zip(expected, found, strict=True):
                 np.testing.assert_array_equal(two, one)

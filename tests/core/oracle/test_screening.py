@@ -17,7 +17,7 @@ from patagium.native import compiler_name
 
 WATCHFUL = {
     "screening": pt.learning.Screening(outlier_std=3.0, stuck_samples=4),
-    "misfit": pt.learning.Misfit(),
+    "noise_estimation": pt.learning.NoiseEstimation(30),
     "change_detection": pt.learning.ChangeDetection(1e-2, 5, 12),
 }
 STRUCTURES = ["full", "layer", "node"]

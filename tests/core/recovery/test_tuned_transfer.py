@@ -23,6 +23,7 @@ from patagium.sensing import LogTable
 SEARCHED = {
     "spread": 1.0,
     "forgetting_factor": 1.0,
+    "noise_estimation": None,
     "prior_share": Alternatives((0.0, 1e-3, 1e-2)),
 }
 AIR = pt.Air(wind=(-4.0, 0.0, 0.0))
@@ -129,7 +130,7 @@ def test_where_all_wingbeats_are_alike_it_says_so_and_moves_weights_least() -> N
 
 
 def test_a_search_of_which_nothing_carries_over_is_refused() -> None:
-    settings = {"spread": 1.0, "prior_std": 0.5, "prior_share": 1e-2}
+    settings = {"spread": 1.0, "prior_std": 0.5, "prior_share": 1e-2, "noise_estimation": None}
     settings |= {"forgetting_factor": 1.0, "measurement_std": Alternatives((1e-5, 1e-4))}
     with pytest.raises(LogError, match=r"all 8 were refused; the first one: other\.nc, left out"):
         tuned(flown(*LEARNED), trials=8, settings=settings, hold_out={"other.nc": flown(*OTHER)})

@@ -21,7 +21,9 @@ from patagium.simulation.mounts import on_massless_mount
 COMPLETE = """
 name: complete
 gravity: 9.8 m/s^2
-coordinates: [z, y, x, roll, pitch, yaw, left_flap, left_slide, right_flap, right_slide, swing]
+coordinates: [z, y, x, roll, pitch, yaw, left_flap, left_slide, right_flap, right_slide, swing,
+  left_wing_bend_1, left_wing_twist_1, left_wing_bend_2, left_wing_twist_2,
+  right_wing_bend_1, right_wing_twist_1, right_wing_bend_2, right_wing_twist_2]
 parameters: {tail.mass: 3.1e-3}
 bodies:
   hull:
@@ -38,10 +40,12 @@ bodies:
     joints:
       - {name: left_flap, type: revolute, axis: [1, 0.2, 0.1], limits: [-1, 1], damping: 0.1,
          speed_limit: 3, acceleration_limit: 40, effort_limit: 0.5, power_limit: 2 W}
-      - {name: left_slide, type: prismatic, axis: y, limits: [0, 2 cm], passive: true, damping: 1}
+      - {name: left_slide, type: prismatic, axis: y, limits: [0, 2 cm], passive: true, damping: 1,
+         stiffness: 30, rest: 1 cm}
     mass: 4 g
     center_of_mass: [1 mm, 2 cm, 1 mm]
     shape: {type: plate, axis: y, chord: 5 cm, span: 10 cm, thickness: 3 mm}
+    flexible: {elements: 2, bending: 0.1 N m^2, torsion: 0.2 N m^2, damping: 1 ms}
   boom:
     parent: hull
     at: [-5 cm, 0, 0]
@@ -97,8 +101,12 @@ actuators:
 TEXTS = {**{name: preset_text(name) for name in preset_names()}, "complete": COMPLETE}
 # Names and words; a change of the text itself is no parameter.
 NOT_PHYSICS = {"coordinates", "name", "type", "body", "parent", "from", "to", "passive", "floating"}
-# Replaced by an override, and a zero that cannot be anything else.
-FIXED = {("bodies", "tail", "mass"), ("wings", 1, "segments", 0, "span_axis", 0)}
+# Replaced by an override, a zero that cannot be anything else, and a number of joints.
+FIXED = {
+    ("bodies", "tail", "mass"),
+    ("wings", 1, "segments", 0, "span_axis", 0),
+    ("bodies", "left_wing", "flexible", "elements"),
+}
 
 
 def _leaves(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -312,6 +320,8 @@ _UNITS = (
     "m/s^2",
     "kg m^2",
     "N s/m",
+    "N/m",
+    "N m^2",
     "N m s/rad",
     "rad/s",
     "N m",

@@ -267,7 +267,7 @@ def test_options_reach_the_learner(packets, tmp_path, capsys):
     log.write_bytes(text_of(packets[:100]))
     words = ["stream", str(log), "--robot", "aerobat", "--hidden", "4", *LEARN, "--idle", "0.1"]
     words += ["--covariance", "node", "--dtype", "float32", "--outlier-std", "6"]
-    words += ["--misfit", "0.1", "--change-window", "10", "--change-reference", "200"]
+    words += ["--noise-memory", "500", "--change-window", "10", "--change-reference", "200"]
     words += ["--false-alarm-rate", "1e-6", "--samples", "80", "--record", str(record)]
     with pytest.raises(SystemExit) as left:
         run(words)
@@ -278,7 +278,7 @@ def test_options_reach_the_learner(packets, tmp_path, capsys):
         learner = json.loads(kept.attrs["learner"])
     assert (learner["covariance"], learner["dtype"]) == ("node", "float32")
     assert learner["screening"]["outlier_std"] == 6.0
-    assert learner["misfit"]["floor"] == 0.1
+    assert learner["noise_estimation"]["memory"] == 500
     assert learner["change_detection"]["window"] == 10
 
 

@@ -54,10 +54,10 @@ def test_a_learner_that_finds_its_noise_is_calibrated(rng, tmp_path):
     network = pt.DenseNetwork(2, (), 2)
     x = rng.normal(size=(3000, 2))
     y = network.evaluate(x, network.initial(4)) + [0.3, 0.03] * rng.normal(size=(3000, 2))
-    time = np.arange(3000) * 1e-3
+    time, told = np.arange(3000) * 1e-3, {"prior_std": 1.0, "measurement_std": 1.0}
     sure, found = (
-        stream(pt.CubatureLearner(network, **told), time, x, y, every=1)
-        for told in ({"prior_std": 1.0, "measurement_std": 1.0}, {"prior_std": 1.0})
+        stream(pt.CubatureLearner(network, noise_estimation=noise, **told), time, x, y, every=1)
+        for noise in (None, pt.learning.NoiseEstimation(300))
     )
     assert sure.scores["coverage"] > 0.99  # told too much
     assert 0.93 < found.scores["coverage_second_half"] < 0.97

@@ -94,7 +94,7 @@ def test_a_machine_that_changes_is_followed_without_any_setting() -> None:
     assert 0.88 < scores["coverage_second_half"] <= 1.0
     believing = pt.ExtendedLearner(network_for(drifting, (8, 8)))
     sure = identify_table(drifting, believing, every=1).scores  # it takes all for one truth
-    assert scores["nmse_second_half_worst"] < sure["nmse_second_half_worst"]
+    assert scores["nmse_second_half_worst"] < 0.3 * sure["nmse_second_half_worst"]
 
 
 def test_the_memory_of_a_table_goes_by_time_and_yields_to_what_is_set() -> None:

@@ -74,7 +74,7 @@ def test_a_structured_covariance_is_kept_as_it_is(
 
 
 def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> None:
-    learner = taught(rng, misfit=pt.learning.Misfit())
+    learner = taught(rng, noise_estimation=pt.learning.NoiseEstimation(memory=10))
     std = model_of(learner).measurement_std
     np.testing.assert_array_equal(std, learner.measurement_std)
     assert np.abs(std - [0.1, 0.3]).max() > 0.01

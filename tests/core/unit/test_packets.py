@@ -347,7 +347,7 @@ def test_addresses():
 
 
 def test_a_source_that_is_not_there(tmp_path):
-    with pytest.raises(LogError, match="found none"):
+    with pytest.raises(LogError, match="found no such file"):
         source_of(str(tmp_path / "no.csv"), NAMES)
     with pytest.raises(LogError, match="a folder"):
         source_of(str(tmp_path), NAMES)

@@ -60,10 +60,10 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
         A.measured_section(angle, np.sin(2 * angle), 0.1 + 0 * angle),
         pt.LiftingLine(robot).state_space(q, v),
         pt.LiftingLine(robot).lags,
-        A.Inflow(aero),
+        *(A.Inflow(aero), A.LearnedAir(aero), A.PolarTable(angle[:3], angle[:3], angle[:3], None)),
         *(log, S.Kalman(), S.SavitzkyGolay(window=0.04), S.Spline(knot_step=0.02)),
         *(S.MomentumObserver(robot, 200.0), L.FilterSettings(), L.Screening(), L.Misfit()),
-        L.ChangeDetection(),
+        *(L.NoiseEstimation(), L.ChangeDetection()),
         S.ForceSamples(
             *(np.zeros((count, 14)[:n]) for n in (1, 2, 2, 2)),
             np.zeros((count, 14, 14)),

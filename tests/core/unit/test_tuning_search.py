@@ -285,8 +285,8 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         ("layer", "{rank: 2}", "covariance: expected layer, which errs less (low rank was"),
         (
             "covariance: layer",
-            "misfit: {span: 9}",
-            "misfit: expected none, or",
+            "noise_estimation: {span: 9}",
+            "noise_estimation: expected none, or",
         ),
         (SETTINGS, "a: b: c", "expected readable YAML"),
     ],

@@ -17,7 +17,7 @@ def test_a_learner_is_soon_as_good_as_its_twin(options: dict[str, Any]) -> None:
         network(),
         prior_share=1e-4,
         screening=pt.learning.Screening(stuck_samples=10),
-        misfit=pt.learning.Misfit(),
+        noise_estimation=pt.learning.NoiseEstimation(300),
         **options,
     )
     found = poisoned(learner, seed=2, count=8000)

@@ -13,7 +13,7 @@ import numpy as np
 
 from patagium.learning.identify import identify_table
 from patagium.learning.learners.cubature import CubatureLearner
-from patagium.learning.settings import Misfit
+from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.learning.table_network import network_for
 from patagium.robot import load_robot
@@ -61,7 +61,7 @@ def flight_calibration(noise: float, duration: float = DURATION) -> dict[str, An
         prior_std=WEIGHT_STD * np.sqrt(network.fan_in),
         measurement_std=subject.strip_std * lever_arms(load_robot(subject.robot)),
         spread=SPREAD,
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(600),
     )
     scores = stream(learner, time, x, y, every=1).scores
     name = f"corrected flight, {noise:.0%} noise" if noise else "corrected flight"
@@ -86,7 +86,7 @@ def log_calibration(path: str | Path) -> dict[str, Any]:
         measurement_std=MEASUREMENT_STD,
         spread=SPREAD,
         prior_share=1e-5,
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(300),
     )
     scores = identify_table(table, learner, every=1).scores
     return _row("Crazyflie log in flight, dense network", scores)

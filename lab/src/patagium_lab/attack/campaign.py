@@ -25,7 +25,7 @@ from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.settings import (
     ChangeDetection,
-    Misfit,
+    NoiseEstimation,
     Screening,
     Structure,
 )
@@ -266,7 +266,7 @@ def learner_of(kind: LearnerKind) -> CubatureLearner:
         prior_share=1e-4,
         covariance=kind.covariance,
         screening=Screening(stuck_samples=STUCK_SAMPLES) if kind.screened else None,
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(300),
         change_detection=ChangeDetection(1e-9, 50, 300, 0.3) if kind.detects else None,
     )
 

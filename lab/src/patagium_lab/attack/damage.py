@@ -21,7 +21,7 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.settings import ChangeDetection, Misfit, Screening
+from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import training_data
 from patagium.simulation import mounts, simulate
@@ -212,7 +212,7 @@ def filter_learner(
         covariance="node",
         prior_share=prior_share,
         screening=Screening(),
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(600),
         change_detection=detection,
     )
 

@@ -18,7 +18,7 @@ from patagium.errors import PatagiumError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.settings import Misfit, Screening, Structure
+from patagium.learning.settings import NoiseEstimation, Screening, Structure
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def poison_row(structure: Structure, dtype: str, seed: int, count: int) -> dict[
         covariance=structure,
         dtype=dtype,
         screening=Screening(stuck_samples=10),
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(300),
     )
     found = poisoned(learner, seed, count)
     return {"learner": f"{structure}, {dtype}", **found._asdict()}

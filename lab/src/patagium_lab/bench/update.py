@@ -25,7 +25,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.settings import (
     FilterSettings,
-    Misfit,
+    NoiseEstimation,
     Screening,
     Structure,
 )
@@ -44,7 +44,7 @@ _PLAIN: dict[str, Any] = {"prior_std": PRIOR, "measurement_std": NOISE, "spread"
 _NOISE_BETWEEN: dict[str, Any] = {
     "prior_share": 1e-5,
     "process_std": 1e-4,
-    "misfit": Misfit(),
+    "noise_estimation": NoiseEstimation(100),
     "screening": Screening(),
 }
 _NOISY: tuple[tuple[str, Structure], ...] = (

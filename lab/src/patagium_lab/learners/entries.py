@@ -23,7 +23,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
-from patagium.learning.settings import Misfit
+from patagium.learning.settings import NoiseEstimation
 from patagium_lab.learners.data_sets import DataSet
 
 Array = NDArray[np.float64]
@@ -255,7 +255,7 @@ _DYNAMAX = _rival("dynamax_extended", "DynamaxExtended")
 _FILTER = ("prior", "noise", "memory")
 _POINTS = (*_FILTER, "spread")
 _SINGLE = {"dtype": "float32"}
-_NOISE = {"misfit": Misfit()}
+_NOISE = {"noise_estimation": NoiseEstimation(memory=200)}
 _CUBATURE = "cubature filter, points at √n"
 ENTRIES: tuple[Entry, ...] = (
     Entry("persistence", "last used sample held", _persistence, network=""),

@@ -22,7 +22,7 @@ from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.linear import LinearLearner
-from patagium.learning.settings import Misfit
+from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.learning.table_network import network_for
 from patagium.report import PageSection
@@ -39,7 +39,7 @@ HIDDEN = (8, 8)
 FEATURES = 100
 MEASUREMENT_STD = 0.6
 """Standard deviation of the specific force: vibration, and forces not commanded [m/s^2]."""
-BOUNDED: dict[str, Any] = {"prior_share": 1e-5, "misfit": Misfit()}
+BOUNDED: dict[str, Any] = {"prior_share": 1e-5, "noise_estimation": NoiseEstimation(300)}
 """Settings of learners that keep learning: a memory of 10^5 samples, and noise found online."""
 FLYING_COMMAND = 0.05
 """Motors run where the mean command exceeds this share of its range."""

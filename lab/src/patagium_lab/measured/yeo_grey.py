@@ -21,7 +21,7 @@ from patagium.learning.model_file import model_of
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.parameter_paths import parameter_table
-from patagium.learning.settings import Misfit
+from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.report import PageSection, Table
 from patagium.robot import Robot, load_robot, load_robot_text
@@ -171,7 +171,7 @@ def yeo_grey_section(results: Mapping[str, GreyResult]) -> PageSection:
 
 
 def _learner(grey: GreyBox, memory: int) -> ExtendedLearner:
-    return ExtendedLearner(grey, measurement_std=NOISE, misfit=Misfit())
+    return ExtendedLearner(grey, measurement_std=NOISE, noise_estimation=NoiseEstimation(memory))
 
 
 def _error_and_coverage(

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Air
-from patagium.learning import ExtendedLearner, HiddenStripNetwork, Misfit, identify
+from patagium.learning import ExtendedLearner, HiddenStripNetwork, NoiseEstimation, identify
 from patagium.robot import Robot
 from patagium.sensing import (
     ForceSamples,
@@ -153,7 +153,7 @@ def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
         HiddenStripNetwork(robot, air=air),
         prior_std=PRIOR,
         measurement_std=STRIP_STD * lever_arms(robot),
-        misfit=Misfit(),
+        noise_estimation=NoiseEstimation(NOISE_MEMORY),
     )
 
 

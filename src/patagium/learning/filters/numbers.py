@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, Misfit, Numbers, Structure
+from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,8 @@ class FilterNumbers(NamedTuple):
         settings: Settings that the numbers follow from.
         linear: Whether the network is taken as linear around the weights: no cubature points.
         rule: Distances and gains of the cubature points.
-        noise: Variances of the measurement itself, (n_y,) [y^2].
+        noise: Variances of the measurement before any sample, (n_y,) [y^2]; NaN: found from the
+            samples.
         prior_variance: Variances of the weights before any sample, (n,).
         process_noise: Variances added to the weights before each sample, (n,).
         forgetting_factor: Factor that divides the covariance before each sample.
@@ -114,11 +115,17 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
             does not know.
         ShapeError: If a standard deviation has another shape.
     """
+    silent = settings.measurement_std is None and settings.noise_estimation is None
+    if silent and settings.misfit is None:
+        settings = replace(settings, misfit=getattr(network, "own_misfit", None))
     if settings.measurement_std is not None:
         noise = scale_of("measurement_std", settings.measurement_std, network.outputs) ** 2
-    else:
+    elif settings.misfit is not None:
         noise = np.zeros(network.outputs)
-        settings = replace(settings, misfit=settings.misfit or Misfit())
+    else:
+        noise = np.full(network.outputs, np.nan)
+        estimation = settings.noise_estimation or NoiseEstimation()
+        settings = replace(settings, noise_estimation=estimation)
     linear = learner == "extended"
     if linear:
         settings = replace(settings, spread=None, square_root="transform", dtype="float64")

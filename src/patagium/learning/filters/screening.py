@@ -1,11 +1,11 @@
-"""Screening of samples: outliers, stuck and missing channels, late samples.
+"""Screening of samples: outliers, stuck and missing channels, late samples, noise.
 
 What no sensor can say is refused first (`bounds`), whatever the settings. A channel that is no
 number is left out: the others are learned from as if it were not there.
 With `Screening`, so is one that moved before and now repeats one value; and an innovation beyond
-a limit has its noise raised until it lies at the limit. The noise itself is known, or `misfit`
-finds it. Samples that are late are refused. Whatever happens is counted. `kernels/screening.h`
-does the same in C on the same arrays.
+a limit has its noise raised until it lies at the limit. With `NoiseEstimation` the
+variances of the measurement follow the innovations. Samples that are late are refused. Whatever
+happens is counted. `kernels/screening.h` does the same in C on the same arrays.
 Neglected: channels that fail together in a way that each of them looks right.
 """
 
@@ -47,13 +47,22 @@ REFUSALS = {
 }
 """Outcomes of samples that are not learned from, and no failure of the filter."""
 
-_CLOCK_RUN, _FAR, _FAR_RUN = 10, 1e6, 10  # as in screening.h
+_CLOCK_RUN, _FAR, _FAR_RUN, _FIRST_MEMORY = 10, 1e6, 10, 9  # as in screening.h
 _LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
+RELATIVE_NOISE = 0.1
+"""Standard deviation of the noise to start from, over the scale of the output [1]."""
+FIRST_SAMPLES = 20
+"""Samples of an output whose noise is a share of its scale; it is estimated from then on."""
+_LEAST_NOISE = 1e-6  # variance that is found, at least, over the square of the scale
+_LEAST_SCALE = 1e-2  # square of a scale, at least, over the network's own
 _STAMP, _LAST_STAMP, _LATE_STAMP, _RECENT, _BEFORE = range(5)  # of `numbers`
 _LATE_RUN, _FILLED, _PLACE, _ALARM, _LEARNED = range(5)  # of `whole`
-_PARTS = "noise", "known", "load", "extra", "last", "offset"
-_MARKS = "still", "moved", "left_out", "far"
-NEWER = ("known", "offset", "far", "heard", "clock", *MISFIT_PARTS, *MEMORY)
+_PARTS = (
+    *("noise", "steady", "loaded", "smallest", "load", "mean_load", "extra", "last"),
+    *("offset", "scale", "largest"),
+)
+_MARKS = ("still", "moved", "left_out", "seen", "far")
+NEWER = ("offset", "scale", "largest", "seen", "far", "heard", "clock", *MISFIT_PARTS, *MEMORY)
 """Arrays that files of earlier releases do not hold."""
 
 
@@ -132,10 +141,15 @@ class ChangeMonitor:
 class Screen:
     """Memory of the screening between samples: arrays that the kernels share.
 
+    Where the noise is found, it starts as a share of each output's scale, the root of its mean
+    square so far, or a tenth of the network's own scale where that is larger. It grows with the
+    scale, and follows the innovations after the first samples.
+
     Args:
-        noise: Variances of the measurement itself, (n_y,) [y^2]; `misfit` adds to them.
+        noise: Variances of the measurement to start from, (n_y,) [y^2]; NaN where they are found
+            from the samples.
         network: Network that is fed.
-        settings: Settings of a filter, of which its groups are read.
+        settings: Settings of a filter, of which its three groups are read.
         offset: Value of y that the scale of each output is about, scalar or (n_y,) [unit of y].
     """
 
@@ -147,22 +161,28 @@ class Screen:
         offset: ArrayLike = 0.0,
     ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
-        screening = chosen.screening
+        screening, noise_estimation = chosen.screening, chosen.noise_estimation
         self.limit = inf if screening is None else screening.outlier_std
         self.stuck_samples = 0 if screening is None else screening.stuck_samples
+        self.share = 0.0 if noise_estimation is None else 1.0 / noise_estimation.memory
         self.believes = screening is None
         self.monitor = ChangeMonitor(chosen.change_detection, channels)
         self.numbers, self.whole = self.monitor.numbers, self.monitor.whole
         self.counts = np.zeros(len(EVENTS), np.int64)
         self.parts = {name: np.zeros(channels) for name in _PARTS}
         self.marks = {name: np.zeros(channels, np.int64) for name in _MARKS}
-        self.parts["noise"][:] = self.parts["known"][:] = noise
+        self.parts["noise"][:] = noise
+        self.parts["steady"][:] = self.parts["loaded"][:] = noise / 2
+        self.parts["smallest"][:] = 1e-12 * np.nan_to_num(noise)
         self.parts["last"][:] = np.nan
         self.parts["offset"][:] = offset
+        self.relative = RELATIVE_NOISE if np.isnan(noise).any() else 0.0
         self.stated = np.zeros(channels)
         self.misfit = Misfit(
             0.0 if chosen.misfit is None else chosen.misfit.floor, noise.copy(), offset
         )
+        if self.misfit.floor:
+            self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
         self.bounds = Bounds(network)
         self.numbers[:3] = np.nan, -inf, np.nan
 
@@ -215,10 +235,12 @@ class Screen:
 
     @property
     def variances(self) -> Array:
-        """Variances of the measurement, its model's error included, (n_y,) [y^2]."""
+        """Variances of the measurement at the mean load, (n_y,) [y^2]."""
         if self.misfit.floor:
             return np.where(self.misfit.heard > 0, self.misfit.alone, np.nan)
-        return self.parts["noise"].copy()
+        if self.share == 0:
+            return self.parts["noise"].copy()
+        return self.parts["steady"] + self.parts["loaded"]
 
     @property
     def left_out(self) -> NDArray[np.bool_]:
@@ -232,7 +254,7 @@ class Screen:
         Args:
             variance: Variance added, (n_y,) [y^2].
         """
-        place = self.stated if self.misfit.floor else self.parts["noise"]
+        place = self.stated if self.share or self.misfit.floor else self.parts["noise"]
         before = place.copy()
         place += variance
         try:
@@ -295,8 +317,15 @@ class Screen:
             readout: Readout of the network at the sample, (n_y, r) [unit of y].
         """
         parts = self.parts
-        if self.misfit.floor:
+        if self.share or self.misfit.floor:
             parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
+        if self.share:
+            if self.relative:
+                for k in np.flatnonzero(self.marks["seen"] == 0).tolist():
+                    self._start_noise(k, float(parts["load"][k]))
+            own = parts["steady"] + parts["loaded"] * self._relative_load()
+            parts["noise"][:] = own + self.stated
+        if self.misfit.floor:
             parts["noise"][:] = self.misfit.noise(parts["load"]) + self.stated
         return parts["noise"].copy()
 
@@ -361,16 +390,22 @@ class Screen:
         remainder[out, out] = 1.0
         return Screened(Moments(found.mean, slopes, remainder), innovation)
 
-    def learned(self, innovation: Array, gain: Array, nis: float) -> None:
-        """Update the error of the model and the test for changes after a sample.
+    def learned(
+        self, mean: Array, innovation: Array, gain: Array, inverse: Array, nis: float
+    ) -> None:
+        """Update the variances and the test for changes after a sample.
 
         Args:
+            mean: Mean of y that the weights gave, (n_y,) [y].
             innovation: Innovation, (n_y,) [y].
             gain: P_yy^-1 e, (n_y,) [1/y].
+            inverse: Diagonal of P_yy^-1, (n_y,) [1/y^2].
             nis: e' P_yy^-1 e.
         """
         self.whole[_LEARNED] += 1
         kept = self.marks["left_out"] == 0
+        if self.share:
+            self._learn_noise(mean + innovation, gain, inverse, kept)
         if self.misfit.floor:
             left = self.parts["noise"] * gain
             self.misfit.learned(int(self.whole[_LEARNED]), left, innovation, kept)
@@ -412,6 +447,52 @@ class Screen:
         marks["still"][k] = 1
         last[k] = measured
         return False
+
+    def _relative_load(self) -> Array:
+        load, usual = self.parts["load"], self.parts["mean_load"]
+        return np.where(usual > 0, load / np.where(usual > 0, usual, 1.0), 1.0)
+
+    def _start_noise(self, k: int, scale: float) -> None:
+        """Noise of a channel begun as a share of a squared scale; 1 takes the place of none."""
+        parts, own = self.parts, scale if scale > 0 else 1.0
+        parts["largest"][k] = own
+        parts["steady"][k] = parts["loaded"][k] = self.relative * self.relative * own / 2
+
+    def _follow_scale(self, k: int, measured: float) -> bool:
+        """Scale of a channel after a measurement; whether its noise is estimated by now."""
+        parts, seen = self.parts, self.marks["seen"]
+        seen[k] += 1
+        apart = measured - parts["offset"][k]
+        parts["scale"][k] += (apart * apart - parts["scale"][k]) / int(seen[k])
+        scale = float(max(parts["scale"][k], _LEAST_SCALE * parts["load"][k]))
+        growth = scale / parts["largest"][k]
+        parts["smallest"][k] = _LEAST_NOISE * (scale if scale > 0 else parts["largest"][k]) / 2
+        if seen[k] <= FIRST_SAMPLES:
+            self._start_noise(k, scale)
+        elif growth > 1:
+            parts["largest"][k] = scale
+            parts["steady"][k] *= growth
+            parts["loaded"][k] *= growth
+        return bool(seen[k] > FIRST_SAMPLES)
+
+    def _learn_noise(
+        self, measured: Array, gain: Array, inverse: Array, kept: NDArray[np.bool_]
+    ) -> None:
+        parts, relative = self.parts, self._relative_load()
+        fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
+        parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
+        if self.relative:
+            kept = kept.copy()
+            for k in np.flatnonzero(kept & (parts["extra"] == 0)).tolist():
+                kept[k] = self._follow_scale(k, float(measured[k]))
+        raised = (parts["noise"] + parts["extra"]) / parts["noise"]
+        larger = np.maximum(parts["steady"], parts["loaded"] * relative)
+        share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
+        rate = share * raised * (parts["noise"] - self.stated) / larger
+        move = np.where(kept, rate * (gain**2 - inverse), 0.0)
+        for name, factor in (("steady", move), ("loaded", relative * move)):
+            part = parts[name]
+            part[:] = np.maximum(part + part**2 * factor, parts["smallest"])
 
 
 def new_screen(numbers: FilterNumbers) -> Screen:

@@ -238,7 +238,8 @@ class WeightFilter:
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
         self._place(mean, nis, kept)
-        self.screen.learned(innovation, gain, nis)
+        squares = np.einsum("ij,ij->j", inverse, inverse)
+        self.screen.learned(moments.mean, innovation, gain, squares, nis)
         return Outcome.COMPLETED
 
 

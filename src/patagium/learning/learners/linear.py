@@ -25,7 +25,7 @@ from patagium.learning.models.network import scale_of
 from patagium.learning.settings import (
     FilterSettings,
     LinearSettings,
-    Misfit,
+    NoiseEstimation,
     Numbers,
     chosen_settings,
 )
@@ -112,12 +112,10 @@ class LinearLearner(OnlineLearner):
         scale = self._network.output_scale
         spread = float(features @ self._spread @ features) / self._forgetting
         mean = self._network.output_center + scale * (features @ self._slopes)
-        assumed = np.diag(spread * scale**2 + self._screen.noise(np.diag(scale)))
-        return mean, self._screen.stated_covariance(assumed, carried=False)
+        return mean, np.diag(spread * scale**2 + self._screen.noise(np.diag(scale)))
 
     def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
         features, scale = self._features(x), self._network.output_scale
-        self._screen.follow(np.where(kept, y, np.nan))
         noise = self._screen.noise(np.diag(scale))
         variance = float(np.mean((noise**0.5 / scale) ** 2))
         spread = self._spread / self._forgetting
@@ -136,8 +134,8 @@ class LinearLearner(OnlineLearner):
         self._screen.marks["left_out"][:] = ~kept
         expected = seen * scale**2 + noise
         gain = np.where(kept, innovation, 0.0) / expected
-        self._screen.stated_covariance(np.diag(expected), carried=False)
-        self._screen.learned(innovation, gain, float("nan"))
+        mean = y - innovation
+        self._screen.learned(mean, innovation, gain, 1 / expected, float("nan"))
         return innovation
 
     def describe(self) -> dict[str, Any]:
@@ -189,5 +187,5 @@ def _screen(network: DenseNetwork, std: Numbers | None) -> Screen:
     """Screening with the noise that is given, or that is found from the samples."""
     if std is not None:
         return Screen(scale_of("measurement_std", std, network.outputs) ** 2, network)
-    unknown = np.zeros(network.outputs)
-    return Screen(unknown, network, FilterSettings(misfit=Misfit()), network.output_center)
+    watched = FilterSettings(noise_estimation=NoiseEstimation())
+    return Screen(np.full(network.outputs, np.nan), network, watched, network.output_center)

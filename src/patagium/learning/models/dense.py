@@ -37,11 +37,13 @@ class DenseNetwork(PerceptronNetwork):
         input_scale: Divides x, scalar or (n_x,), in the unit of x.
         output_center: Added to y, scalar or (n_y,), in the unit of y.
         output_scale: Multiplies y, scalar or (n_y,), in the unit of y.
-        inputs_jump: Whether inputs may jump as commands do; those of a motion do not.
 
     Raises:
         ParameterError: If a width or a scale is not positive, or the activation unknown.
         ShapeError: If a center or scale has another shape.
+
+    Attributes:
+        inputs_jump: Whether inputs may jump as commands do; those of a motion do not.
     """
 
     kind = "dense"
@@ -57,10 +59,9 @@ class DenseNetwork(PerceptronNetwork):
         input_scale: ArrayLike = 1.0,
         output_center: ArrayLike = 0.0,
         output_scale: ArrayLike = 1.0,
-        inputs_jump: bool = False,
     ) -> None:
         names = named_outputs(outputs)
-        self.inputs_jump = inputs_jump
+        self.inputs_jump = False
         self.perceptron = Perceptron((inputs, *hidden, len(names)), activation)
         self._names = names
         self.input_center = center_of("input_center", input_center, inputs)
@@ -123,7 +124,10 @@ class DenseNetwork(PerceptronNetwork):
             ParameterError: If a key is missing or unknown.
         """
         values = described(cls.kind, description, DESCRIBED)
-        return cls(**values)
+        jumps = values.pop(_JUMPS, False)
+        network = cls(**values)
+        network.inputs_jump = jumps
+        return network
 
     def _seen(self, x: Array) -> Array:
         """Scaled inputs, (N, n_x)."""
@@ -155,8 +159,8 @@ class LinearNetwork(DenseNetwork):
             base.output_names,
             output_center=base.output_center,
             output_scale=base.output_scale,
-            inputs_jump=base.inputs_jump,
         )
+        self.inputs_jump = base.inputs_jump
         self._base = base
         self._features = features
         self._seed = seed
@@ -195,7 +199,7 @@ class LinearNetwork(DenseNetwork):
         values = described(cls.kind, description, (*DESCRIBED, "features", "seed"))
         features = values.pop("features")
         seed = values.pop("seed")
-        return cls(DenseNetwork(**values), features, seed)
+        return cls(DenseNetwork.from_description(values | {"kind": "dense"}), features, seed)
 
     def _seen(self, x: Array) -> Array:
         """Random features of the scaled inputs, or these themselves, (N, n_f)."""

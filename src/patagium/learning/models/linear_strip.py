@@ -33,6 +33,7 @@ from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, FlightTerms
 from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.wing import WingNetwork
+from patagium.learning.settings import Misfit
 from patagium.native import load_functions
 from patagium.robot.model import Body, Robot, Strip
 
@@ -165,6 +166,11 @@ class LinearStripNetwork(WingNetwork):
         """Standard deviation of each weight before any sample, (n,) [1]."""
         corrections = np.concatenate([np.full(count, std) for count, std in _CORRECTIONS])
         return self._placed(corrections, [term.std for term in self.terms], _NOTHING)
+
+    @property
+    def own_misfit(self) -> Misfit:
+        """Error of this network that a filter assumes where no noise is stated."""
+        return Misfit()
 
     def initial(self, seed: int) -> Array:
         """Weights that are expected, those of physics alone, whatever the seed, (n,).

@@ -379,8 +379,8 @@ def _problem(
         raise ParameterError("learner", f"one of {', '.join(FILTER_LEARNERS)}", kind)
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
-    if any(getattr(one, "scaled_prior", False) for one in networks):  # tuned with its misfit
-        settings = {"measurement_std": None} | settings
+    if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
+        settings = {"measurement_std": None, "noise_estimation": None} | settings
     y, scored = exams[0].flown.y, exams[0].flown.scored
     std = np.nanstd(y, axis=0)  # of outputs that never move: the middle of the others
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])

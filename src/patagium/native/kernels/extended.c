@@ -44,7 +44,7 @@ static void encode_sample(extended_filter *e) {
     return;
   }
   const lags *g = e->lags;
-  if (f->screen->floor != 0) {
+  if (f->screen->share != 0 || f->screen->floor != 0) {
     place_lags(g, g->x + g->measured + g->states * (1 + g->remembered), g->remembered);
     encode_with_lags(g, f);
     find_noise(f->screen, count, f->readout);

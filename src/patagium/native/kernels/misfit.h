@@ -83,7 +83,7 @@ static void assume(screening *s) {
   for (int k = 0; k < s->channels; k++) {
     const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
     const double misfit = fmax(s->floor * s->floor * s->level[k], LEFT * s->residual[k]);
-    s->noise[k] = s->known[k] + s->stated[k] + fmax(s->span * misfit, least);
+    s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
   }
 }
 
@@ -103,7 +103,6 @@ static void state_interval(screening *s, const double *covariance, int carried) 
 /* After a sample; gain: P_yy^-1 e. */
 static void learn_misfit(screening *s, const double *covariance, const double *innovation,
                          const double *gain) {
-  s->whole[LEARNED]++;
   if (s->floor == 0) return;
   const double count = (double)s->whole[LEARNED];
   const double slow = fmax(1 / (count + FIRST), 1 / (LONG * s->span));

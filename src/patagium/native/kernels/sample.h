@@ -103,6 +103,7 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   for (int k = 0; k < m; k++) nis += inner[k] * inner[k];
   if (!isfinite(nis)) return NOT_FINITE;
   f->nis = f->screen->floor == 0 ? nis : stated_nis(f, g);
+  learn_noise(f->screen, f->measured, gain, stride, g);
   learn_misfit(f->screen, f->covariance, f->innovation, gain);
   watch(f->screen, f->nis, kept);
   s->learn(memory, gain, g);

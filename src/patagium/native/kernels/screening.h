@@ -1,8 +1,9 @@
 /* A sample on its way into a filter: what of it is believed, and how much.
  *
  * Channels that are no numbers or stand still are left out; one that lies too far off has its
- * noise raised until it lies just that far off; innovations that grew raise an alarm. Memory is
- * the caller's; Python's twin, equation by equation and array by array, is `screening.py`.
+ * noise raised until it lies just that far off; the variance of the measurement is estimated
+ * from what the innovations leave of it; innovations that grew raise an alarm. Memory is the
+ * caller's; Python's twin, equation by equation and array by array, is `screening.py`.
  */
 #ifndef PATAGIUM_SCREENING_H
 #define PATAGIUM_SCREENING_H
@@ -20,7 +21,11 @@ enum { LATE_RUN, FILLED, PLACE, ALARM, LEARNED };                     /* of `who
 #define CLOCK_RUN 10      /* late samples in a row, each later than the one before: a new clock */
 #define FAR 1e6           /* deviations beyond which an innovation tells nothing, but in a row of */
 #define FAR_RUN 10        /* samples: the weights are wrong then, and not the sensor */
+#define FIRST_MEMORY 9    /* samples over which the first variance is estimated, less one */
 #define LARGEST_NIS 1e6   /* a channel, as the monitor of changes takes it */
+#define FIRST_SAMPLES 20  /* whose noise is a share of the scale; it is estimated from then on */
+#define LEAST_NOISE 1e-6  /* variance that is found, at least, over the square of the scale */
+#define LEAST_SCALE 1e-2  /* square of a scale, at least, over the network's own */
 
 #include "bounds.h"
 #include "misfit.h"
@@ -50,14 +55,46 @@ static int admit(screening *s) {
   return LATE;
 }
 
+/* Noise of a channel begun as a share of a squared scale; without any scale, 1 takes its place. */
+static void start_noise(screening *s, int k, double scale) {
+  const double own = scale > 0 ? scale : 1;
+  s->largest[k] = own;
+  s->steady[k] = s->loaded[k] = s->relative * s->relative * own / 2;
+}
+
+/* Scale of a channel after a measurement. The noise is a share of that of the first samples, and
+ * grows as the scale does; whether the noise is estimated by now. */
+static int follow_scale(screening *s, int k, double y) {
+  const double n = (double)++s->seen[k], apart = y - s->offset[k];
+  s->scale[k] += (apart * apart - s->scale[k]) / n;
+  const double scale = fmax(s->scale[k], LEAST_SCALE * s->load[k]);
+  const double growth = scale / s->largest[k];
+  s->smallest[k] = LEAST_NOISE * (scale > 0 ? scale : s->largest[k]) / 2;
+  if (n <= FIRST_SAMPLES) start_noise(s, k, scale);
+  else if (growth > 1) {
+    s->largest[k] = scale;
+    s->steady[k] *= growth;
+    s->loaded[k] *= growth;
+  }
+  return n > FIRST_SAMPLES;
+}
+
 /* Variance of each channel at this sample; readout: rows of m numbers. */
 static void find_noise(screening *s, int rows, const double *readout) {
-  if (s->floor == 0) return;
+  if (s->share == 0 && s->floor == 0) return;
   const int m = s->channels;
   for (int k = 0; k < m; k++) s->load[k] = 0;
   for (int r = 0; r < rows; r++)
     for (int k = 0; k < m; k++) s->load[k] += readout[r * m + k] * readout[r * m + k];
-  assume(s);
+  if (s->floor != 0) {
+    assume(s);
+    return;
+  }
+  for (int k = 0; k < m; k++) {
+    if (s->relative > 0 && !s->seen[k]) start_noise(s, k, s->load[k]);
+    const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
+    s->noise[k] = s->steady[k] + s->loaded[k] * relative + s->stated[k];
+  }
 }
 
 /* Whether a channel that moved before repeats one value. */
@@ -110,6 +147,32 @@ static void leave_out(const screening *s, int stride, double *matrix) {
     if (!s->left_out[k]) continue;
     for (int l = 0; l < m; l++) matrix[k * stride + l] = matrix[l * stride + k] = 0;
     matrix[k * stride + k] = 1;
+  }
+}
+
+/* The variances after a sample: expectation of the noise given the sample, a share of it.
+ * measured: y; gain: P_yy^-1 e; inverse: G with G G' = P_yy^-1, rows of stride. */
+static void learn_noise(screening *s, const double *measured, const double *gain, int stride,
+                        const double *inverse) {
+  s->whole[LEARNED]++;
+  if (s->share == 0) return;
+  const int m = s->channels;
+  const double fresh = fmax(s->share, 1.0 / (double)s->whole[LEARNED]);
+  const double share = fmax(s->share, 1.0 / (double)(s->whole[LEARNED] + FIRST_MEMORY));
+  for (int k = 0; k < m; k++) {
+    const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
+    s->mean_load[k] += fresh * (s->load[k] - s->mean_load[k]);
+    if (s->left_out[k]) continue;
+    if (s->relative > 0 && s->extra[k] == 0 && !follow_scale(s, k, measured[k])) continue;
+    double square = 0;
+    for (int l = 0; l < m; l++) square += inverse[k * stride + l] * inverse[k * stride + l];
+    const double raised = (s->noise[k] + s->extra[k]) / s->noise[k];
+    const double larger = fmax(s->steady[k], s->loaded[k] * relative);
+    const double own = s->noise[k] - s->stated[k];
+    const double move = share * raised * own / larger * (gain[k] * gain[k] - square);
+    s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, s->smallest[k]);
+    s->loaded[k] =
+        fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, s->smallest[k]);
   }
 }
 
