@@ -284,7 +284,7 @@ def table_network(
 def forgetting(
     choice: LearnerChoice, table: LogTable, network: Any, every: int | None
 ) -> LearnerChoice:
-    """Choice of the learner; where no forgetting is given, with that found from the table.
+    """Choice of the learner; without own forgetting and noise, with those of the default.
 
     Args:
         choice: Choice of the command line.
@@ -292,12 +292,15 @@ def forgetting(
         network: Network that learns it.
         every: One sample in so many is used; None: as many as the time of an update allows.
     """
-    from patagium.learning.default_learner import table_share
+    from patagium.learning.default_learner import FLOOR, table_share
 
     given = choice.settings or {}
     if not choice.default or "covariance" in given:
         return choice
-    return replace(choice, settings={"prior_share": table_share(table, network, every), **given})
+    found: dict[str, Any] = {"prior_share": table_share(table, network, every)}
+    if given.keys().isdisjoint(("measurement_std", "misfit.floor", "noise_estimation.memory")):
+        found["misfit.floor"] = FLOOR
+    return replace(choice, settings=found | dict(given))
 
 
 def _report(

@@ -216,7 +216,8 @@ class ThrustNetwork(GroupedNetwork):
         Raises:
             ParameterError: If a key is missing or unknown.
         """
-        return cls(DenseNetwork(**described(cls.kind, description, DESCRIBED)))
+        values = described(cls.kind, description, DESCRIBED)
+        return cls(DenseNetwork.from_description(values | {"kind": DenseNetwork.kind}))
 
     def _seen(self, rows: Array, weight: ArrayLike) -> tuple[Array, Array, Array]:
         """Inputs of the residual network at w, (N, n_in); z there and dz/dw, (N, 4)."""
