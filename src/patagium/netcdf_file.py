@@ -34,7 +34,7 @@ _HEAD = 4096  # B, of which HDF5's superblock takes 48 or 96
 
 
 class NetcdfDraft(Draft):
-    """A netCDF4 file beside its place, until it is whole.
+    """A netCDF4 draft in the folder of its file, until it is whole.
 
     Args:
         path: The place, in a folder that is there.

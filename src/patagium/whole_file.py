@@ -28,7 +28,7 @@ _MOST_LINKS = 40  # as many as Linux follows
 
 
 class Draft:
-    """A file beside its place, until it is whole.
+    """A draft in the folder of its file, until it is whole.
 
     Args:
         path: The place, in a folder that is there.
@@ -253,7 +253,7 @@ def _is_of_descriptors(folder: Path) -> bool:
 
 
 def _new_draft(place: Path, former: os.stat_result | None) -> Path:
-    """Empty draft beside a place, with mode and owner of what is there."""
+    """Empty draft next to a file, with the mode and owner of that file."""
     _remove_abandoned(place)
     draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
     os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))

@@ -33,7 +33,7 @@ NUMBERS = (
     *("lift_slope", "zero_lift_angle", "suction_efficiency", "friction_drag"),
     *("stall_angle", "stall_width", "crossflow_drag"),
 )
-"""Parameters beside the density, in their order."""
+"""Parameters in addition to the density, in their order."""
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ def identify(
         list[str] | None,
         typer.Option(
             help="Forecast the outputs so long ahead, such as 100ms, from samples up to a time "
-            "alone, beside rivals that know as much. May be repeated."
+            "alone, compared with predictors that know as much. May be repeated."
         ),
     ] = None,
     estimate: EstimateOption = None,
@@ -86,7 +86,7 @@ def identify(
     model: Annotated[
         Path | None,
         typer.Option(
-            help="File for the learned model (.json), which predicts; model.json beside a flight."
+            help="File for the learned model (.json), which predicts; model.json next to a flight."
         ),
     ] = None,
     state: Annotated[

@@ -65,7 +65,7 @@ class Shown(NamedTuple):
 def live_stream(
     live: bool, address: str | None, pipeline: Pipeline, status: Status, intake: Intake
 ) -> Iterator[Shown]:
-    """Page beside a stream, where one is wanted.
+    """Page of a stream, where one is wanted.
 
     Args:
         live: Whether it is wanted.
@@ -207,7 +207,7 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
 def _learning_along(
     choice: LearnerChoice | None, robot: Robot, air: Air
 ) -> tuple[Pipeline | None, int]:
-    """Pipeline of a learner beside a simulation, and the number of samples for each it uses."""
+    """Pipeline of a learner with a simulation, and the number of samples for each it uses."""
     from patagium.errors import ParameterError
     from patagium.live.pipeline import Pipeline
 

@@ -83,7 +83,7 @@ def optimize(
     """Optimal gait of a periodic flight within the limits of joints and actuators.
 
     Power is mechanical, and what a joint takes back counts as recovered. With --front, gaits of
-    least power at several speeds, beside the best sinusoids.
+    least power at several speeds, compared with the best sinusoids.
     """
     from patagium import control
     from patagium.aerodynamics import Air

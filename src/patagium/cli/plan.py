@@ -135,7 +135,7 @@ class SensorsPart(_Part):
             robot: The machine.
 
         Raises:
-            ParameterError: If numbers are not possible, or there are `parts` beside other keys.
+            ParameterError: If numbers are not possible, or there are other keys with `parts`.
         """
         state = NoisyState(self.std, self.delay, self.missing)
         if not self.parts:

@@ -47,7 +47,7 @@ def robots(
 
     if new is not None:
         if robot or draw or gallery:
-            raise ParameterError("--new", "nothing else beside it", str(robot or draw or gallery))
+            raise ParameterError("--new", "no other option with it", str(robot or draw or gallery))
         file = write_template(new)
         typer.echo(f"Written: {file}, a robot of two wings and a tail that flies; change it")
         say_next(f"patagium robots {file} --draw {file.stem}.png", f"patagium simulate {file}")
@@ -56,7 +56,7 @@ def robots(
         from patagium.viewer.gallery import draw_gallery
 
         if robot is not None:
-            raise ParameterError("--gallery", "no robot beside it", robot)
+            raise ParameterError("--gallery", "no robot with it", robot)
         for picture in draw_gallery(gallery):
             typer.echo(f"Drawn in {picture}", err=True)
         return

@@ -74,7 +74,7 @@ def tune(
     half. Without --network and --hidden the default network of a robot is tried, and strips. A
     trial that diverges there, or errs more than predicting zero or than the weights before any
     sample, is refused. A setting that is given is not searched, and one that is repeated is
-    searched among the values given. Trials are kept beside the result as they end: the same
+    searched among the values given. Trials are kept next to the result as they end: the same
     command goes on where it was stopped.
     """
     from patagium.cli.identify import flight_network, table_network

@@ -1,7 +1,7 @@
 """Estimators of a flight: the true state with noise, or a tracker of sensors with data sheets.
 
 A controller needs the state now: of the tracker that is its filter at the newest sample that has
-come, foretold to the moment, where a smoother would be 20 ms late. Clocks are taken as known, and
+come, predicted to the present; a smoother would be 20 ms late. Clocks are taken as known, and
 so are delays, but a sample comes when its delay is over. Neglected: samples that overtake others
 of the same sensor.
 """
@@ -174,7 +174,9 @@ class TrackedState:
 
 
 def driving_noise(orbit: Orbit) -> Array:
-    """Density of the white snap that drives each coordinate of an orbit, (n,) [unit^2/s^7].
+    """Spectral density of the noise that drives each coordinate, (n,) [unit^2/s^7].
+
+    It is white noise in the fourth derivative (snap), as large as the snap of the orbit.
 
     Args:
         orbit: The orbit.
@@ -191,7 +193,7 @@ def driving_noise(orbit: Orbit) -> Array:
 
 
 _LEAST = 1.0
-"""Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
+"""Lower bound of the driving noise, enough to follow motion of 2 Hz [unit^2/s^7]."""
 _MEMORY = 0.05
 """Longest delay of a sample that is still used [s]."""
 _BESIDE = 8

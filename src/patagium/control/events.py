@@ -243,7 +243,7 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
         events: The events.
 
     Raises:
-        ParameterError: If there are gusts beside one that travels.
+        ParameterError: If there are other gusts than one that travels.
     """
     found = [event.gust() for event in events]
     gusts = [gust.describe() for gust in found if gust is not None]

@@ -255,7 +255,7 @@ class GaitProgram:
         steps: Time steps of a beat.
         goal: "power" for the least mean power, "range" for the least energy a meter, "speed" for
             the greatest speed.
-        conditions: Conditions beside the return.
+        conditions: Conditions in addition to periodicity.
         nodes: States to begin from, (m + 1, n) [SI].
 
     Attributes:

@@ -51,14 +51,14 @@ class LoopController(Protocol):
 
 
 class Learner(Protocol):
-    """Learner beside a controller, or the controller itself; its `period`, if any, is its rate."""
+    """Learner in the loop, or a controller that learns; `period`, if any, is its interval."""
 
     def learn(self, time: float, state: FlightState, acceleration: Array) -> None:
         """Learn from one estimate: a state, and its accelerations, (n,) [m/s^2, rad/s^2]."""
 
 
 class LoopOptions(TypedDict, total=False):
-    """Keywords of `fly` that it mostly does without.
+    """Optional keywords of `fly`.
 
     Attributes:
         learner: What learns; by default the controller, if it has a method `learn`.

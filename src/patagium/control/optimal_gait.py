@@ -47,7 +47,7 @@ MOST = 16
 
 
 class OptimizeOptions(TrimOptions, total=False):
-    """Keywords that an optimization may have and mostly has not, beside those of a trim.
+    """Optional keywords of `optimize`, in addition to those of `trim`.
 
     Attributes:
         free: Gait parameters that may change, by the names of `gait_family`; by default frequency,
@@ -181,7 +181,7 @@ def optimize(
             return trimmed
         start = trimmed
     elif start.robot is not robot or gait is not None:
-        raise ParameterError("start", "an orbit of this robot, without a gait beside it", start)
+        raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     if free is not None or options.get("start") is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free)
     sinusoid = _optimal(start, conditions, goal, 1, None)
@@ -219,7 +219,7 @@ def power_front(
         ParameterError: If an argument is not what it may be.
     """
     if harmonics < 2:
-        raise ParameterError("harmonics", "at least 2, beside the best sinusoid", harmonics)
+        raise ParameterError("harmonics", "at least 2, more than the best sinusoid has", harmonics)
     found: list[tuple[float, OptimalGait | NoOrbit]] = []
     last: OptimalGait | None = None
     for speed in speeds:

@@ -65,7 +65,7 @@ class TrimOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Conditions:
-    """Conditions of an orbit beside its return.
+    """Conditions of an orbit in addition to periodicity.
 
     Attributes:
         turn_rate: Mean rate of the heading [rad/s].

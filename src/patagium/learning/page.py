@@ -72,7 +72,7 @@ def write_identification(
 
 
 def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
-    """First screen: the end of one prediction, and three numbers beside what they should be."""
+    """First screen: the end of one prediction, and three numbers with what they should be."""
     if "nmse_second_half_mean" not in scores:
         return []
     loud = [str(name) for name in record["output"].values if name not in scores["silent"]]
@@ -139,7 +139,7 @@ def summary(scores: Mapping[str, Any]) -> str:
 
 
 def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
-    """Errors of the forecasts of each horizon beside their rivals.
+    """Errors of the forecasts of each horizon and of their baselines.
 
     Args:
         scores: Of an `Identification`.

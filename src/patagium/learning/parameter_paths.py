@@ -84,7 +84,7 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
 
 
 def parameter_table(scores: Mapping[str, Any]) -> Table | None:
-    """Table of the parameters beside what was known of them before; None where there are none.
+    """Table of the parameters and of what was known of them before; None where there are none.
 
     Args:
         scores: Of an `Identification`.

@@ -367,7 +367,7 @@ class FilterSettings:
         noise_estimation: How the variances of the measurement follow the innovations, from
             measurement_std on; None: it is known, or, where no measurement_std is given,
             estimated with the default memory.
-        misfit: Error of the model itself beside the noise of the measurement; None: it has none.
+        misfit: Error of the model itself, in addition to the measurement's noise; None: none.
         change_detection: When the covariance is opened anew; None: never.
 
     Raises:
@@ -456,7 +456,9 @@ class FilterSettings:
         checked_structure(self.covariance)
         _check_fields(self)
         if self.misfit is not None and self.noise_estimation is not None:
-            raise ParameterError("noise_estimation", "None beside misfit", self.noise_estimation)
+            raise ParameterError(
+                "noise_estimation", "None where misfit is given", self.noise_estimation
+            )
         if self.square_root == "cholesky" and self.covariance != "full":
             raise ParameterError(
                 "covariance", '"full" with square_root="cholesky"', self.covariance

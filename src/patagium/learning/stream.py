@@ -3,7 +3,7 @@
 Flights, tables, blocks of long logs and trials of `tune` go through `prequential`; packets in
 Python share its step, `learn`. Sample k is predicted before it is used, by weights that saw
 earlier samples only. With one sample in `every` used, the weights hold for the `every` samples
-that follow, and all of them count; beside them stands the last used sample, held. These
+that follow, and all of them count; they are compared with the last used sample, held. These
 predictions see the measured inputs of their own sample and are no forecast, however few samples
 are used; a forecast sees samples up to its own time alone (`forecast`). A gap in time ends a hold
 interval, and no forecast reaches across one.
@@ -139,7 +139,8 @@ class Samples:
         x: Measured inputs of the network, (N, n_measured) [units of x].
         y: What the network predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         gaps: First sample after each gap in time.
-        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y], or None.
+        std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y],
+            or None.
     """
 
     time: Array
@@ -177,7 +178,8 @@ def learn(
         x: Input with what is remembered, (n_x,) [units of x].
         y: Measurement, (n_y,) [unit of y].
         time: Of the sample [s]; None for none.
-        std: Noise of the measurement beside the learner's own, (n_y,) [unit of y]; None for none.
+        std: Noise of the measurement in addition to the learner's own, (n_y,) [unit of y];
+            None for none.
 
     Raises:
         FilterDiverged: If the learner or its weights are lost.
@@ -429,7 +431,7 @@ class StreamOptions(TypedDict, total=False):
     """Options of `stream` that most logs do without.
 
     Attributes:
-        std: Noise of each measurement beside the learner's own, (N, n_y) [unit of y];
+        std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y];
             NaN where y is. Learners without noise of the measurement leave it aside.
         names: Names of the outputs; without it the network's.
         units: Units of the outputs, for axes of figures; without it "1".
@@ -537,7 +539,7 @@ def _counts(run: BlockRun, every: int) -> dict[str, Any]:
 
 
 class ForecastPlan(NamedTuple):
-    """Knowledge of the forecasts of a block beside its samples.
+    """Knowledge of the forecasts of a block in addition to its samples.
 
     Attributes:
         motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
@@ -560,7 +562,7 @@ def forecasters(
         samples: The block.
         every: One sample in so many is used.
         sums: Errors of each horizon, which they count.
-        plan: What they know beside the samples.
+        plan: What they know in addition to the samples.
     """
     used = used_samples(len(samples.time), every, samples.gaps)
     log = samples.time, samples.x, samples.y

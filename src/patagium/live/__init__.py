@@ -1,4 +1,4 @@
-"""The loop beside a robot: packets, streams, and the pipeline from a packet to an update."""
+"""The loop of a running robot: packets, streams, and the pipeline from a packet to an update."""
 
 from patagium.live.autosave import AutoSave
 from patagium.live.pipeline import Pipeline

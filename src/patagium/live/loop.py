@@ -1,4 +1,4 @@
-"""Loop of a learner beside a robot in flight: packets from a queue are learned as they come.
+"""Loop of a learner of a robot in flight: packets from a queue are learned as they come.
 
 The loop takes whatever waits, sends it through the pipeline in one call, and now and then reports
 progress and keeps the state. It ends when the source ends or somebody stops it. What could not be

@@ -341,7 +341,7 @@ def datagrams(
 
 
 def most_rows(columns: int) -> int:
-    """Largest number of packets that a datagram holds beside the tag of a key.
+    """Largest number of packets that a datagram holds with the tag of a key.
 
     Args:
         columns: Numbers of a packet.

@@ -1,6 +1,6 @@
 """File of a stream: its packets and their predictions, in a netCDF file that grows.
 
-Written in pieces beside its place and renamed into it when it is closed, so that memory is
+Written in pieces to a draft next to its place, and renamed when it is closed, so that memory is
 bounded and readers never see half of it. Nothing is compressed: 14 coordinates and
 channels at 10 kHz take about 8 MB/s.
 """

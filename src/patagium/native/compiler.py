@@ -135,7 +135,7 @@ def _announce_fallback(choice: str) -> None:
 
 
 def machine_identity(compiler: Sequence[str]) -> str:
-    """Text that identifies compiler and processor, on which a binary depends beside its source.
+    """Text that identifies compiler and processor, on which a binary depends as on its source.
 
     Args:
         compiler: The compiler and its arguments.

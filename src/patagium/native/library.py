@@ -68,7 +68,7 @@ def load_functions(
     """Functions by name, compiled where there is a compiler.
 
     Args:
-        key: Everything the functions depend on beside patagium's own source,
+        key: Everything the functions depend on in addition to patagium's own source,
             such as the text of the robot file.
         build_functions: Makes the SX functions; called on a cache miss, and when
             somebody asks for the expression behind a compiled function.

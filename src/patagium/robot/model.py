@@ -673,7 +673,10 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
 def _capacity(
     name: str, robot: Robot, arm: Robot, kept: tuple[int, ...], none: float = np.inf
 ) -> tuple[float, ...]:
-    """Numbers of the joints of both; empty where neither robot has any, `none` where one lacks."""
+    """Values of a field for the joints of both robots; empty where neither has any.
+
+    Where one has none, `none` stands for its joints.
+    """
     own, carriers = getattr(robot, name), getattr(arm, name)
     if not own and not carriers:
         return ()

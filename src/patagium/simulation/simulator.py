@@ -615,7 +615,7 @@ def _check_controller(controller: object, period: float | None) -> None:
 def _base_motion(
     robot: Robot, layout: StateLayout, mount: Mount, q: Array, v: Array
 ) -> Callable[[Array], PrescribedMotion]:
-    """Motion of what is prescribed beside the joints, as a function of the times, (N,) [s]."""
+    """Prescribed motion other than that of the joints, as a function of the times, (N,) [s]."""
     path = mount.path
     if path is not None:
         return partial(_in_quaternion, path) if robot.attitude == "quaternion" else path.motion

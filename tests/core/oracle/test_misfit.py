@@ -174,7 +174,7 @@ def test_parts_of_the_last_error_at_many_times_are_those_one_by_one() -> None:
 
 
 def test_misfit_and_estimated_noise_exclude_each_other() -> None:
-    with pytest.raises(ParameterError, match="None beside misfit"):
+    with pytest.raises(ParameterError, match="None where misfit is given"):
         ExtendedLearner(
             DenseNetwork(1, (), ("y",)), misfit=Misfit(), noise_estimation=NoiseEstimation()
         )

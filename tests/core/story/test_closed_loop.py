@@ -175,7 +175,7 @@ def test_a_flight_that_breaks_is_kept(orbit):
 
 
 def test_a_tracker_of_sensors_is_good_enough_to_fly_with(orbit):
-    """The newest sample, foretold to now, is closer to the state than the flight to its orbit."""
+    """The newest sample, predicted to the present, errs less than the flight departs."""
     presets = pt.sensors.presets
     parts = [
         presets.icm_42688_p("body", rate=500.0),

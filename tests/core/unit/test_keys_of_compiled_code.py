@@ -1,4 +1,4 @@
-"""Compiled code is found by all that shapes it: robots that look alike in words are told apart."""
+"""Keys of compiled code hold all that shapes it: robots of equal representation differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds of what is read: refused at once, in few words, with the place and the remedy."""
+"""Limits of what is read: each refusal is short and names the place and the remedy."""
 
 import os
 import signal
@@ -254,7 +254,7 @@ def ended_after_10_s():
 @pytest.mark.usefixtures("ended_after_10_s")
 @pytest.mark.parametrize("what", READERS)
 def test_nothing_waits_at_a_pipe(what, tmp_path):
-    """A pipe that nobody writes to would hold a reader for ever."""
+    """A named pipe without a writer would block a reader for ever."""
     path = tmp_path / "pipe.csv"
     os.mkfifo(path)
     with pytest.raises(PatagiumError, match=r"pipe\.csv"):

@@ -142,7 +142,7 @@ def crazyflie_sections(study: CrazyflieStudy) -> list[PageSection]:
                 f"{study.samples[0]} samples, {study.samples[1]} of them in flight; "
                 f"{study.gaps}. Motor commands and angular rates in, vertical specific force "
                 "out, in order. Falls after the motors stop, with knocks of up to 13 g, hold most "
-                "of the variance of the whole log: no command foretells them.",
+                "of the variance of the whole log: no command predicts them.",
                 "The physics: each of four rotors follows its command with a lag that is learned, "
                 "and pulls by its square and itself; a dense network beside sees the lagged "
                 "commands and the rates. Alone, the network sees the commands as they are. With a "

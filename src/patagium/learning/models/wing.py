@@ -32,7 +32,7 @@ class RobotNetwork(Network):
 
     Attributes:
         kind: Name in descriptions.
-        shared: Arguments of the constructor that most networks have, beside the robot.
+        shared: Arguments of the constructor that most networks have, other than the robot.
         options: Other arguments of the constructor.
         readers: Inverse of `describe` of those arguments that are not JSON themselves.
         robot: The machine.

@@ -364,7 +364,7 @@ def _measured_force(
 ) -> dict[str, NativeFunction]:
     """Compiled `air_force` of a measured motion, and `along`, its change in a direction.
 
-    `air_force` takes (q, v, a, wrench), u1 and wind, and gives y and what is known beside u1.
+    `air_force` takes (q, v, a, wrench), u1 and wind, and gives y and what else is known.
     """
 
     def build() -> list[ca.Function]:

@@ -1,6 +1,6 @@
 """Mapping file of a log: the meaning, unit and axes of its columns or fields.
 
-A mapping is a YAML file that a person writes beside a log. Units scale and axes turn; there are
+A mapping is a YAML file that a person writes next to a log. Units scale and axes turn; there are
 no other expressions. `docs/logs.md` has an example for each kind of file.
 """
 

@@ -1,6 +1,6 @@
 """Online tracker of a robot's motion from samples that may come late.
 
-The tracker is the filter of `estimate_motion` beside a running robot, one filter for all
+The tracker is the filter of `estimate_motion` that runs with the robot, one filter for all
 coordinates that sensors link and one for each encoder with coordinates of its own. A late sample
 is inserted at its time, and the later samples are processed again. Samples later than the memory
 are counted and left out. A little behind the last sample, a fixed-lag smoother gives the motion
@@ -73,7 +73,7 @@ class MotionNow:
 
 @dataclass
 class _Event:
-    """Sample, the estimate after it, its correction, and what the estimate foretold of the next.
+    """Sample, the estimate after it, its correction, and what the estimate predicted of the next.
 
     The smoother's gain to the next sample is found when it is asked for the first time.
     """
