@@ -280,7 +280,7 @@ class TablePolar(Polar):
 
     Raises:
         ParameterError: If they differ in length, are fewer than two, out of order or
-            range, not finite, or a drag is negative.
+            range, not finite, too large, or a drag is negative.
     """
 
     angle: tuple[float, ...]
@@ -296,10 +296,12 @@ class TablePolar(Polar):
             object.__setattr__(self, column, tuple(values.ravel().tolist()))
         angle = np.array(self.angle)
         expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
+        expected += f", all of {_LARGEST:g} at most"
         self.require(
             len(self.angle) == len(self.lift) == len(self.drag) >= 2
             and bool((np.diff(angle) > 0).all() and np.abs(angle).max() <= pi / 2 + 1e-9)
-            and min(self.drag) >= 0,
+            and min(self.drag) >= 0
+            and np.abs([self.lift, self.drag]).max() <= _LARGEST,
             expected,
         )
 
@@ -330,6 +332,7 @@ class TablePolar(Polar):
 
 
 _COLUMNS = ("angle", "lift", "drag")
+_LARGEST = 1e6  # of a coefficient, far beyond any section's
 
 
 _KINDS: list[type[Polar]] = [DickinsonPolar, SmoothPolar, TablePolar]

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 import patagium as pt
+from patagium.cli.plan import load_plan
 from patagium.errors import PatagiumError
 from patagium.learning import load_identification, load_model, load_settings
 from patagium.learning.learners.state_file import LearnerState, _bytes_of, read_state  # noqa
@@ -57,7 +58,12 @@ def file_targets() -> Iterator[Target]:
     """Targets of the area, with their shares of the cases."""
     for name, mutate, read, cases in (
         ("robot.yaml", mutated_yaml, robot, 2.0),
+        ("elastic.yaml", mutated_yaml, robot, 2.0),
         ("robot.urdf", mutated_text, robot, 3.0),
+        ("plan.yaml", mutated_yaml, plan, 3.0),
+        ("tracked.yaml", mutated_yaml, plan, 1.0),
+        ("polar.txt", mutated_text, polar, 3.0),
+        ("polar.csv", mutated_table, polar, 2.0),
         ("settings.yaml", mutated_yaml, load_settings, 5.0),
         ("gait.csv", mutated_table, gait, 6.0),
         ("model.json", mutated_json, model, 8.0),
@@ -101,6 +107,32 @@ def robot(path: Path) -> None:
     again = load_robot_text(read.source, "again")
     if again.dof_names != read.dof_names:
         raise WrongNumber(f"coordinates {read.dof_names}, from the robot's text {again.dof_names}")
+
+
+def plan(path: Path) -> None:
+    """Read a plan of a closed loop, and make its sensors and events.
+
+    Args:
+        path: YAML.
+    """
+    found = load_plan(path)
+    found.sensors.known(seeds.robot())
+    for event in found.events or ():
+        event.event()
+
+
+def polar(path: Path) -> None:
+    """Read a polar and make a section of it, whose numbers must be finite.
+
+    Args:
+        path: Text of XFOIL, or CSV.
+
+    Raises:
+        WrongNumber: If a number of the section is not.
+    """
+    found = pt.air.measured_section(*pt.air.read_polar(path)).parameters
+    if not np.isfinite(found).all():
+        raise WrongNumber(f"numbers of the section {found}")
 
 
 def gait(path: Path) -> None:
@@ -182,6 +214,8 @@ def log_checked(folder: Path, log: Path, mapping: Any) -> None:
 READERS: dict[str, Read] = {
     "robot": robot,
     "settings": load_settings,
+    "plan": plan,
+    "polar": polar,
     "gait": gait,
     "model": model,
     "state": pt.load_learner,

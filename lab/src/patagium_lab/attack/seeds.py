@@ -47,6 +47,63 @@ mirror:
   - {from: left, to: right}
 """
 """Robot of two wings, one joint each."""
+ELASTIC = (
+    ROBOT.replace(
+        "limits: [-45 deg, 60 deg]}",
+        "limits: [-45 deg, 60 deg], speed_limit: 40 rad/s, effort_limit: 2 N m}\n"
+        "      - {name: left_feather, axis: y, stiffness: 0.02 N m/rad, rest: 3 deg, passive: true,"
+        " damping: 1e-4 N m s/rad}",
+    )
+    .replace(
+        "thickness: 1 mm}",
+        "thickness: 1 mm}\n"
+        "    flexible: {elements: 2, bending: 0.03 N m^2, torsion: 0.005 N m^2, damping: 0.3 ms}",
+    )
+    .replace("strips: 2", "strips: 4")
+    + """\
+actuators:
+  frequency: {range: [2 Hz, 8 Hz], rate_limit: 10 Hz/s, response_time: 0.3 s}
+  plunge_amplitude: {range: [10 deg, 50 deg], rate_limit: 60 deg/s, response_time: 0.3 s}
+cruise: {frequency: 5 Hz, amplitude: {plunge: 0.6 rad}, speed: 3 m/s, pitch: -0.1 rad}
+"""
+)
+"""Robot with springs, a flexible wing, actuators and a cruise."""
+PLAN = """\
+robot: ornithopter
+trim: {speed: 5 m/s, climb: 0 m/s, turn_rate: 0 rad/s, free: [frequency], air: quasi-steady}
+truth: {masses: 0.02, air: lifting-line, density: 1.2 kg/m^3, wind: [0, 0, 0.1 m/s],
+  added_mass: 0.5, polar: {lift_slope: 0.9}}
+controller: {type: predictive, commands: [frequency, elevation_offset], tolerable: {yaw: 0.4}}
+sensors: {std: {z: 2e-3, pitch: 5e-3}, delay: 1 ms, missing: 0.02}
+events:
+  - {type: gust, time: 1 s, velocity: [0, 0, 1 m/s], length_time: 300 ms}
+  - {type: wind, time: 1 s, velocity: [0, 1 m/s, 0]}
+  - {type: payload, time: 1 s, body: body, mass: 5 g, position: [0, 0, 1 cm]}
+  - {type: wing_loss, time: 2 s, wing: left_wing, share: 0.05}
+  - {type: polar, time: 2 s, factors: {lift_slope: 0.8}}
+  - {type: stuck, time: 2 s, command: elevation_offset, value: 0.1}
+duration: 4 s
+time_step: 1e-4 s
+seed: 1
+"""
+"""Plan of a closed loop, with an event of each kind."""
+TRACKED = """\
+robot: ornithopter
+sensors: {parts: [{type: icm_42688_p, body: body, rate: 1 kHz, delay: 1 ms}, {type: as5600},
+  {type: prime_x_13}]}
+events: []
+duration: 0.05 s
+"""
+"""Plan of a closed loop that flies by sensors."""
+POLAR = """\
+  alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr
+ ------ -------- --------- --------- -------- -------- --------
+  4.000   0.4300   0.00870   0.00260   0.0010   0.3000   0.9900
+ -4.000  -0.4300   0.00870   0.00260  -0.0010   0.9900   0.3000
+  0.000   0.0000   0.00650   0.00130   0.0000   0.6000   0.6000
+  9.000   0.9100   0.01620   0.00830   0.0050   0.1000   1.0000
+"""
+"""Polar of a section, as XFOIL saves it."""
 URDF = """\
 <?xml version="1.0"?>
 <robot name="pair">
@@ -149,7 +206,11 @@ def contents() -> dict[str, bytes]:
 
 
 def _made(folder: Path) -> dict[str, Path]:
-    texts = {"robot.yaml": ROBOT, "robot.urdf": URDF, "settings.yaml": SETTINGS, "gait.csv": GAIT}
+    texts = {
+        "robot.yaml": ROBOT, "elastic.yaml": ELASTIC, "robot.urdf": URDF,
+        "settings.yaml": SETTINGS, "gait.csv": GAIT, "plan.yaml": PLAN, "tracked.yaml": TRACKED,
+        "polar.txt": POLAR, "polar.csv": ",".join(POLAR.split(" ")),
+    }  # fmt: skip
     files = {name: folder / name for name in texts}
     for name, text in texts.items():
         files[name].write_text(text)
