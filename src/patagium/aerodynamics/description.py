@@ -27,7 +27,7 @@ from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
 _KEYS = {
-    QuasiSteady.name: {"air", "polar", "rotational"},
+    QuasiSteady.name: {"air", "polar", "rotational", "force_point_switches"},
     DeLaurier.name: {"air", *NUMBERS},
     LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
@@ -56,6 +56,8 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
+    if name == QuasiSteady.name:
+        values.setdefault("force_point_switches", True)  # likewise
     check_keys(f"model {name}", values, _KEYS[name])
     air = air_from_description(values["air"])
     if name == DeLaurier.name:
@@ -70,8 +72,8 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
             surface_constant=values["surface_constant"],
             stall_delay=None if delay is None else stall_delay_from_description(delay),
         )
-    polar = polar_from_description(values["polar"])
-    return QuasiSteady(robot, air, polar=polar, rotational=values["rotational"])
+    values |= {"air": air, "polar": polar_from_description(values["polar"])}
+    return QuasiSteady(robot, **values)
 
 
 def _section(description: Mapping[str, Any]) -> StripSection:

@@ -49,6 +49,8 @@ class QuasiSteady(Aerodynamics):
         air: Density, wind and gusts.
         polar: Section coefficients.
         rotational: Whether pitching adds circulation.
+        force_point_switches: Whether the force point is behind mid-chord moving backward; else
+            it stays a quarter chord ahead of it, as models of insects have it in their hinge axis.
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
@@ -59,6 +61,7 @@ class QuasiSteady(Aerodynamics):
     air: Air = field(default_factory=Air)
     polar: Polar = field(default_factory=DickinsonPolar)
     rotational: bool = False
+    force_point_switches: bool = True
 
     name = "quasi_steady"
 
@@ -70,7 +73,8 @@ class QuasiSteady(Aerodynamics):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return f"{self.name} {self.polar.structure} rotational={self.rotational}"
+        fixed = "" if self.force_point_switches else " fixed force point"
+        return f"{self.name} {self.polar.structure} rotational={self.rotational}{fixed}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -91,6 +95,7 @@ class QuasiSteady(Aerodynamics):
             "air": self.air.describe(),
             "polar": self.polar.describe(),
             "rotational": self.rotational,
+            "force_point_switches": self.force_point_switches,
         }
 
     def expressions(
@@ -104,7 +109,9 @@ class QuasiSteady(Aerodynamics):
     def _load(self, motion: StripMotion, parameters: ca.SX) -> StripLoad:
         strip, density = motion.strip, parameters[0]
         polar = parameters[1 : 1 + len(self.polar.parameter_names)]
-        ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
+        ahead = ca.SX(0.0)
+        if self.force_point_switches:
+            ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
         flow = section_flow(motion.forward, motion.normal_ahead(ahead))
         lift, drag = self.polar.coefficients(flow, polar)
         mass_flow = density * strip.width * strip.chord * flow.speed / 2

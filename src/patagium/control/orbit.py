@@ -35,21 +35,23 @@ _ALONG = "velocity of x"
 class Frame:
     """Coordinates of a state that goes along with the body and its heading.
 
+    Where the attitude is prescribed there is no yaw, and the heading is that of the world.
+
     Args:
         names: Names of the entries of the state.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self.size = len(names)
-        self.neutral = [names.index(name) for name in NEUTRAL]
+        self.neutral = [names.index(name) for name in NEUTRAL if name in names]
         self.kept = [k for k in range(self.size) if k not in self.neutral]
         self.names = tuple(names[k] for k in self.kept)
         self._vectors = [
             [names.index(name), names.index(name.replace(_ALONG, "velocity of y"))]
             for name in names
-            if _ALONG in name
+            if _ALONG in name and "yaw" in names
         ]
-        self._yaw = names.index("yaw")
+        self._yaw = names.index("yaw") if "yaw" in names else 0
 
     def seen(self, state: Array) -> tuple[Array, Array]:
         """State with velocities along and across the heading, (n,), and its derivative, (n, n).
@@ -83,7 +85,7 @@ class Frame:
         return np.asarray(found[np.ix_(self.kept, self.kept)])
 
     def generators(self, state: Array) -> Array:
-        """Change of a state with position and heading, (n, 4) [SI].
+        """Change of a state with position and heading, (n, 4) or without yaw (n, 3) [SI].
 
         Args:
             state: State whose yaw is zero, (n,) [SI].
@@ -172,6 +174,16 @@ class Orbit:
         _, slope = frame.seen(self.segments.ends[-1])
         return np.asarray((slope @ self.monodromy)[np.ix_(frame.kept, frame.kept)])
 
+    @property
+    def _pitch(self) -> Array:
+        """Pitch over the beat, of the state or prescribed, (m,) [rad]."""
+        if "pitch" in self.names:
+            return self.states[:, self.names.index("pitch")]
+        gait, phase = self.gait, np.arange(len(self.states)) / len(self.states)
+        if "pitch" not in gait.joints:
+            return np.zeros(len(phase))
+        return gait.motion(phase * self.period).position[:, gait.joints.index("pitch")]
+
     def start(self) -> dict[str, Array]:
         """Keywords of `simulate` that begin a flight on the orbit: q, v and states of the air."""
         robot, state = self.robot, self.states[0]
@@ -203,7 +215,7 @@ class Orbit:
 
     def summary(self) -> dict[str, Any]:
         """Orbit as facts by name, with their units."""
-        pitch = self.states[:, self.names.index("pitch")]
+        pitch = self._pitch
         facts: dict[str, Any] = {
             "frequency_Hz": self.gait.frequency,
             "speed_m_s": self.speed,
@@ -221,7 +233,7 @@ class Orbit:
 
     def __repr__(self) -> str:
         frame = Frame(self.names)
-        pitch = np.degrees(self.states[:, self.names.index("pitch")])
+        pitch = np.degrees(self._pitch)
         size = np.sort(np.abs(np.linalg.eigvals(self.return_slope)))[::-1]
         free = zip(
             self.family.names, self.values, self.family.neutral, self.family.units, strict=True

@@ -26,6 +26,7 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
+from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_keywords
@@ -88,8 +89,8 @@ class Conditions:
         Returns:
             Misfits, (c,) [rad, m]; slopes, (c, n) [SI], and (c,) [rad/s, m/s].
         """
-        x, y, z, yaw = frame.neutral
-        ways, rates = [np.eye(frame.size)[yaw]], [self.turn_rate]
+        x, y, z, *yaw = frame.neutral
+        ways, rates = [np.eye(frame.size)[k] for k in yaw], [self.turn_rate for _ in yaw]
         if self.climb is not None:
             ways.append(np.eye(frame.size)[z])
             rates.append(self.climb)
@@ -100,7 +101,7 @@ class Conditions:
             way[x], way[y] = longer * np.cos(half), longer * np.sin(half)
             ways.append(way)
             rates.append(self.speed)
-        slope, rate = np.array(ways), np.array(rates)
+        slope, rate = np.array(ways).reshape(-1, frame.size), np.array(rates)
         return slope @ end - rate * period, slope, -rate
 
 
@@ -143,7 +144,7 @@ class OrbitSearch:
         self._scale, self._reach = state_sizes(flight_map.names), parameter_sizes(family)
         sizes = dict(zip(flight_map.names, self._scale, strict=True)) | dict(tolerable)
         self._size = np.array([sizes[name] for name in self.frame.names])
-        self._pitch = flight_map.names.index("pitch")
+        self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
         self.iterations = self.points = 0
 
     def point(self, states: Array, values: Array, conditions: Conditions) -> _Point:
@@ -207,7 +208,7 @@ class OrbitSearch:
             best, part = None, 1.0
             while best is None and part >= _SHORTEST:
                 nodes, trial = at.states + part * states, at.values + part * values
-                upright = np.abs(nodes[:, self._pitch]).max() < _STEEPEST
+                upright = np.abs(nodes[:, self._pitch]).max(initial=0.0) < _STEEPEST
                 if upright and self.family.gait(trial).frequency > 0:
                     best = self.point(nodes, trial, conditions)
                     if not best.size < (1.0 - 0.1 * part) * at.size:
@@ -317,7 +318,8 @@ def trim(
     """Periodic orbit of a flapping flight, or equilibrium of a glide.
 
     Args:
-        robot: The machine, with a floating body and Euler angles.
+        robot: The machine, with a floating body and Euler angles; or one whose attitude is
+            prescribed, its body on passive slides x, y and z before its actuated joints.
         aero: Model of the air around it, in air at rest; quasi-steady by default.
         gait: Gait to begin from; by default that of the robot's section `cruise`.
         free: Gait parameters that may change, by the names of `gait_family`; by default the
@@ -361,6 +363,8 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
     given = {"speed": wanted.speed, "climb": wanted.climb}
     asked = [finite(name, value) for name, value in given.items() if value is not None]
     count = len(asked) + (wanted.turn_rate != 0)
+    if wanted.turn_rate and "yaw" not in robot.dof_names:
+        raise ParameterError("turn_rate", "0 where the attitude is prescribed", wanted.turn_rate)
     if count > len(names):
         told = f"at least {count} of them, one for each of speed, climb and turn rate asked for"
         raise ParameterError("free", told, ", ".join(names) or "none")
@@ -385,8 +389,9 @@ def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
 
 def _check(robot: Robot, aero: Aerodynamics) -> None:
     """Refuse a robot or air whose orbits are not those of this module."""
-    if not robot.floating:
-        raise ParameterError("robot", "a robot with a floating body", robot.name)
+    if not {"x", "y", "z"} <= {robot.dof_names[i] for i in robot.passive}:
+        expected = "a robot with a floating body, or passive slides x, y and z"
+        raise ParameterError("robot", expected, robot.name)
     if robot.attitude == "quaternion":
         expected = 'one with Euler angles (robot.with_attitude("euler"))'
         raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
@@ -411,7 +416,7 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     states = np.zeros((SEGMENTS, len(names)))
     if cruise is not None:
         time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
-        states[:, names.index("pitch")] = cruise.pitch
+        states[:, [k for k, name in enumerate(names) if name == "pitch"]] = cruise.pitch
         states[:, names.index("velocity of x")] = cruise.speed
         states[:, names.index("x")] = cruise.speed * time
     return states
@@ -429,7 +434,7 @@ def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[_
     search.still[:] = False
     if failed:
         return at, trouble
-    x, _, z, _ = search.frame.neutral
+    x, _, z = search.frame.neutral[:3]
     away = begin.flown.ends[-1] / begin.period
     done, part = 0.0, 0.25
     while done < 1.0 and part >= 1.0 / 64:
@@ -450,9 +455,10 @@ def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[_
 
 def orbit_of(search: OrbitSearch, at: _Point, added_mass: AddedMass | None) -> Orbit:
     """Orbit of a point whose misfits are rounding."""
-    x, y, z, yaw = search.frame.neutral
+    x, y, z, *yaw = search.frame.neutral
     end, period = at.flown.ends[-1], at.period
-    half = 0.5 * end[yaw]
+    turned = float(end[yaw].sum())
+    half = 0.5 * turned
     longer = half / np.sin(half) if half else 1.0
     forward = longer * (np.cos(half) * end[x] + np.sin(half) * end[y])
     return Orbit(
@@ -467,7 +473,7 @@ def orbit_of(search: OrbitSearch, at: _Point, added_mass: AddedMass | None) -> O
         search.steps,
         float(forward / period),
         float(end[z] / period),
-        float(end[yaw] / period),
+        turned / period,
         at.residual,
         search.iterations,
     )
@@ -511,16 +517,18 @@ def _mean_wrench(search: OrbitSearch, at: _Point, left: Array) -> dict[str, floa
     """Mean force [N] and moment [N m] along x, y, z that scaled misfits of a beat stand for."""
     robot, names = search.map.robot, search.map.names
     misfit = left * search.rows_scale(len(left) - len(search.frame.kept))
-    change = np.zeros(6)
+    axes = [name for name in FLOATING_COORDINATES if name in names]
+    change = dict.fromkeys(axes, 0.0)
     for k, name in enumerate(search.frame.names):
         place = name.removeprefix("velocity of ")
-        if place in robot.dof_names[:6]:
-            rate = 1.0 if name != place else 1.0 / at.period
-            change[robot.dof_names.index(place)] += rate * misfit[k]
-    for place, value in zip(("yaw", "z", "x"), misfit[len(search.frame.kept) :], strict=False):
-        change[robot.dof_names.index(place)] += value / at.period
-    q = robot.coordinates()
-    q[:6] = at.states[0][[names.index(name) for name in robot.dof_names[:6]]]
-    mass = Dynamics(robot).mass_matrix(q)[:6, :6]
-    wrench = mass @ change / at.period
-    return {name: float(value) for name, value in zip(_COMPONENTS, wrench, strict=True)}
+        if place in axes:
+            change[place] += misfit[k] * (1.0 if name != place else 1.0 / at.period)
+    others = [name for name in ("yaw", "z", "x") if name in axes]
+    for place, value in zip(others, misfit[len(search.frame.kept) :], strict=False):
+        change[place] += value / at.period
+    q, places = robot.coordinates(), [robot.index(name) for name in axes]
+    q[places] = at.states[0][[names.index(name) for name in axes]]
+    mass = Dynamics(robot).mass_matrix(q)[np.ix_(places, places)]
+    wrench = dict(zip(axes, mass @ np.array([*change.values()]) / at.period, strict=True))
+    words = zip(_COMPONENTS, FLOATING_COORDINATES, strict=True)
+    return {name: float(wrench[axis]) for name, axis in words if axis in axes}

@@ -99,7 +99,7 @@ class FlightMap:
     """Map of a free flight over segments of time, with exact derivatives by state and parameters.
 
     Args:
-        robot: The machine, with a floating body.
+        robot: The machine, with a floating body or passive joints.
         aero: Model of the air around it; its air may have a gust that is the same everywhere.
         added_mass: Inertia of the air that moves with the wings, or None.
         parameters: Names of parameters of the robot or of `aero` that are parameters of the map
@@ -107,8 +107,8 @@ class FlightMap:
         work: Whether the work of the joints is the last entry of the state [J].
 
     Raises:
-        ParameterError: If the robot does not float, the air is another robot's, a gust travels,
-            or there is no such parameter.
+        ParameterError: If nothing of the robot is free, the air is another robot's, a gust
+            travels, or there is no such parameter.
     """
 
     robot: Robot
@@ -121,8 +121,9 @@ class FlightMap:
     moving: int = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.robot.floating:
-            raise ParameterError("robot", "a robot with a floating body", self.robot.name)
+        if not self.robot.passive:
+            expected = "a robot with a floating body or passive joints"
+            raise ParameterError("robot", expected, self.robot.name)
         check_robots(self.robot, self.aero)
         check_added_mass(self.robot, self.aero, self.added_mass)
         self.aero.air.require_uniform("aero")

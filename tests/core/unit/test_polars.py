@@ -8,7 +8,10 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
+from patagium.aerodynamics import QuasiSteady
+from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.polars import (
     _KINDS,
     DickinsonPolar,
@@ -20,6 +23,7 @@ from patagium.aerodynamics.polars import (
 )
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
 
 
 def test_smooth_sign_is_the_sign_beyond_its_width_and_odd() -> None:
@@ -128,3 +132,18 @@ def test_a_registered_polar_is_read_again_and_keeps_its_name() -> None:
     with pytest.raises(ParameterError, match="one of its own"):
         register_polar(Other)
     _KINDS.remove(Constant)
+
+
+def test_the_force_point_stays_where_it_is_said_to() -> None:
+    robot = load_robot_text(FLAPPER)
+    fixed = QuasiSteady(robot, force_point_switches=False)
+    switching = aero_from_description(robot, fixed.describe() | {"force_point_switches": True})
+    assert aero_from_description(robot, fixed.describe()) == fixed
+    old = {key: value for key, value in fixed.describe().items() if "switches" not in key}
+    assert aero_from_description(robot, old) == switching  # flights older than the choice
+    q = robot.coordinates()
+    for speed, apart in ((3.0, 0.0), (-3.0, 0.04)):  # half the chord of 8 cm when moving backward
+        v = robot.velocities(x=speed, z=-0.5)
+        ahead = [aero.strips(q, v)["strip_point"][0, 0] for aero in (fixed, switching)]
+        assert ahead[0] == pytest.approx(0.0, abs=1e-12)
+        assert ahead[0] - ahead[1] == pytest.approx(apart, abs=1e-12)

@@ -14,6 +14,7 @@ from patagium.cli.main import run
 from patagium.control import free_parameters
 from patagium.control.orbit import Frame
 from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +93,25 @@ def test_lag_states_are_on_the_orbit(tmp_path):
     lags = flight.aero_state.values
     assert np.abs(lags[-1] - lags[0]).max() <= 1e-11
     assert np.abs(lags).max() > 1e-3
+
+
+def test_an_attitude_may_be_prescribed(tmp_path):
+    slides = "".join(f"{{name: {k}, type: prismatic, axis: {k}, passive: true}}, " for k in "xyz")
+    joints = f"joints: [{slides}{{name: pitch, axis: y}}]"
+    robot = load_robot_text(FLAPPER.replace("floating: true", joints))
+    gait = pt.gaits.sinusoidal(
+        robot, frequency=9.0, plunge=0.6, feather=0.3, pitch=0.05, phase={"feather": 1.5}
+    )
+    orbit = pt.trim(robot, gait=gait, climb=None, steps=80, free=("frequency",))
+    assert orbit.found and orbit.residual <= 1e-12
+    assert misfit(orbit, orbit.flight(beats=1)) <= 1e-11
+    stability = pt.control.floquet(orbit)
+    assert len(stability.multipliers) == 3 and stability.neutral == pytest.approx(np.ones(3))
+    assert "pitch -2.86 to 2.86 deg" in repr(orbit)  # .05 rad
+    failed = pt.trim(robot, gait=gait, speed=40.0, climb=0.0, free=("frequency", "pitch_offset"))
+    assert not failed.found
+    with pytest.raises(ParameterError, match="attitude is prescribed"):
+        pt.trim(robot, gait=gait, turn_rate=0.2)
 
 
 def test_parameters_stop_at_limits():

@@ -16,6 +16,7 @@ CASES = (
     "pitching_section",
     "hover",
     "hover_modes",
+    "monarch",
 )
 """Modules of the package `cases` in reading order; `compute()` of each gives its results."""
 

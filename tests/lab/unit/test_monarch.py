@@ -1,0 +1,28 @@
+"""Monarch butterfly: the public program's swings with its errors, and three hovers closed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from patagium.control import floquet
+from patagium_lab.validation.cases.monarch import closed_orbits, hovers, published_swing
+
+
+@pytest.mark.parametrize("hover", hovers(), ids=lambda one: one.name)
+def test_swings_are_the_programs_with_its_errors_and_not_without(hover):
+    # other steps and smoothed signs; the program's own hovers close within 1e-3 m/s
+    assert published_swing(hover, errors=True) == pytest.approx(hover.swing, rel=0.005)
+    assert np.abs(published_swing(hover, errors=False) / hover.swing - 1.0).max() > 0.02
+
+
+def test_the_hovers_close_exactly_and_one_is_stable():
+    orbits = closed_orbits()
+    assert max(orbit.residual for orbit in orbits.values()) <= 1e-12
+    for orbit in orbits.values():
+        assert abs(orbit.speed) + abs(orbit.climb) < 1e-12
+    stable = [name for name, orbit in orbits.items() if floquet(orbit).stable]
+    assert stable == ["attitude prescribed"]
+    flight = orbits["attitude prescribed"].flight(beats=20)
+    assert np.ptp(flight.v.sel(dof="pitch").values) > 0.1  # prescribed, and moving
+    assert np.abs(flight.q.sel(dof=["x", "z"]).values[-1]).max() < 1e-10  # stable: it stays
