@@ -17,6 +17,7 @@ from patagium.report import cell_text
 from patagium_lab.reproduction.page import RESULTS, page
 from patagium_lab.reproduction.plan import ReproductionPlan
 from patagium_lab.reproduction.run import run
+from patagium_lab.reproduction.unsteady_trials import unsteady_trials
 from patagium_lab.study import write_study
 from patagium_lab.targets import verdict
 
@@ -213,6 +214,16 @@ def test_every_error_is_put_in_and_taken_away() -> None:
         assert any(
             table == "taken_away" and name.startswith(f"without {error}") for table, name in names
         )
+
+
+def test_the_usual_run_leaves_to_the_full_one_only_what_no_target_reads() -> None:
+    usual, full = ReproductionPlan.of(), ReproductionPlan.of(full=True)
+    left = {t.learner for t in set(full.trials()) - set(usual.trials()) if t.kind != "start"}
+    assert left == {"gradient"}
+    rates, ways = usual.unsteady_every, usual.unsteady_candidates
+    kept = unsteady_trials(rates, 1, ways, usual.slow_every)
+    assert {t.candidate for t in set(unsteady_trials(rates, 1, ways)) - set(kept)} == {"grey"}
+    assert any("`--full`: from every sample" in text for text in usual.left_out)
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:

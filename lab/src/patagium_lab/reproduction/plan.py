@@ -51,6 +51,8 @@ class ReproductionPlan:
         every: Rates of samples: one in this many is learned.
         starts: Number of starts of the strip networks.
         dense_every: Large networks learn from one sample in this many at most.
+        slow_every: Gradient steps and the grey box, which no target asks for, learn from one
+            sample in this many at most.
         rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.
         air_models: Models of the air that are timed, by name.
         air_networks: Networks beside those of the bench that are timed, by name.
@@ -70,6 +72,7 @@ class ReproductionPlan:
     every: tuple[int, ...] = EVERY
     starts: int = 8
     dense_every: int = 1
+    slow_every: int = 1
     rivals: tuple[str, ...] = tuple(RIVALS)
     air_models: tuple[str, ...] = AIR_MODELS
     air_networks: tuple[str, ...] = AIR_NETWORKS
@@ -91,8 +94,8 @@ class ReproductionPlan:
 
         Args:
             quick: Whether flights are short and runs are few.
-            full: Whether formulations that compile for long are timed too, and networks start
-                twice as often.
+            full: Whether formulations that compile for long are timed too, networks start twice
+                as often, and gradient steps and the grey box learn every sample.
             crazyflie: Log of a quadrotor, or None.
         """
         compiled = compiler_command() is not None
@@ -103,6 +106,7 @@ class ReproductionPlan:
             return cls(
                 starts=4,
                 dense_every=dense_every,
+                slow_every=10,
                 rivals=USUAL_RIVALS,
                 unsteady_starts=2,
                 crazyflie=crazyflie,
@@ -164,6 +168,8 @@ class ReproductionPlan:
             "compile for half a minute each, are not timed (`--full` times them)": (
                 "published" not in self.rivals
             ),
+            "Single gradient steps and the grey box learn from one sample in 10 at most (`--full`: "
+            "from every sample)": self.slow_every > 1,
             "Only some models of the air are timed": self.air_models != AIR_MODELS,
             "Only some learners learn the air with memory": (
                 self.unsteady_candidates != tuple(CANDIDATES)
@@ -208,7 +214,7 @@ class ReproductionPlan:
             ("dense_published", "cubature", max(10, slow)),
             (best, "extended", 10),
             ("dense_published", "extended", 100),
-            *((network, "gradient", 1) for network in (best, "dense_published")),
+            *((network, "gradient", self.slow_every) for network in (best, "dense_published")),
             *((network, "replay", 10) for network in (best, "dense_published")),
             ("", "linear", 1),
             ("", "features", 1),

@@ -141,7 +141,9 @@ def _work(
     keys, spans = [*known, *MOUNTS], (plan.duration, plan.unseen_duration)
     slow = (plan.unsteady_duration, plan.unsteady_unseen_duration)
     trials, errors = plan.trials(), plan.error_cases()
-    others = unsteady_trials(plan.unsteady_every, plan.unsteady_starts, plan.unsteady_candidates)
+    others = unsteady_trials(
+        plan.unsteady_every, plan.unsteady_starts, plan.unsteady_candidates, plan.slow_every
+    )
     jobs = [Job(fly_known, (key, *spans, folder), FLIGHT_COST[key]) for key in known]
     jobs += [Job(fly_unsteady, (key, *slow, folder), FLIGHT_COST["unsteady"]) for key in MOUNTS]
     jobs += [

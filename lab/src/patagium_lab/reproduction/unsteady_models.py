@@ -37,13 +37,13 @@ class Candidate:
         title: Name in the tables.
         make: Gives the learner at its start for a robot, the time between two samples [s] and
             a seed.
-        most: Highest rate of samples: one in this many is learned.
+        slow: Whether each update takes so long that only a full run learns every sample.
     """
 
     key: str
     title: str
     make: Callable[[Robot, float, int], Learner]
-    most: int = 1
+    slow: bool = False
 
 
 def _strip(robot: Robot, interval: float, seed: int) -> Learner:
@@ -104,7 +104,7 @@ CANDIDATES = {
         Candidate("strip", "strip network, no memory", _strip),
         Candidate("strip_rotation", "strip network, no memory, pitch rate too", _strip_rotation),
         Candidate("hidden", "strip network with hidden states", _hidden),
-        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey),
+        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey, slow=True),
     )
 }
 """Candidates by key, in the order of the tables; targets are set for "hidden"."""

@@ -71,7 +71,10 @@ class UnsteadyResult:
 
 
 def unsteady_trials(
-    every: Sequence[int], starts: int, candidates: Sequence[str] = tuple(CANDIDATES)
+    every: Sequence[int],
+    starts: int,
+    candidates: Sequence[str] = tuple(CANDIDATES),
+    slow_every: int = 1,
 ) -> list[UnsteadyTrial]:
     """Every candidate on every flight, and further starts in free flight.
 
@@ -79,6 +82,7 @@ def unsteady_trials(
         every: Rates of samples: one in this many is learned.
         starts: Number of starts of the candidates that have targets, at the lowest rate.
         candidates: Keys of `CANDIDATES`.
+        slow_every: Slow candidates learn one sample in this many at most.
     """
     lowest = max(every)
     table = [
@@ -86,7 +90,7 @@ def unsteady_trials(
         for mount in MOUNTS
         for key in candidates
         for rate in every
-        if rate >= CANDIDATES[key].most
+        if rate >= (slow_every if CANDIDATES[key].slow else 1)
     ]
     again = [
         UnsteadyTrial("free", key, lowest, seed)

@@ -25,7 +25,9 @@ def reproduce(
     full: Annotated[
         bool,
         typer.Option(
-            "--full", help="Rivals that compile for half a minute too, and twice the starts."
+            "--full",
+            help="Rivals that compile for half a minute too, twice the starts, and gradient steps "
+            "and the grey box at every sample.",
         ),
     ] = False,
     crazyflie: Annotated[

@@ -150,7 +150,8 @@ class FrameModel:
         value, slope = self._inertial(*seen, up, self.offset, self._parameters)
         n = self.robot.dof
         jacobian = self._to_world(slope.reshape(6, 3, n), turn)
-        return self._both @ value, np.tensordot(self._both, jacobian, axes=1)
+        slopes = (self._both @ jacobian.reshape(6, -1)).reshape(6, 3, n)
+        return self._both @ value, slopes
 
     def inertials(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
         """Specific force and angular rate in the frame's axes at many instants, and the slopes.

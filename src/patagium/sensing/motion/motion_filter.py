@@ -7,20 +7,21 @@ roots of the covariance, which stays positive definite however exact the sensors
 effect of resets on the covariance, which is of second order.
 
 References:
-    Markley (2003), Attitude error representations for Kalman filtering; Kailath, Sayed & Hassibi
-    (2000), Linear Estimation, ch. 12 (array algorithms).
+    Markley (2003), Attitude error representations for Kalman filtering; Andrews (1968), A square
+    root formulation of the Kalman covariance equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgeqrf, dtrtrs
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dgeqrf
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.robot import Robot
@@ -66,13 +67,20 @@ class Corrected(NamedTuple):
 
     Attributes:
         estimate: The estimate.
-        change: Error-state by which it moved, (s,) [units of the state].
-        nis: Normalized innovation squared for each measured value; about 1.
+        innovation: Normalized innovation, (m,) [1].
+        slope: Jacobian of the normalized measurements, (m, s) [1 per unit of the state].
+        gain: Kalman gain for normalized innovations, (s, m) [unit of the state].
     """
 
     estimate: MotionEstimate
-    change: Array
-    nis: float
+    innovation: Array
+    slope: Array
+    gain: Array
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared for each measured value; about 1."""
+        return float(self.innovation @ self.innovation) / len(self.innovation)
 
 
 class MotionFilter:
@@ -99,6 +107,8 @@ class MotionFilter:
     ) -> None:
         self.robot, self.order = robot, order
         self.columns = np.array(columns, int)
+        gaps = set(np.diff(self.columns).tolist()) - {1}
+        self._own = self.columns if gaps else slice(int(columns[0]), int(columns[-1]) + 1)
         self.density = np.asarray(density, float)
         self._models = dict(models)
         self._units = [name for name, model in models.items() if model.biases]
@@ -126,7 +136,19 @@ class MotionFilter:
             estimate: Estimate at the beginning.
             span: Length of the span, zero or more [s].
         """
-        motion, turned = self.predicted_motion(estimate.motion, span)
+        return self.moved(estimate, *self.predicted_motion(estimate.motion, span), span)
+
+    def moved(
+        self, estimate: MotionEstimate, motion: Motion, turned: Array, span: float
+    ) -> MotionEstimate:
+        """Estimate after a span of time, its motion given.
+
+        Args:
+            estimate: Estimate at the beginning.
+            motion: Motion at the end.
+            turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
+            span: Length of the span, zero or more [s].
+        """
         root = _lower_triangle(self._predicted_root(estimate.root, span, turned))
         return MotionEstimate(motion, estimate.biases, root)
 
@@ -142,18 +164,16 @@ class MotionFilter:
         """
         now, change = estimate, np.zeros(self.size)
         linear = all(self._models[one.name].linear for one in observations)
-        for _ in range(1 if linear else _MOST_ITERATIONS):
+        for _ in range(_MOST_ITERATIONS):
             residual, slope, variance = self._residuals(now, observations)
-            m = len(residual)
-            # [R^1/2, H S; 0, S] made triangular: roots of the innovation's and the new covariance
-            wide = np.zeros((m + self.size, m + self.size))
-            wide[np.arange(m), np.arange(m)] = np.sqrt(variance)
-            wide[:m, m:], wide[m:, m:] = slope @ estimate.root, estimate.root
-            corner = _lower_triangle(wide)
+            noise, seen = np.diag(np.sqrt(variance)), slope @ estimate.root
+            factor = _lower_triangle(np.hstack([noise, seen]))  # root of the innovation's
+            factor *= np.copysign(1.0, np.diagonal(factor))
             innovation = residual + slope @ change
             before = change
-            scaled = _solved(corner[:m, :m], innovation)
-            change = corner[m:, :m] @ scaled
+            parts = _solved(factor, np.hstack([innovation[:, None], slope, seen]))
+            scaled, gain = parts[:, 0], estimate.root @ parts[:, 1 + self.size :].T
+            change = gain @ scaled
             if not np.isfinite(change).all():
                 raise FilterDiverged(
                     f"motion filter: measurements of {', '.join(o.name for o in observations)} "
@@ -161,25 +181,30 @@ class MotionFilter:
                     Outcome.NOT_FINITE,
                 )
             now = self.corrected(estimate, change)
-            if not self._is_far(change - before):
+            if linear or not self._is_far(change - before):
                 break
-        after = replace(now, root=corner[m:, m:])
-        return Corrected(after, change, float(scaled @ scaled) / m)
+        root = estimate.root - gain @ _solved(factor + noise, seen)
+        after = MotionEstimate(now.motion, now.biases, root)
+        return Corrected(after, scaled, parts[:, 1 : 1 + self.size], gain)
 
-    def smoother_gain(
-        self, before: MotionEstimate, span: float, predicted: MotionEstimate
-    ) -> Array:
-        """Gain of the Rauch-Tung-Striebel smoother over a span, (s, s) [units of the state].
+    def before_span(self, adjoint: Array, span: float, turned: Array) -> Array:
+        """Adjoint error-state at the beginning of a span, (s,): the transition transposed.
 
         Args:
-            before: Estimate at the beginning.
-            span: Length of the span, above zero [s].
-            predicted: What `predict` makes of it.
+            adjoint: Adjoint error-state at its end, (s,) [per unit of the state].
+            span: Length of the span [s].
+            turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
         """
-        _, turned = self.predicted_motion(before.motion, span)
-        moved, root = self._advanced(before.root, span, turned), predicted.root
-        back = _solved(root, _solved(root, moved), transposed=True)
-        return np.asarray(before.root @ back.T)
+        main = self.order * len(self.columns)
+        found = adjoint.copy()
+        half = None if self._turn is None else rotation_matrix(0.5 * turned)
+        if half is not None:
+            found[self._turn] = half @ found[self._turn]
+        move, _ = self._blocks(span)
+        found[:main] = (move.T @ found[:main].reshape(self.order, -1)).ravel()
+        if half is not None:
+            found[self._turn] = half @ found[self._turn]
+        return found
 
     def enliven(self, factor: float) -> None:
         """Multiply the density of the driving noise by a factor."""
@@ -204,13 +229,15 @@ class MotionFilter:
             residuals.append(residual)
             slopes.append(self._in_error_state(slope, observation.name))
             noise.append(variance)
+        if len(observations) == 1:
+            return residuals[0], slopes[0], noise[0]
         return np.concatenate(residuals), np.vstack(slopes), np.concatenate(noise)
 
     def corrected(self, estimate: MotionEstimate, change: Array) -> MotionEstimate:
         """Estimate with its mean moved by an error-state, (s,), and the same covariance."""
         n = len(self.columns)
         levels = estimate.motion.levels.copy()
-        levels[:, self.columns] += change[: self.order * n].reshape(self.order, n)
+        levels[:, self._own] += change[: self.order * n].reshape(self.order, n)
         attitude = estimate.motion.attitude
         if self._turn is not None:
             turned = self.columns[self._turn]
@@ -269,7 +296,7 @@ class MotionFilter:
         n = len(self.columns)
         whole = np.zeros((len(slope), self.size))
         for level in range(min(slope.shape[1], self.order)):
-            whole[:, level * n : (level + 1) * n] = slope[:, level, self.columns]
+            whole[:, level * n : (level + 1) * n] = slope[:, level, self._own]
         if name in self._units:
             start = self.order * n + 6 * self._units.index(name)
             whole[:, start : start + 6] = np.eye(6)
@@ -289,9 +316,9 @@ class MotionFilter:
 
 
 def _lower_triangle(wide: Array) -> Array:
-    """Lower triangular T, (k, k), with T T^T = A A^T for a wide A, (k, l >= k)."""
+    """Lower triangular T, (k, k), with T T^T = A A^T for a wide A, (k, l >= k), overwritten."""
     size = len(wide)
-    factored, *_ = dgeqrf(wide.T)
+    factored, *_ = dgeqrf(wide.T, overwrite_a=True)
     return np.asarray(factored[:size].T * _below(size))
 
 
@@ -301,7 +328,10 @@ def _below(size: int) -> Array:
     return np.tri(size)
 
 
-def _solved(lower: Array, right: Array, *, transposed: bool = False) -> Array:
-    """Solution x of L x = b, or of L^T x = b, for a lower triangular L."""
-    found, _ = dtrtrs(lower, right, lower=1, trans=int(transposed))
-    return np.asarray(found)
+def _solved(lower: Array, right: Array) -> Array:
+    """Solution X of L X = B for a lower triangular L.
+
+    LAPACK's own (dtrtrs) starts threads for matrices of any size, which takes a thousand times as
+    long where other programs use the cores.
+    """
+    return np.asarray(dtrsm(1.0, lower, right, lower=1))

@@ -7,7 +7,7 @@ are counted and left out. A little behind the last sample, a fixed-lag smoother 
 with the samples since. Where innovations stay larger than expected, the driving noise is raised.
 
 References:
-    Rauch, Tung & Striebel (1965), Maximum likelihood estimates of linear dynamic systems.
+    Bierman (1973), Fixed interval smoothing with discrete measurements (Bryson and Frazier's form).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from patagium.sensing.motion.estimate_motion import (
     initial_estimate,
 )
 from patagium.sensing.motion.frame_model import Motion, with_euler_angles
-from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
+from patagium.sensing.motion.motion_filter import Corrected, MotionEstimate, MotionFilter
 from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
     MeasurementModel,
@@ -73,17 +73,18 @@ class MotionNow:
 
 @dataclass
 class _Event:
-    """Sample, the estimate after it, its correction, and what the estimate predicted of the next.
-
-    The smoother's gain to the next sample is found when it is asked for the first time.
-    """
+    """Sample, its correction, and span and turn from it to the next sample of a later time."""
 
     time: float
     observation: Observation
-    after: MotionEstimate
-    change: Array
-    predicted: tuple[float, MotionEstimate] | None = None
-    gain: Array | None = None
+    found: Corrected
+    span: float = 0.0
+    turned: Array | None = None
+
+    @property
+    def after(self) -> MotionEstimate:
+        """Estimate after the sample."""
+        return self.found.estimate
 
 
 class MotionTracker:
@@ -300,25 +301,31 @@ class _Part:
 
     def past(self, times: Array) -> list[Motion]:
         """Motion at increasing times given all samples so far."""
-        stamps = [event.time for event in self.events]
-        places = [bisect_right(stamps, moment + 1e-9) - 1 for moment in times.tolist()]
-        if places[0] < 0 or times[-1] > stamps[-1] + 1e-9:
-            expected = f"times from {stamps[0]:.6g} to {stamps[-1]:.6g} s"
+        begin, end = self.events[0].time, self.events[-1].time
+        places = [self._after(moment + 1e-9) - 1 for moment in times.tolist()]
+        if places[0] < 0 or times[-1] > end + 1e-9:
+            expected = f"times from {begin:.6g} to {end:.6g} s"
             raise LogError(f"times: expected {expected}, found {times[0]:.6g} to {times[-1]:.6g} s")
         wanted, changes = set(places), {}
-        change = np.zeros(self.filter.size)
-        for k in range(len(stamps) - 1, places[0] - 1, -1):
+        adjoint = np.zeros(self.filter.size)
+        for k in range(len(self.events) - 1, places[0] - 1, -1):
+            event = self.events[k]
+            if event.turned is not None:
+                adjoint = self.filter.before_span(adjoint, event.span, event.turned)
             if k in wanted:
-                changes[k] = change
-            gain = self._gain(self.events[k - 1]) if k > places[0] else None
-            change = change + self.events[k].change
-            change = change if gain is None else gain @ change
+                changes[k] = event.after.root @ (event.after.root.T @ adjoint)
+            _, innovation, slope, gain = event.found
+            adjoint = adjoint + (innovation - adjoint @ gain) @ slope
         found = []
         for moment, k in zip(times.tolist(), places, strict=True):
             motion = self.filter.corrected(self.events[k].after, changes[k]).motion
-            span = moment - stamps[k]
+            span = moment - self.events[k].time
             found.append(self.filter.predicted_motion(motion, span)[0] if span > 1e-9 else motion)
         return found
+
+    def _after(self, time: float) -> int:
+        """Place of the first sample after a time."""
+        return bisect_right(self.events, time, key=lambda event: event.time)
 
     def _begin(self) -> None:
         streams = [
@@ -338,21 +345,15 @@ class _Part:
         last = self.events[-1]
         if time <= last.time:
             return last.after
-        estimate = self.filter.predict(last.after, time - last.time)
-        last.predicted = time - last.time, estimate
-        return estimate
-
-    def _gain(self, event: _Event) -> Array | None:
-        """Gain of the smoother from a sample to the next, None where they are at one time."""
-        if event.gain is None and event.predicted is not None:
-            event.gain = self.filter.smoother_gain(event.after, *event.predicted)
-        return event.gain
+        last.span = time - last.time
+        motion, last.turned = self.filter.predicted_motion(last.after.motion, last.span)
+        return self.filter.moved(last.after, motion, last.turned, last.span)
 
     def _append(self, time: float, observation: Observation, estimate: MotionEstimate) -> None:
         """Add the sample of a time to the estimate before it."""
-        after, change, nis = self.filter.update(estimate, [observation])
-        self.events.append(_Event(time, observation, after, change))
-        self._loud += 1 if nis > _LOUD else -1  # above zero where the median is
+        found = self.filter.update(estimate, [observation])
+        self.events.append(_Event(time, observation, found))
+        self._loud += 1 if found.nis > _LOUD else -1  # above zero where the median is
         self._seen += 1
         if self._seen == _LATELY:
             if self._loud > 0:
@@ -361,13 +362,13 @@ class _Part:
             self._loud = self._seen = 0
 
     def _place(self, time: float, observation: Observation, memory: float) -> None:
-        place = bisect_right(self.events, time, key=lambda event: event.time)
+        place = self._after(time)
         if place == 0:
             self.late += 1
             return
         again = [(event.time, event.observation) for event in self.events[place:]]
         del self.events[place:]
-        self.events[-1].gain = self.events[-1].predicted = None
+        self.events[-1].turned = None
         for moment, seen in [(time, observation), *again]:
             self._append(moment, seen, self._predicted(moment))
         oldest = self.events[-1].time - memory
