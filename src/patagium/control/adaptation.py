@@ -6,19 +6,22 @@ least squares that forget, the orbit is trimmed anew with them, and neutral valu
 reference and gains follow the orbit: what integral action would do, for any cause that shows in
 the motion (a wing that was cut, another polar, a weight that was never weighed, wind). A wing cut
 in flight takes its mass along, which no weight of the air explains: what repeats within the beat
-jumps. Such beats teach nothing; from the second on the cut is sought that explains them. Neglected:
-what neither explains, which is noise to the weights; errors of the measured state.
+jumps. Such beats teach nothing, and the cut is sought that explains them, by its wing, share and
+time in the beat. Neglected: what neither explains, which is noise to the weights; errors of the
+measured state.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics import Aerodynamics
+from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
@@ -30,22 +33,27 @@ from patagium.simulation.simulator import FlightState
 
 Array = NDArray[np.float64]
 
-EFFECTIVENESS_STD, WRENCH_STD = 0.5, 0.3
+EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
 """Standard deviations before any flight: of the effectiveness of a strip [1], and of the force
 over the weight and the moment over weight times mean chord."""
 NOISE_SHARE = 0.1
 """Standard deviation of the noise of an interval over what the strips do in it, at least."""
 MEMORY = 10.0
 """Beats that are remembered, where nobody says."""
-STIFFNESS = 0.1
-"""Change of a state of the orbit over what is tolerable that weighs as much as a gait parameter
-changed by 0.3: the commands rather than the attitude make up for what changed."""
+STIFFNESS = MappingProxyType({"roll": 0.1, "pitch": 0.1, "velocity of y": 0.1})
+"""Changes of states of the orbit [rad, m/s] that weigh as much as a gait parameter changed by 0.3:
+the commands rather than the attitude make up for what changed."""
 
 SURPRISE = 6.0
 """Mean square of what differs within a beat, over that of the beats before, which the weights
 cannot explain."""
-LARGEST_CUT = 0.6
-"""Largest share of a wing's span that is sought as lost."""
+FORGOTTEN = 0.8
+"""Share of what was learned that is forgotten where a cut is found: what made up for the errors of
+the model on one orbit does less so on another."""
+RIPPLE_BEATS = 5.0
+"""Beats over which the size of what differs within a beat is averaged."""
+LARGEST_CUT, LEAST_CUT = 0.6, 4
+"""Largest share of a wing's span that is sought as lost; intervals of the cut wing, at least."""
 
 
 class AirWeights:
@@ -74,11 +82,6 @@ class AirWeights:
         self._errors, self._count = np.zeros(2), 0.0
 
     @property
-    def covariance(self) -> Array:
-        """Covariance of the weights, (n_w, n_w)."""
-        return np.asarray(np.linalg.inv(self._information), float)
-
-    @property
     def better(self) -> bool:
         """Whether the weights predicted the beats that came better than the prior did."""
         return bool(self._errors[0] < self._errors[1])
@@ -98,6 +101,15 @@ class AirWeights:
         self._vector = kept * self._vector + (1 - kept) * self._own @ self.prior
         self._vector += slopes.T @ measured
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
+
+    def forget(self, share: float) -> None:
+        """Forget a share of what the beats told, as where the robot has become another.
+
+        Args:
+            share: From 0 to 1.
+        """
+        self._information += share * (self._own - self._information)
+        self._vector += share * (self._own @ self.prior - self._vector)
 
     def differ(self, others: Array) -> bool:
         """Whether the weights differ from others by more than a standard deviation.
@@ -130,10 +142,10 @@ class AdaptiveController:
     The model is used where it predicted better than the design model, within bounds: an
     effectiveness from 0 to 2, a force up to the weight. Where it has no orbit, or none that the
     commands can hold, the one before is followed on. A beat that differs from the others within
-    itself more than any weights explain (`SURPRISE`) teaches nothing; if the next one does so too,
-    each wing is cut in the model, of air and masses alike, as far as explains it best. Where no
-    cut does, nothing is learned until beats are explained again, and the orbit is that without
-    weights.
+    itself more than any weights explain (`SURPRISE`) teaches nothing; each wing is cut in the model
+    then, of air and masses alike, as far and from that interval on as explains it best. Where no
+    cut does, nothing is learned until beats are explained again, and from the second such beat on
+    the orbit is that without weights.
 
     Args:
         controller: Controller along the orbit.
@@ -178,11 +190,6 @@ class AdaptiveController:
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
         self.counts: Counter[str] = Counter()
-        self._tolerable = {
-            model.names[k]: STIFFNESS * float(weight) ** -0.5
-            for k, weight in zip(model.kept, controller.weights, strict=False)
-            if weight > 0
-        }
 
     @property
     def held(self) -> Counter[str]:
@@ -218,6 +225,18 @@ class AdaptiveController:
         found = ", ".join(f"{count} {what}" for what, count in sorted(self.counts.items()))
         return f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
 
+    def take(self, air: Aerodynamics) -> None:
+        """Take another robot and air as the model from now on, as where a loss is known.
+
+        Most of what was learned is forgotten, and the beat so far teaches nothing.
+
+        Args:
+            air: Model of the air around the robot as it is now, without weights.
+        """
+        self._air, self._surprised = air, False
+        self._samples.clear()
+        self.learner.forget(FORGOTTEN)
+
     def use(self, weights: Array, first: int) -> bool:
         """Follow the orbit of other weights from an interval on, and say whether there is one.
 
@@ -234,8 +253,8 @@ class AdaptiveController:
             speed=design.speed,
             climb=design.climb,
             start=design,
-            added_mass=design.added_mass,
-            tolerable=self._tolerable,
+            added_mass=self._added_mass(self._air),
+            tolerable=STIFFNESS,
         )
         if isinstance(found, NoOrbit):
             self.counts["not found"] += 1
@@ -252,66 +271,90 @@ class AdaptiveController:
     def _relearn(self, first: int) -> None:
         """Learn from the beat that ends, and follow the model where it is another."""
         beat = self._flown(first, self._air)
-        if beat is not None and self._surprise(beat) > SURPRISE:
-            again, self._surprised = self._surprised, True
-            if not (again and self._cut(first, self._surprise(beat))):
-                self.counts["beyond the model"] += 1
-                if again and not np.array_equal(self.weights, self.learner.prior):
-                    self.use(self.learner.prior, first)
-                return
-            beat = self._flown(first, self._air)
         if beat is None:
             self.counts["without samples"] += 1
             return
+        surprise = self._surprise(self._missed(beat), beat)
+        if surprise > SURPRISE:
+            again, self._surprised = self._surprised, True
+            if self._cut(first, beat, surprise):
+                self.use(self._wanted(), first)
+                return
+            self.counts["beyond the model"] += 1
+            if again and not np.array_equal(self.weights, self.learner.prior):
+                self.use(self.learner.prior, first)
+            return
         self._surprised = False
         self.learner.learn(*self._whitened(beat))
-        learner, wanted = self.learner, self.learner.prior
-        if learner.better:
-            moved = learner.differ(self.weights)
-            wanted = np.clip(learner.weights, self._least, self._most) if moved else self.weights
+        wanted = self._wanted()
         if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
         else:
             self.use(wanted, first)
 
-    def _cut(self, first: int, surprise: float) -> bool:
-        """Whether the cut of a wing explains the beat before an interval; it is taken over then."""
+    def _wanted(self) -> Array:
+        """Weights to follow: those learned where they predict better and are others."""
+        learner = self.learner
+        if not learner.better:
+            return learner.prior
+        if not learner.differ(self.weights):
+            return self.weights
+        return np.asarray(np.clip(learner.weights, self._least, self._most))
+
+    def _cut(self, first: int, whole: _Beat, surprise: float) -> bool:
+        """Whether the cut of a wing explains the beat before an interval; it is taken over then.
+
+        The cut may have happened within the beat: its intervals are those of the whole wing, one
+        that is left out, and at least `LEAST_CUT` of the cut wing.
+        """
         from scipy.optimize import minimize_scalar  # slow to import, rarely needed
 
         found: list[tuple[float, Aerodynamics]] = []
+        before = self._missed(whole)
         for wing in dict.fromkeys(strip.wing for strip in self._air.robot.strips):
 
             def without(share: float, wing: str = wing) -> float:
                 loss = WingLossEvent(time=0.0, wing=wing, share=share)
                 air = loss.changed(self._air.robot, self._air)[1]
-                beat = self._flown(first, air)
-                found.append((np.inf if beat is None else self._surprise(beat), air))
-                return found[-1][0]
+                beat, least = self._flown(first, air), np.inf
+                if beat is not None and len(beat.measured) == len(before):
+                    after = self._missed(beat)
+                    ways = [after]
+                    for k in range(1, len(after) - LEAST_CUT):
+                        ways.append(np.vstack([before[:k], after[k + 1 :]]))
+                    least = min(self._surprise(way, whole) for way in ways)
+                found.append((least, air))
+                return least
 
             minimize_scalar(without, bounds=(0.0, LARGEST_CUT), options={"xatol": 0.005})
         least, air = min(found, key=lambda one: one[0])
         if not least <= max(SURPRISE, surprise / 4):
             return False
         self._air = air
+        self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
 
-    def _surprise(self, beat: _Beat) -> float:
+    def _missed(self, beat: _Beat) -> Array:
+        """Misfit of each interval that the weights leave, (m, velocities) [m/s, rad/s]."""
+        return np.asarray(beat.measured - beat.slopes @ self.learner.weights)
+
+    def _surprise(self, missed: Array, beat: _Beat) -> float:
         """Mean square of what differs within a beat over that of the beats before; 0 at first."""
         if self._ripple is None:
             return 0.0
-        return float((self._ripple_of(beat) / (self._noise(beat) ** 2 + self._ripple)).mean())
-
-    def _ripple_of(self, beat: _Beat) -> Array:
-        """Mean square of what differs within a beat and no weight explains, (velocities,)."""
-        missed = beat.measured - beat.slopes @ self.learner.weights
-        return np.asarray(((missed - missed.mean(axis=0)) ** 2).mean(axis=0))
+        return float((missed.var(axis=0) / (self._noise(beat) ** 2 + self._ripple)).mean())
 
     def _noise(self, beat: _Beat) -> Array:
-        """Least standard deviation of the noise of an interval, (velocities,)."""
+        """Lower bound of the standard deviation of the noise in an interval, (velocities,)."""
         strips = slice(0, len(self.weights) - len(WRENCH))
         own = ((beat.slopes * self.learner.prior)[:, :, strips] ** 2).sum(axis=2).mean(axis=0)
         return np.asarray(NOISE_SHARE * np.sqrt(own))
+
+    def _added_mass(self, air: Aerodynamics) -> AddedMass | None:
+        """Inertia of the air around the robot of a model of the air, or None."""
+        added = self._design.added_mass
+        return None if added is None else replace(added, robot=air.robot)
 
     def _flown(self, first: int, air: Aerodynamics) -> _Beat | None:
         """Intervals of the beat before an interval whose ends were measured; None without any."""
@@ -321,7 +364,7 @@ class AdaptiveController:
         end = np.array([samples.get(k + 1, model.along(k + 1)) for k in places])
         steps = model.parts * -(-self.orbit.steps // model.parts)
         learned = LearnedAir(air, self.weights)
-        flight = FlightMap(air.robot, learned, self._design.added_mass, learned.weight_names)
+        flight = FlightMap(air.robot, learned, self._added_mass(air), learned.weight_names)
         flown = flight.fly(begin, self._rows(places[0] * self.period, steps))
         moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
         slopes, missed = flown.by_parameter[:, moving], (end - flown.ends)[:, moving]
@@ -353,10 +396,11 @@ class AdaptiveController:
         What models of the air differ in within a beat repeats and is no white noise: its size is
         taken from the beats, while the mean, which moves the flight, keeps the noise of a sample.
         """
-        noise, ripple = self._noise(beat), self._ripple_of(beat)
+        noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
         slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
         within, apart = beat.slopes - slopes, beat.measured - measured
-        self._ripple = ripple if self._ripple is None else 0.5 * (self._ripple + ripple)
+        former = ripple if self._ripple is None else self._ripple
+        self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
         std, many = np.sqrt(noise**2 + self._ripple), np.sqrt(len(apart))
         whole = np.vstack([slopes[None] * many / noise[:, None], within / std[:, None]])
         told = np.vstack([measured * many / noise, apart / std])

@@ -197,6 +197,27 @@ def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Arra
     return np.concatenate([own, found[:, :, :3]], axis=2), found[:, :, 3]
 
 
+def turned(orbit: Reference, names: Sequence[str], heading: float | None) -> Array:
+    """State at the beginning of an orbit that is turned about the vertical, (n,) [SI].
+
+    Args:
+        orbit: The orbit.
+        names: Names of the entries of its state, Euler angles among them.
+        heading: Mean heading that it is turned to [rad]; None: its own.
+    """
+    state = np.array(orbit.states[0])
+    if heading is None:
+        return state
+    yaw = names.index("yaw")
+    angle = heading - float(orbit.states[:, yaw].mean())
+    state[yaw] += angle
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    for pair in (("x", "y"), ("velocity of x", "velocity of y")):
+        places = [names.index(name) for name in pair]
+        state[places] = turn @ state[places]
+    return state
+
+
 class OrbitModel:
     """Flight near a periodic orbit, its commands as they are answered: linear, periodic in time.
 
@@ -214,6 +235,7 @@ class OrbitModel:
         steered: Gait that is flown and that the orbit's is reached from by `parameters`; by
             default one that begins as the orbit's.
         parameters: Values of the commands on the orbit, where the steered gait's own are others.
+        heading: Mean heading of the orbit, which is turned to it [rad]; by default its own.
 
     Raises:
         ParameterError: If a command is none of the gait, or the orbit turns or is none.
@@ -235,6 +257,7 @@ class OrbitModel:
         parts: int = 10,
         steered: SteeredGait | None = None,
         parameters: Mapping[str, float] = MappingProxyType({}),
+        heading: float | None = None,
     ) -> None:
         flight = orbit.map
         robot = flight.robot
@@ -252,7 +275,7 @@ class OrbitModel:
         self.size = len(self.kept) + sum(self._chains)
         self.states = np.zeros((parts + 1, flight.size))
         self.origin = np.zeros(flight.size)
-        self.states[0] = orbit.states[0]
+        self.states[0] = turned(orbit, self.names, heading)
         self.by_state = np.zeros((parts, self.size, self.size))
         self.by_input = np.zeros((parts, self.size, len(commands)))
         for part in range(parts):
@@ -499,7 +522,7 @@ class OrbitController:
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit of the same frequency from an interval on.
 
-        Its mean position goes on from that of the orbit before.
+        Its mean position and heading go on from those of the orbit before.
 
         Args:
             orbit: The orbit, and the model of robot and air that it was found with.
@@ -511,10 +534,13 @@ class OrbitController:
                 followed on then.
         """
         before = self.model
-        model = OrbitModel(orbit, before.commands, before.parts, before.steered, parameters)
+        beat = range(first, first + before.parts)
+        former = np.mean([before.along(k) for k in beat], axis=0)
+        heading = float(former[before.names.index("yaw")])
+        options = (before.commands, before.parts, before.steered, parameters, heading)
+        model = OrbitModel(orbit, *options)
         costs, gains = self._law(model)
-        beat = range(first, first + model.parts)
-        gap = np.mean([before.along(k) - model.along(k) for k in beat], axis=0)
+        gap = former - np.mean([model.along(k) for k in beat], axis=0)
         places = [model.names.index(name) for name in ("x", "y", "z")]
         model.origin[places] = gap[places]
         self.model, self.costs, self.gains = model, costs, gains

@@ -43,6 +43,7 @@ _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
 _RANK = 1e-9  # of singular values that count
+_PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
 _STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
 
 
@@ -55,7 +56,8 @@ class TrimOptions(TypedDict, total=False):
         steps: Time steps of a beat, a multiple of 40.
         tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
             by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
-            the conditions; by default 1 rad, 3 m/s and 20 rad/s.
+            the conditions; by default 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
+            nearest by these sizes to what the search began from.
     """
 
     added_mass: AddedMass | None
@@ -220,6 +222,32 @@ class OrbitSearch:
             at = best
         return at, "" if at.residual <= TOLERANCE else "stalled"
 
+    def nearest(self, at: _Point, begin: _Point, conditions: Conditions) -> _Point:
+        """Orbit that is nearest to a point, by the sizes of the unknowns, from an orbit found.
+
+        The smallest Newton steps do not add up to the smallest change; so the way back to the
+        point is taken within the kernel of the Newton matrix, and Newton's method from there.
+        """
+        kept, reach = self.frame.kept, np.where(self.still, 0.0, self._reach)
+        for _ in range(_PROJECTIONS):
+            matrix, _, nodes = self.system(at)
+            way = [(begin.states[0] - at.states[0])[kept] / self._size]
+            way += [np.where(self.still, 0.0, begin.values - at.values) / self._reach]
+            back = np.concatenate(way)
+            back -= np.linalg.lstsq(matrix, matrix @ back, rcond=_RANK)[0]
+            first = np.zeros(self.frame.size)
+            first[kept] = back[: len(kept)] * self._size
+            moved = back[len(kept) :] * reach
+            states = at.states + np.array([a @ first + b @ moved for a, b, _ in nodes])
+            near = self.point(states, at.values + moved, conditions)
+            trial, trouble = self.newton(near, conditions)
+            if trouble or self.excess(trial.values):
+                break
+            at = trial
+            if np.linalg.norm(back) < _SETTLED:
+                break
+        return at
+
     def within(self, at: _Point, conditions: Conditions) -> tuple[_Point, str]:
         """Orbit whose gait keeps the limits: parameters that would exceed one are held there."""
         begin = at
@@ -354,6 +382,8 @@ def trim(
     at, trouble = _searched(search, states, conditions)
     if trouble:
         return _not_found(search, at, trouble)
+    if options.get("tolerable"):
+        at = search.nearest(at, search.point(states, family.neutral, conditions), conditions)
     return orbit_of(search, at, options.get("added_mass"))
 
 

@@ -151,7 +151,7 @@ def test_a_wing_cut_in_flight_is_found_and_taken_over(orbit, wing):
         events=[cut], sensors=NoisyState({"yaw": 5e-3, "velocity of roll": 0.02}),
     )  # fmt: skip
     assert controller.counts["cut of a wing found"] == 1
-    assert controller.counts["beyond the model"] == 1  # the beat that holds the cut
+    assert controller.counts["beyond the model"] == 0  # the beat that holds the cut tells it
     found = controller.orbit.robot
     wings = ("left_wing", "right_wing")
     widths = {w: sum(s.width for s in found.strips if s.wing == w) for w in wings}
@@ -159,6 +159,33 @@ def test_a_wing_cut_in_flight_is_found_and_taken_over(orbit, wing):
     assert widths[wing] == pytest.approx((1 - share) * whole, rel=0.03)  # of noise and polar
     assert max(widths.values()) == pytest.approx(whole, rel=1e-12)  # the other wing is whole
     assert "1 cut of a wing found" in flight.attrs["controller"]
+
+
+def test_a_cut_late_in_a_beat_is_not_taken_for_usual(orbit):
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    controller, beat = AdaptiveController(law, orbit), orbit.period
+    cut = WingLossEvent(time=5.9 * beat, wing="right_wing", share=0.3)
+    pt.fly(orbit.robot, orbit.aero, controller, orbit=orbit, duration=9 * beat, events=[cut])
+    assert controller.counts["cut of a wing found"] == 1
+    former, found = (
+        sum(s.width for s in one.robot.strips if s.wing == "right_wing")
+        for one in (orbit, controller.orbit)
+    )
+    assert found == pytest.approx(0.7 * former, rel=0.03)
+
+
+def test_heading_goes_on_on_another_orbit(orbit):
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    controller, before = AdaptiveController(law, orbit), law.model
+    weights = np.array(controller.weights)
+    weights[3:5] = 0.5  # a left wing that carries less: yaw is no longer mirrored in a beat
+    assert controller.use(weights, 10)
+    model, beat = law.model, range(10, 10 + before.parts)
+    yaw = model.names.index("yaw")
+    own = np.mean([state[yaw] for state in controller.orbit.states])
+    mean, former = (np.mean([one.along(k)[yaw] for k in beat]) for one in (model, before))
+    assert abs(own) > 5e-3  # where the orbit was found
+    assert mean == pytest.approx(former, abs=0.1 * abs(own))  # means of 40 and of 10 samples
 
 
 def test_what_no_cut_explains_is_not_learned(orbit):

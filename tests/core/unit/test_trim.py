@@ -79,6 +79,37 @@ def test_one_robot_hovers_and_glides_another(tmp_path):
     assert np.ptp(glide.states[:, glide.names.index("pitch")]) < 1e-12
 
 
+def test_the_orbit_is_the_nearest_by_what_is_tolerable(orbit):
+    robot, names = orbit.robot, orbit.names
+    narrow = robot.with_parameters({"left_wing[4].width": 0.2 * float(robot.strips[4].width)})
+    free = (
+        *("left_plunge_amplitude", "right_plunge_amplitude"),
+        *("left_feather_offset", "right_feather_offset", "feather_amplitude"),
+    )
+    measures = [
+        {"roll": 0.1, "pitch": 0.1, "velocity of y": 0.1},
+        {"velocity of y": 0.1},
+        {"roll": 0.3, "pitch": 0.3, "velocity of y": 0.3},
+    ]
+    found = [
+        pt.trim(narrow, gait=orbit.gait, free=free, speed=4.0, start=orbit, tolerable=one)
+        for one in measures
+    ]
+    for own, tolerable in enumerate(measures):
+        sizes = np.array([tolerable.get(k, 20.0 if "velocity" in k else 1.0) for k in names])
+        sizes[[names.index(f"velocity of {k}") for k in "xz"]] = 3.0
+        lengths = [
+            np.linalg.norm(
+                np.r_[
+                    (one.states[0] - orbit.states[0]) / sizes,
+                    (one.values - one.family.neutral) / 0.3,
+                ]
+            )
+            for one in found
+        ]
+        assert lengths[own] < 1.001 * min(lengths)  # where the way back ends
+
+
 def test_lag_states_are_on_the_orbit(tmp_path):
     file = tmp_path / "flapper.yaml"
     file.write_text(FLAPPER)
