@@ -63,8 +63,8 @@ class LearnerChoice:
     """Learner and network that the command line and a file of settings choose.
 
     Attributes:
-        kind: Kind of the learner, a key of `RECORDS`: the extended filter where neither it nor a
-            network was chosen, nor a setting that this one has not.
+        kind: Kind of the learner, a key of `RECORDS`: the extended filter where it was not chosen,
+            unless a setting was that only the cubature filter has.
         settings: Values of its settings by dotted name, such as "screening.outlier_std".
         network: Kind of the network; None: the default of a robot, a dense one of a table.
         hidden: Neurons of each hidden layer, or several of these; None: those of the network.
@@ -75,7 +75,7 @@ class LearnerChoice:
         default: Whether network and learner are the default ones.
     """
 
-    kind: str = "cubature"
+    kind: str = "extended"
     settings: Mapping[str, Any] | None = None
     network: NetworkKind | None = None
     hidden: Any = None
@@ -213,8 +213,7 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     yield _parameter("hidden", many, option)
     activation = typer.Option(help="Activation of the hidden layers; softplus by default.", **shown)
     yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
-    learners = "Kind of the learner; cubature by default, extended for the default network."
-    learner = typer.Option(help=learners, **shown)
+    learner = typer.Option(help="Kind of the learner; extended by default.", **shown)
     yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
@@ -289,11 +288,12 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
             settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
     given_one = bool(shape or settings or path)
     unchosen = given.keys().isdisjoint(("learner", "network", "hidden", "activation"))
-    linear = shape.get("network") is NetworkKind.LINEAR_STRIP and "learner" not in given
     own = {one.name for one in settings_of("extended")}
-    if path is None and {name.partition(".")[0] for name in settings} <= own:
-        if linear or unchosen:
-            shape |= {"kind": "extended", "default": unchosen}
+    if path is None:
+        if {name.partition(".")[0] for name in settings} <= own:
+            shape["default"] = unchosen
+        elif "learner" not in given:
+            shape["kind"] = "cubature"
     choice = LearnerChoice(settings=settings, given=given_one, **shape)
     return choice if path is None else _completed(choice, set(shape), path)
 

@@ -235,7 +235,7 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
 @pytest.mark.parametrize(
     "words",
     [
-        ("--network", "dense", "--hidden", "6", "--learner", "extended", *LEARN[:4]),
+        ("--network", "dense", "--hidden", "6", "--spread", "1.5", *LEARN[:4]),
         ("--network", "dense", "--learner", "gradient", "--learning-rate", "0.01"),
         ("--learner", "linear", *LEARN[:4]),
         ("--network", "strip", "--hidden", "6", *LEARN[:4]),
@@ -244,10 +244,14 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
 def test_identify_with_every_learner(
     words: tuple[str, ...], flight: Path, tmp_path: Path, speak: Speak
 ) -> None:
+    """The extended filter learns where no learner is named, the cubature filter by its spread."""
     model = tmp_path / "m.json"
     answer = speak("identify", flight, *words, "--every", "20", "--model", model, "--json")
     assert answer.code == 0, answer.err
     assert json.loads(answer.out)["updates"] == 26
+    unnamed = "cubature" if "--spread" in words else "extended"
+    kind = words[words.index("--learner") + 1] if "--learner" in words else unnamed
+    assert json.loads(model.read_text("utf-8"))["learner"]["kind"] == kind
     assert speak("evaluate", model, flight).code == 0
 
 

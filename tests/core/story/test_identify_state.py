@@ -102,14 +102,14 @@ def test_an_output_that_fails_costs_no_other(
 def test_ctrl_c_keeps_what_was_learned(
     identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    state, update = tmp_path / "learner.state", pt.CubatureLearner.update
+    state, update = tmp_path / "learner.state", pt.ExtendedLearner.update
 
-    def interrupted(self: pt.CubatureLearner, *sample: object) -> object:
+    def interrupted(self: pt.ExtendedLearner, *sample: object) -> object:
         if self.count == 150:
             signal.raise_signal(signal.SIGINT)
         return update(self, *sample)
 
-    monkeypatch.setattr(pt.CubatureLearner, "update", interrupted)
+    monkeypatch.setattr(pt.ExtendedLearner, "update", interrupted)
     answer = identify(*LEARN, "--state", state)
     assert answer.code == 130
     found = pt.load_learner(state)

@@ -116,7 +116,8 @@ def test_identify_takes_the_settings_and_options_count_more(folder: Path, speak:
     for name, value in chosen["learner"].items():
         assert learned["learner"][name] == value
     assert learned["network"]["hidden"] == chosen["network"]["hidden"]
-    own = ("--every", 20, "--spread", 1.5, "--hidden", "5", "--covariance", "layer", "--seed", 2)
+    own = ("--learner", "cubature", "--every", 20, "--spread", 1.5, "--hidden", "5")
+    own = (*own, "--covariance", "layer", "--seed", 2)
     other = speak("identify", flight, "--settings", settings, *own, "--model", model, "--json")
     assert other.code == 0, other.err
     assert json.loads(other.out)["every"] == 20
