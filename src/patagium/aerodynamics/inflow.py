@@ -18,10 +18,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import velocity_at
-from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import cross, vector
@@ -39,7 +38,7 @@ TANDEM = 0.5
 
 
 @dataclass(frozen=True)
-class Inflow(Aerodynamics):
+class Inflow(OnModel):
     """Model of the air with the velocity that its own forces induce through the strokes.
 
     Wings whose roots are close (left and right, fore and hind) sweep one stroke. With F the
@@ -71,7 +70,6 @@ class Inflow(Aerodynamics):
         Pitt & Peters (1981), Vertica 5, 21-34 (inertia of the inflow).
     """
 
-    model: Aerodynamics
     induced_factor: float = 1.0
     apparent_mass: float = 8 / 3
     memory: float = 2 * pi
@@ -79,22 +77,11 @@ class Inflow(Aerodynamics):
     name = "inflow"
 
     def __post_init__(self) -> None:
-        if isinstance(self.model, Inflow):
-            raise ParameterError("model", "a model of the air without inflow", self.model.name)
+        super().__post_init__()
         for name in NUMBERS:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0):
                 raise ParameterError(name, "a positive number", value)
-
-    @property
-    def robot(self) -> Robot:  # type: ignore[override]
-        """The machine."""
-        return self.model.robot
-
-    @property
-    def air(self) -> Air:  # type: ignore[override]
-        """Density, wind and gusts."""
-        return self.model.air
 
     @cached_property
     def strokes(self) -> tuple[Stroke, ...]:
@@ -129,14 +116,9 @@ class Inflow(Aerodynamics):
         return f"{self.name} {self.strokes} on {self.model.structure}"
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, in the order of `parameters`."""
-        return (*self.model.parameter_names, *(f"inflow.{name}" for name in NUMBERS))
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, (n_c,)."""
-        return np.concatenate([self.model.parameters, [getattr(self, name) for name in NUMBERS]])
+    def own_parameters(self) -> dict[str, float]:
+        """Numbers of the inflow by name [1, rad]."""
+        return {f"inflow.{name}": getattr(self, name) for name in NUMBERS}
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
@@ -164,7 +146,13 @@ class Inflow(Aerodynamics):
             ca.vertcat(*(part.rate for part in parts)),
             ca.vertcat(*(part.target for part in parts)),
         )
-        return replace(air, state_derivative=memory.derivative(state), memory=memory)
+        given = [
+            ca.dot(air.strip_force[:, strip], velocity)
+            for stroke, velocity in zip(self.strokes, induced, strict=True)
+            for strip in stroke.strips
+        ]
+        power = air.power + sum(given, ca.SX(0))  # relative to the undisturbed air
+        return replace(air, power=power, state_derivative=memory.derivative(state), memory=memory)
 
 
 @dataclass(frozen=True)

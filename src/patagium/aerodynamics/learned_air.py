@@ -1,10 +1,10 @@
-"""Learned air: a model of the air whose strips are more or less effective, beside a wrench.
+"""Model of the air with learned weights: the effectiveness of each strip, and a constant wrench.
 
-What a flight tells of a wing that was cut, of a polar that is another, or of a weight that was
-never weighed: each strip's force over that of the model, and a mean force and moment on the body
-that nothing else explains. Both are linear in the force and run-time numbers, so that other
-weights compile nothing. Neglected: what changes a strip's force in direction, or within a beat
-otherwise than its own force.
+The weights hold what a flight shows of a wing that was cut, of another polar, or of a wrong
+weight: each strip's force over that of the model, and a mean force and moment on the body that
+nothing else explains. The force is linear in both, and both are run-time numbers, so that other
+weights compile nothing. Neglected: what changes the direction of a strip's force, or changes it
+within a beat in another way than the force itself changes.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross
@@ -32,7 +31,7 @@ WRENCH = ("force.x", "force.z", "moment.y")
 
 
 @dataclass(frozen=True)
-class LearnedAir(Aerodynamics):
+class LearnedAir(OnModel):
     """Model of the air with learned weights: Q = sum_i e_i J_i^T f_i + J_b^T w.
 
     f_i is the force of the model on strip i, J_i the Jacobian of its point, e_i its effectiveness,
@@ -49,14 +48,12 @@ class LearnedAir(Aerodynamics):
         ShapeError: If the weights are not (n_strips + 3,).
     """
 
-    model: Aerodynamics
     weights: ArrayLike | None = None
 
     name = "learned"
 
     def __post_init__(self) -> None:
-        if isinstance(self.model, LearnedAir):
-            raise ParameterError("model", "a model of the air without weights", self.model.name)
+        super().__post_init__()
         count = len(self.robot.strips)
         given = np.r_[np.ones(count), np.zeros(3)] if self.weights is None else self.weights
         weights = real_array("weights", given)
@@ -67,44 +64,14 @@ class LearnedAir(Aerodynamics):
         object.__setattr__(self, "weights", tuple(weights.tolist()))
 
     @property
-    def robot(self) -> Robot:  # type: ignore[override]
-        """The machine."""
-        return self.model.robot
-
-    @property
-    def air(self) -> Air:  # type: ignore[override]
-        """Density, wind and gusts."""
-        return self.model.air
-
-    @property
-    def state_size(self) -> int:
-        """Number of states of the model."""
-        return self.model.state_size
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states of the model."""
-        return self.model.state_names
-
-    @property
-    def structure(self) -> str:
-        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return f"{self.name} on {self.model.structure}"
-
-    @property
     def weight_names(self) -> tuple[str, ...]:
         """Names of the weights, (n_strips + 3,)."""
         return (*(f"effectiveness.{strip.name}" for strip in self.robot.strips), *WRENCH)
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, then of the weights."""
-        return (*self.model.parameter_names, *self.weight_names)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, then the weights, (n_c,)."""
-        return np.concatenate([self.model.parameters, np.asarray(self.weights)])
+    def own_parameters(self) -> dict[str, float]:
+        """The weights by name [1, N, N m]."""
+        return dict(zip(self.weight_names, np.asarray(self.weights), strict=True))
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""

@@ -1,12 +1,12 @@
 """Horseshoe vortices: strips of wing that induce velocity on each other.
 
-Each strip carries a bound vortex at its quarter chord and sheds a straight
-semi-infinite leg from each end, along the wind relative to that end; neighbors
-share a leg. A lifting line and the networks built on one share the linear system of the
-circulations of all strips, and a step of the lag states in which vortices and lags at its end
-feel each other. Neglected: what bound vortices induce on other strips, the bending of the wake
-by its own velocity and by the motion of long ago, in aspect ratios and the factor of low ones
-any difference between the strips of a wing.
+Each strip carries a bound vortex at its quarter chord and sheds a straight semi-infinite leg
+from each end, along the wind relative to that end but at most 45 degrees from the plane across
+the span; neighbors share a leg. A lifting line and the networks built on one share the linear
+system of the circulations of all strips, and a step of the lag states in which vortices and lags
+at its end feel each other. Neglected: what bound vortices induce on other strips, the bending of
+the wake by its own velocity and by the motion of long ago, in aspect ratios and the factor of low
+ones any difference between the strips of a wing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
 from patagium.aerodynamics.local_flow import StripMotion, strip_airflows, velocity_at
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
-from patagium.dynamics.chain import vector
+from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
 from patagium.robot.strip_chains import StripChain
@@ -186,14 +186,32 @@ def _legs(
         if len(sides) == 2 and strips[sides[0][0]].body == strips[sides[1][0]].body:
             sides = sides[:1]
         edge, velocity = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
+        span = ca.SX.zeros(3, 1)
         for i, offset in sides:
             strip = strips[i]
+            outwards = cross(vector(strip.normal), vector(strip.forward)) * chain.right[i]
+            span = span + poses[strip.body].rotation @ outwards
             edge = edge + _place(poses, strip, offset) / len(sides)
             local = velocity_at(airflows[chain.strips[i]], offset)
             velocity = velocity + poses[strip.body].rotation @ local / len(sides)
+        velocity = _across(velocity, span)
         direction = -velocity / smooth_norm(ca.dot(velocity, velocity))
         legs.append((edge, direction, ca.SX(core * core)))
     return legs
+
+
+def _across(velocity: ca.SX, span: ca.SX) -> ca.SX:
+    """Velocity whose part along the span is never greater than that across it, (3, 1) [m/s].
+
+    A leg that ran along the wing would pass through the next strips, where it is no trailing
+    vortex and may feed what makes it. With the tangent t of the angle between velocity and the
+    plane across the span, the part along it is divided by (1 + t^4)^(1/4): by 1.0002 at 10
+    degrees, 1.19 at 45.
+    """
+    along = span * (ca.dot(span, velocity) / (ca.dot(span, span) + NEAR))
+    across = velocity - along
+    square = smooth_norm(ca.dot(across, across)) ** 2
+    return across + along * ca.sqrt(square / ca.sqrt(square**2 + ca.dot(along, along) ** 2))
 
 
 def _end_offsets(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:

@@ -17,6 +17,7 @@ from patagium.aerodynamics import Inflow
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
+from patagium.simulation.air_audit import air_findings
 from patagium.simulation.flight import gait_period, robot_of
 
 Array = NDArray[np.float64]
@@ -66,8 +67,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     Raises:
         FlightError: If the flight does not carry its robot.
     """
-    robot, time = robot_of(flight), flight["time"].to_numpy()
-    chosen = _second_half(time, gait_period(flight))
+    robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
+    chosen = _second_half(time, beat)
     weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
     lift = flight["strip_force"].to_numpy()[chosen, :, 2].sum(axis=1).mean()
     span = time[chosen][-1] - time[chosen][0]
@@ -78,7 +79,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     }
     facts |= _of_body(robot, flight, chosen)
     warnings = _warnings(facts) + _hover(flight, facts, chosen) if "speed" in facts else []
-    facts["warnings"] = warnings + _overloads(robot, flight)
+    whole = chosen if beat and beat <= 1.01 * span else None  # to a sample
+    facts["warnings"] = warnings + _overloads(robot, flight) + air_findings(robot, flight, whole)
     return FlightSummary(facts, flight)
 
 

@@ -1,0 +1,78 @@
+"""Base of the models of the air that are put on another model of the air.
+
+Such a model takes robot, air, states and parameters from the model under it, and appends its
+own. Neglected: nothing; each such model names what it neglects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.errors import ParameterError
+from patagium.robot.model import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OnModel(Aerodynamics):
+    """Model of the air that is put on another one, whose states and parameters come first.
+
+    Args:
+        model: Model of the air under this one.
+
+    Raises:
+        ParameterError: If the model is already one of the same kind.
+    """
+
+    model: Aerodynamics
+
+    def __post_init__(self) -> None:
+        if isinstance(self.model, type(self)):
+            expected = f"a model of another kind than {self.name}"
+            raise ParameterError("model", expected, self.model.name)
+
+    @property
+    def robot(self) -> Robot:  # type: ignore[override]
+        """The machine."""
+        return self.model.robot
+
+    @property
+    def air(self) -> Air:  # type: ignore[override]
+        """Density, wind and gusts."""
+        return self.model.air
+
+    @property
+    def state_size(self) -> int:
+        """Number of states of the model and of its own."""
+        return self.model.state_size
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states of the model, then of its own."""
+        return self.model.state_names
+
+    @property
+    def structure(self) -> str:
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
+        return f"{self.name} on {self.model.structure}"
+
+    @property
+    def own_parameters(self) -> dict[str, float]:
+        """Parameters of its own, by name [SI]."""
+        raise NotImplementedError
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, then of its own."""
+        return (*self.model.parameter_names, *self.own_parameters)
+
+    @property
+    def parameters(self) -> Array:
+        """Values of the model's parameters, then of its own, (n_c,)."""
+        return np.array([*self.model.parameters, *self.own_parameters.values()])

@@ -1,0 +1,99 @@
+"""Physical limits of the air's forces in a flight: power, section coefficients, downwash.
+
+Still air can only take power from wings over whole wingbeats, no section has been measured whose
+force passes a few times its dynamic pressure, and wings do not drive air faster than they move.
+A flight beyond these limits is an error of a model or of its parameters, whatever its outcome.
+Neglected: power in air that changes with time, and coefficients within fast reversals.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from patagium.robot import Robot
+
+Array = NDArray[np.float64]
+
+LARGEST_COEFFICIENT = 4.0
+"""Force on a strip over area and dynamic pressure that no section reaches [1]."""
+NO_POWER = 1e-3
+"""Mean power over the mean of its size that a wake of long memory may leave [1]."""
+
+
+def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
+    """Sentences about forces of the air that are physically impossible, with strip and time.
+
+    Args:
+        robot: The machine.
+        flight: The flight.
+        beats: Samples of whole wingbeats, ends included; None where the gait has no period.
+    """
+    described = json.loads(flight.attrs.get("aero", "{}"))
+    while "of" in described:
+        described = described["of"]
+    if not robot.strips or not isinstance(described.get("air"), dict):
+        return []
+    found = [] if beats is None else _power(flight, beats)
+    return found + _coefficient(robot, flight, described["air"]["density"]) + _downwash(flight)
+
+
+def _power(flight: xr.Dataset, beats: slice) -> list[str]:
+    """Sentence about still air that gives power to the wings."""
+    wind, time = flight["wind"].to_numpy(), flight["time"].to_numpy()[beats]
+    if np.ptp(wind, axis=0).any() or "strip_wind" in flight or time.size < 3:
+        return []
+    if not wind.any():
+        steps = np.diff((flight["air_work"] + flight["added_mass_work"]).to_numpy()[beats])
+    elif flight["added_mass_work"].any():
+        return []  # circulation's share of it is not recorded relative to the wind
+    else:
+        power = flight["aero_power"].to_numpy()[beats]
+        steps = np.diff(time) * (power[1:] + power[:-1]) / 2
+    given = float(steps.sum())
+    if given <= NO_POWER * np.abs(steps).sum():
+        return []
+    moving = np.gradient(flight["strip_point"].to_numpy()[beats], time, axis=0) - wind[0]
+    of_strips = (flight["strip_force"].to_numpy()[beats] * moving).sum(-1).mean(0)
+    most, span = int(of_strips.argmax()), time[-1] - time[0]
+    return [
+        f"Still air gives the wings {given / span:.2g} W on average from {time[0]:.3g} to "
+        f"{time[-1]:.3g} s, {of_strips[most]:.2g} W of it to {flight['strip'].values[most]}: air "
+        "at rest can only take power, so the model of the air fails here."
+    ]
+
+
+def _coefficient(robot: Robot, flight: xr.Dataset, density: float) -> list[str]:
+    """Sentence about the largest force coefficient, if no section has it.
+
+    The dynamic pressure is at least that of the strip's root-mean-square speed.
+    """
+    speed = flight["strip_airspeed"].to_numpy().astype(float)
+    force = np.linalg.norm(flight["strip_force"].to_numpy(), axis=-1)
+    areas = np.array([float(strip.chord) * float(strip.width) for strip in robot.strips])
+    square = np.maximum(speed**2, (speed**2).mean(axis=0))
+    pressure = 0.5 * density * areas * square
+    ratio = np.divide(force, pressure, out=np.zeros_like(force), where=pressure > 0)
+    at, strip = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
+    if not ratio[at, strip] > LARGEST_COEFFICIENT:
+        return []
+    return [
+        f"{flight['strip'].values[strip]} has a force coefficient of {ratio[at, strip]:.3g} at "
+        f"{float(flight['time'][at]):.3g} s: no section reaches {LARGEST_COEFFICIENT:g}."
+    ]
+
+
+def _downwash(flight: xr.Dataset) -> list[str]:
+    """Sentence about the fastest downwash, if it is faster than any strip has been."""
+    wash = np.abs(flight["downwash"].to_numpy())
+    at, strip = np.unravel_index(int(np.nanargmax(wash)), wash.shape)
+    fastest = float(np.nanmax(flight["strip_airspeed"].to_numpy()))
+    if not wash[at, strip] > fastest > 0:
+        return []
+    return [
+        f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
+        f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
+    ]

@@ -1,0 +1,58 @@
+"""The summary of a flight says where forces of the air are physically impossible."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.simulation.flight_summary import flight_summary
+
+
+@pytest.fixture(scope="module")
+def flight() -> xr.Dataset:
+    robot = pt.load_robot("aerobat")
+    gait = pt.gaits.cruise(robot)
+    aero = pt.air.Inflow(pt.QuasiSteady(robot))
+    return pt.simulate(
+        robot, aero, gait, duration=2.2 / gait.frequency, time_step=5e-4, mount=pt.mounts.fixed()
+    )
+
+
+def sentences(flight: xr.Dataset) -> list[str]:
+    return [w for w in flight_summary(flight)["warnings"] if "needs" not in w and "tumbl" not in w]
+
+
+def test_a_sound_flight_has_no_findings(flight: xr.Dataset) -> None:
+    assert not [w for w in sentences(flight) if "Still air" in w or "coefficient" in w]
+
+
+def test_power_of_still_air_is_found(flight: xr.Dataset) -> None:
+    broken = flight.assign(air_work=-flight["air_work"])
+    (sentence,) = [w for w in sentences(broken) if "Still air gives" in w]
+    power = np.diff(flight["air_work"].to_numpy()[-1000:])
+    assert power.mean() < 0 and "wing" in sentence and "W on average" in sentence
+    assert not [w for w in sentences(broken.assign(wind=flight["wind"] + 1.0)) if "Still" in w]
+    blown = flight.assign(wind=flight["wind"] + 1.0, aero_power=-flight["aero_power"])
+    assert [w for w in sentences(blown) if "Still air gives" in w]
+
+
+def test_coefficients_and_downwash_beyond_limits_are_found(flight: xr.Dataset) -> None:
+    force = flight["strip_force"].copy()
+    force[300, 2] *= 1e3
+    (sentence,) = [w for w in sentences(flight.assign(strip_force=force)) if "coefficient" in w]
+    assert f"at {float(flight.time[300]):.3g} s" in sentence
+    assert sentence.startswith(str(flight["strip"].values[2]))
+    wash = flight["downwash"].copy()
+    wash[200, 1] = 1.6e4
+    (sentence,) = [w for w in sentences(flight.assign(downwash=wash)) if "downwash" in w]
+    assert sentence.startswith(f"The downwash at {flight['strip'].values[1]} is 1.6e+04 m/s")
+
+
+def test_power_with_inflow_is_that_on_the_robot(flight: xr.Dataset) -> None:
+    """In still air the recorded power is the rate of the recorded work, inflow included."""
+    power, work = flight["aero_power"].to_numpy(), flight["air_work"].to_numpy()
+    time = flight["time"].to_numpy()
+    done = np.append(0.0, np.cumsum(np.diff(time) * (power[1:] + power[:-1]) / 2))
+    assert np.abs(done - work).max() < 1e-3 * np.abs(work).max()  # the trapezoid's own error

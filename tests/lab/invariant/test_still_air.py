@@ -1,0 +1,18 @@
+"""Still air never gives mean power to wings, whatever they are and however they move."""
+
+from __future__ import annotations
+
+import pytest
+
+from patagium_lab.validation.still_air import ROUNDING, models, power_shares
+
+HARDEST = "lifting line, stall delay"
+
+
+@pytest.mark.parametrize("name", ["DeLaurier", HARDEST])
+def test_still_air_gives_no_mean_power(name: str) -> None:
+    """Ten random wings; seed 8 has one in a wind along its span, where legs met other strips."""
+    shares = power_shares(10, 8, {name: models()[name]}, first=25)
+    assert shares.shape == (1, 10)
+    assert (shares < ROUNDING).all()
+    assert shares.min() < -0.5  # and it takes power
