@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import patagium as pt
 from patagium.cli.main import run
 
 ROOT = Path(__file__).parents[3]
@@ -23,6 +24,20 @@ def shortened(text: str) -> str:
     short = text.replace("duration=2.0", "duration=0.2").replace('"2 s"', '"0.2 s"')
     short = short.replace("duration=0.5", "duration=0.2")
     return short.replace("every=100", "every=10").replace("--every 100", "--every 10")
+
+
+def test_it_takes_two_screens_before_the_tree() -> None:
+    assert README.split("## The tree")[0].count("\n") <= 96  # two screens of 48 lines
+
+
+def test_changelog_citation_and_laboratory_name_the_same_release() -> None:
+    headings = re.findall(
+        r"^## \[(.*?)\]", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE
+    )
+    assert headings[:2] == ["Unreleased", pt.__version__]
+    for file in ("CITATION.cff", "lab/pyproject.toml"):
+        found = re.search(r'^version\s*[:=]\s*"?([\d.]+)', (ROOT / file).read_text("utf-8"), re.M)
+        assert found is not None and found[1] == pt.__version__
 
 
 def test_python_blocks_run_one_after_the_other(
