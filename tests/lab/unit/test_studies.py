@@ -43,7 +43,16 @@ def test_a_study_is_a_plan_a_run_and_a_page(name: str) -> None:
 
 
 def test_the_studies_are_those_that_verbs_run() -> None:
-    names = ["attack", "bench", "foreign", "learners", "reproduction", "rig", "validation"]
+    names = [
+        "attack",
+        "bench",
+        "damage",
+        "foreign",
+        "learners",
+        "reproduction",
+        "rig",
+        "validation",
+    ]
     assert STUDIES == names
 
 

@@ -1,0 +1,58 @@
+"""`patagium study damage`: a wing lost in flight, with a model that relearns and without."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium study damage --out damage --quick",
+    "patagium study damage --out damage --page docs/damage.md",
+)
+
+
+def damage(
+    out: Annotated[Path, typer.Option(help="Folder of the report and its flights.")],
+    flights: Annotated[
+        int, typer.Option(min=1, help="Flights with learning, and as many without.")
+    ] = 100,
+    ablations: Annotated[
+        int, typer.Option(min=1, help="Flights of each ablation, and undamaged ones.")
+    ] = 20,
+    few: Annotated[
+        int, typer.Option(min=1, help="Flights by predictive control, and of each turbulence.")
+    ] = 10,
+    share: Annotated[
+        float, typer.Option(min=0.01, max=0.6, help="Share of the span of one wing that is lost.")
+    ] = 1 / 3,
+    seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 100,
+    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Two flights of each kind, in some minutes.")
+    ] = False,
+    page: Annotated[
+        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
+    ] = None,
+) -> None:
+    """Cut a wing of a flapping robot in flight, and see which controllers bring it back.
+
+    Writes report.html, metrics.json and flights.jsonl. Flights that are there already are kept, so
+    that the same command goes on where it stopped.
+    """
+    from patagium_lab.damage import page as pages
+    from patagium_lab.damage.plan import DamagePlan
+    from patagium_lab.damage.run import run
+    from patagium_lab.stage_bar import stage_bar
+    from patagium_lab.study import write_study
+
+    plan = DamagePlan(share, seed, flights, ablations, few, workers=jobs)
+    if quick:
+        plan = replace(plan, flights=2, ablations=2, few=2)
+    with stage_bar("Lost wing") as progress:
+        report, results = write_study(out, plan, run, pages.page, progress)
+        if page is not None:
+            results.write(page)
+    typer.echo(f"The report is in {report}")
