@@ -1,7 +1,8 @@
 """The air a robot flies in: density, uniform wind, gusts.
 
 The wind is the same everywhere; so is a gust at one time, unless it travels
-(`TravelingGust`). World axes. Neglected: shear, ground, compressibility.
+(`TravelingGust`). The ground, where there is one, is a level plane. World axes. Neglected: shear,
+obstacles, compressibility.
 """
 
 from __future__ import annotations
@@ -29,15 +30,17 @@ class Air:
         wind: Steady velocity of the air, world axes, (3,) [m/s]; a head wind of
             3 m/s on a robot that looks along x is (-3, 0, 0).
         gust: Velocity added to the steady wind, or None.
+        ground: Height of the ground, world z [m]; None: there is none within reach.
 
     Raises:
-        ParameterError: If the density is not positive or the wind not finite.
+        ParameterError: If the density is not positive, or the wind or the ground not finite.
         ShapeError: If the wind is not (3,).
     """
 
     density: float = 1.225
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gust: Gust | None = None
+    ground: float | None = None
 
     def __post_init__(self) -> None:
         positive("density", self.density, "a positive number [kg/m^3]")
@@ -46,8 +49,17 @@ class Air:
             raise ShapeError("wind", (3,), wind.shape)
         if not np.isfinite(wind).all():
             raise ParameterError("wind", "three finite numbers [m/s]", self.wind)
+        if self.ground is not None:
+            if not np.isfinite(self.ground):
+                raise ParameterError("ground", "a finite height [m], or None", self.ground)
+            object.__setattr__(self, "ground", float(self.ground))
         object.__setattr__(self, "density", float(self.density))
         object.__setattr__(self, "wind", tuple(wind.tolist()))
+
+    @property
+    def ground_parameters(self) -> dict[str, float]:
+        """Height of the ground as a parameter of models of the air [m]; empty without one."""
+        return {} if self.ground is None else {"ground": self.ground}
 
     @property
     def traveling(self) -> TravelingGust | None:
@@ -55,16 +67,18 @@ class Air:
         return self.gust if isinstance(self.gust, TravelingGust) else None
 
     def require_uniform(self, name: str) -> None:
-        """Refuse a gust that travels, where one wind is taken for the whole robot.
+        """Refuse a gust that travels, and ground, where the air is taken to be alike everywhere.
 
         Args:
             name: Of the argument that carries the air, for the message.
 
         Raises:
-            ParameterError: If the gust travels.
+            ParameterError: If the gust travels, or there is ground.
         """
         if self.traveling is not None:
             raise ParameterError(name, "air without a gust that travels", self.gust)
+        if self.ground is not None:
+            raise ParameterError(name, "air without ground", self.ground)
 
     def wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
         """Velocity of the air, at the origin of a gust that travels, world axes, (N, 3) [m/s].
@@ -103,6 +117,7 @@ class Air:
             "density": self.density,
             "wind": list(self.wind),
             "gust": None if self.gust is None else self.gust.describe(),
+            **self.ground_parameters,
         }
 
 
@@ -112,11 +127,13 @@ def air_from_description(description: Mapping[str, Any]) -> Air:
     Raises:
         ParameterError: If a key is missing or unknown.
     """
-    known = {"density", "wind", "gust"}
+    known = {"density", "wind", "gust", "ground"}
+    description = {"ground": None, **description}  # there where there is ground
     check_keys("air", description, known)
     gust = description["gust"]
     return Air(
         density=description["density"],
         wind=tuple(description["wind"]),
         gust=None if gust is None else gust_from_description(gust),
+        ground=description["ground"],
     )

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
-from patagium.aerodynamics.trailing_vortices import aspect_ratios
+from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -55,7 +56,8 @@ class DeLaurier(Aerodynamics):
     incidence of the leading edge passes the stall angle, only a normal force is left,
     1/2 rho C_c c ds |v| v_n at mid-chord, v not slowed by downwash; within `stall_width` of
     that angle both have a share. A wing that moves backward is its mirror image; signs and
-    norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero. Each strip's memory loses
+    norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero. Ground that takes away the
+    share s of the downwash makes A an aspect ratio of A/(1 - s). Each strip's memory loses
     energy in any plunging motion: 0 < |C|^2 <= Re C for C = 1 - C1 i k/(i k + C2).
 
     Args:
@@ -109,17 +111,18 @@ class DeLaurier(Aerodynamics):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return self.name
+        return f"{self.name} ground" if self.air.ground_parameters else self.name
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
-        return ("density", *NUMBERS)
+        return ("density", *NUMBERS, *self.air.ground_parameters)
 
     @property
     def parameters(self) -> NDArray[np.float64]:
         """Values of the model's parameters, (n_c,)."""
-        return np.array([self.air.density, *(getattr(self, name) for name in NUMBERS)])
+        numbers = [getattr(self, name) for name in NUMBERS]
+        return np.array([self.air.density, *numbers, *self.air.ground_parameters.values()])
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
@@ -132,7 +135,13 @@ class DeLaurier(Aerodynamics):
         """Equations of the model; see `Aerodynamics.expressions`."""
         p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
         loads, rates, targets = [], [ca.SX(0, 1)], [ca.SX(0, 1)]
-        ratios = aspect_ratios(self.robot, robot)
+        sizes = spans_and_areas(self.robot, robot)
+        ground = parameters[1 + len(NUMBERS) :]
+        shares = strip_ground_shares(robot, q, [span for span, _ in sizes], ground)
+        ratios = [
+            span * span / area / (1.0 - share)
+            for (span, area), share in zip(sizes, shares, strict=True)
+        ]
         motions = strip_motions(robot, q, v, wind)
         for i, (motion, ratio) in enumerate(zip(motions, ratios, strict=True)):
             load, rate, target = _strip(motion, ratio, state[i], p)

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import velocity_at
 from patagium.aerodynamics.on_model import OnModel
@@ -138,7 +139,10 @@ class Inflow(OnModel):
         air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
         density = parameters[self.model.parameter_names.index("density")]
         numbers = (density, *(parameters[count + k] for k in range(len(NUMBERS))))
-        moving, parts = _Moving(robot, q, v, wind), [air.memory] if air.memory is not None else []
+        names = self.model.parameter_names
+        ground = parameters[names.index("ground")] if "ground" in names else None
+        moving = _Moving(robot, q, v, wind, ground)
+        parts = [air.memory] if air.memory is not None else []
         for stroke, velocity, place in zip(self.strokes, induced, self._places, strict=True):
             means = ca.reshape(state[place + 3 : place + 3 + 3 * len(stroke.wings)], 3, -1)
             parts.append(_relaxation(stroke, moving, air, velocity, means, numbers))
@@ -242,9 +246,11 @@ class _Moving:
         robot: The machine.
         poses: Poses of the bodies in the world.
         wind: Velocity of the air, world axes, mean over the strips, (3, 1) [m/s].
+        ground: Height of the ground [m], or None.
     """
 
-    def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> None:
+    def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, ground: Any) -> None:
+        self.ground = ground
         self.robot, self.poses = robot, body_poses(robot, q)
         self.wind = ca.sum2(wind) / wind.shape[1]
         self._twists = body_velocities(robot, q, v)
@@ -276,6 +282,22 @@ class _Moving:
         distance = ca.sqrt(ca.sumsqr(away))
         unit, turning = away / distance, (velocity - cross(turn, away)) / distance
         return unit, turning - unit * ca.dot(unit, turning)
+
+    def off_ground(self, stroke: Stroke, circle: Any) -> Any:
+        """Share of the induced velocity that the ground leaves, 0 to 1.
+
+        Args:
+            stroke: The stroke.
+            circle: Area of the circle on the span of its wings [m^2].
+        """
+        if self.ground is None:
+            return 1.0
+        hinges = [
+            self.poses[_hinge(self.robot, self.robot.strips[wing.strips[-1]], wing.levels)]
+            for wing in stroke.wings
+        ]
+        height = sum((pose.position[2] for pose in hinges), ca.SX(0)) / len(hinges) - self.ground
+        return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
 
     def velocity(self, stroke: Stroke) -> ca.SX:
         """Mean velocity of the wings' hinges, world axes, (3, 1) [m/s]."""
@@ -316,6 +338,7 @@ def _relaxation(
     force = ca.sum2(air.strip_force[:, list(stroke.strips)])
     flow = 2 * density * area * speed
     thrust = ca.sqrt(ca.sumsqr(force) + (_SLIGHT * flow) ** 2)
+    factor = factor * moving.off_ground(stroke, circle)
     excess = factor * thrust / flow + ca.dot(own, force) / thrust
     wanted = (excess + ca.sqrt(excess**2 + _SLIGHT**2)) / 2
     mass = apparent_mass * density * (area / pi) ** 1.5

@@ -44,6 +44,7 @@ from patagium.aerodynamics.trailing_vortices import (
     Normalwash,
     VortexSystem,
     attached_lift,
+    ground_plane,
     lattice,
     solve_normalwash,
     surface_gains,
@@ -141,7 +142,9 @@ class LiftingLine(Aerodynamics):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         delay = " stall_delay" if self.stall_delay else ""
-        return f"{self.name} lags={self.lags.size} {self.section.structure} {self.chains}{delay}"
+        ground = " ground" if self.air.ground_parameters else ""
+        shape = f"lags={self.lags.size} {self.section.structure} {self.chains}"
+        return f"{self.name} {shape}{delay}{ground}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -149,7 +152,8 @@ class LiftingLine(Aerodynamics):
         lags = [f"lags.{part}[{k}]" for part in _LAGS for k in range(self.lags.size)]
         section = [f"section.{name}" for name in self.section.parameter_names]
         delays = [f"stall_delay.{name}" for name in DELAYS if self.stall_delay]
-        return ("density", "surface_constant", *lags, *section, *delays)
+        ground = self.air.ground_parameters
+        return ("density", "surface_constant", *lags, *section, *delays, *ground)
 
     @property
     def parameters(self) -> NDArray[np.float64]:
@@ -157,7 +161,8 @@ class LiftingLine(Aerodynamics):
         lags = [getattr(self.lags, part) for part in _LAGS]
         first = [self.air.density, self.surface_constant]
         delays = [getattr(self.stall_delay, name) for name in DELAYS if self.stall_delay]
-        return np.concatenate([first, *lags, self.section.parameters, delays])
+        ground = list(self.air.ground_parameters.values())
+        return np.concatenate([first, *lags, self.section.parameters, delays, ground])
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
@@ -178,7 +183,8 @@ class LiftingLine(Aerodynamics):
         if not motions:
             return assemble(robot, q, [], ca.SX(0, 1))
         p = _Numbers(self, parameters)
-        vortices = VortexSystem(self.chains, lattice(robot, self.chains, q, v, wind), motions)
+        net = lattice(robot, self.chains, q, v, wind)
+        vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
         slope = p.section["lift_slope"]
         wash = solve_normalwash(vortices, geometric, state, p.lags, slope)
@@ -229,7 +235,7 @@ class LiftingLine(Aerodynamics):
         state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
         motions = strip_motions(robot, q, v, wind)
         net = lattice(robot, self.chains, q, v, wind)
-        vortices = VortexSystem(self.chains, net, motions)
+        vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
         slope = p.section["lift_slope"]
         wash = solve_normalwash(vortices, normalwash, state, p.lags, slope)
         gains = surface_gains(robot, robot, p.surface_constant)
@@ -319,7 +325,9 @@ class _Numbers:
         self.density, self.surface_constant = parameters[0], parameters[1]
         self.lags = Lags(*parts)
         last = 2 + 3 * count + len(model.section.parameter_names)
-        self.of_section, self.delays = parameters[2 + 3 * count : last], parameters[last:]
+        delays = last + (len(DELAYS) if model.stall_delay else 0)
+        self.of_section = parameters[2 + 3 * count : last]
+        self.delays, self.ground = parameters[last:delays], parameters[delays:]
         self.section, self.stalled = model.section.named(self.of_section)
 
 

@@ -16,15 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
+from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.robot.model import Robot
 
 ROTATIONAL_COEFFICIENT = pi / 2
 """C_rot = pi (3/4 - x0) at x0 = 1/4 of the chord, where the incidence is taken."""
+
+_GROUND_ROUNDS = 2
+"""Times that lift and the downwash which ground takes away are found from each other."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,8 @@ class QuasiSteady(Aerodynamics):
     within `smooth_functions.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
     term adds circulation C_rot c^2 w of the pitching strip by Kutta-Joukowski,
     rho C_rot c^2 w width (-v_n, v_f) (leading edge rising at w): perpendicular to v,
-    it does no work either.
+    it does no work either. Ground takes away a share of the downwash that the polar holds
+    (`Polar.downwash_factor`), which turns the flow that the coefficients answer to.
 
     Args:
         robot: The machine.
@@ -74,19 +80,23 @@ class QuasiSteady(Aerodynamics):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         fixed = "" if self.force_point_switches else " fixed force point"
-        return f"{self.name} {self.polar.structure} rotational={self.rotational}{fixed}"
+        ground = " ground" if self.air.ground_parameters else ""
+        shape = f"{self.polar.structure} rotational={self.rotational}"
+        return f"{self.name} {shape}{fixed}{ground}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
         names = ("density", *(f"polar.{name}" for name in self.polar.parameter_names))
-        return (*names, "rotational_coefficient") if self.rotational else names
+        rotational = ["rotational_coefficient"] if self.rotational else []
+        return (*names, *rotational, *self.air.ground_parameters)
 
     @property
     def parameters(self) -> NDArray[np.float64]:
         """Values of the model's parameters, (n_c,)."""
         rotational = [ROTATIONAL_COEFFICIENT] if self.rotational else []
-        return np.array([self.air.density, *self.polar.parameters, *rotational])
+        ground = self.air.ground_parameters.values()
+        return np.array([self.air.density, *self.polar.parameters, *rotational, *ground])
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
@@ -103,10 +113,16 @@ class QuasiSteady(Aerodynamics):
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
         motions = strip_motions(robot, q, v, wind)
-        loads = [self._load(motion, parameters) for motion in motions]
+        spans = [span for span, _ in spans_and_areas(self.robot, robot)]
+        ground = parameters[len(self.parameter_names) - len(self.air.ground_parameters) :]
+        shares = strip_ground_shares(robot, q, spans, ground)
+        loads = [
+            self._load(motion, parameters, share)
+            for motion, share in zip(motions, shares, strict=True)
+        ]
         return assemble(robot, q, loads, ca.SX(0, 1))
 
-    def _load(self, motion: StripMotion, parameters: ca.SX) -> StripLoad:
+    def _load(self, motion: StripMotion, parameters: ca.SX, ground: Any = 0.0) -> StripLoad:
         strip, density = motion.strip, parameters[0]
         polar = parameters[1 : 1 + len(self.polar.parameter_names)]
         ahead = ca.SX(0.0)
@@ -114,11 +130,16 @@ class QuasiSteady(Aerodynamics):
             ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
         flow = section_flow(motion.forward, motion.normal_ahead(ahead))
         lift, drag = self.polar.coefficients(flow, polar)
+        for _ in range(_GROUND_ROUNDS if self.air.ground_parameters else 0):
+            own = lift * flow.forward_sign * flow.speed * self.polar.downwash_factor(polar)
+            flow = section_flow(motion.forward, motion.normal_ahead(ahead) - ground * own)
+            lift, drag = self.polar.coefficients(flow, polar)
         mass_flow = density * strip.width * strip.chord * flow.speed / 2
         across, along = mass_flow * lift, mass_flow * drag
         downwash = lift * flow.forward_sign * flow.speed * self.polar.downwash_factor(polar)
+        downwash = downwash * (1.0 - ground)
         if self.rotational:
-            circulation = parameters[-1] * strip.chord**2 * motion.pitch_rate
+            circulation = parameters[1 + polar.numel()] * strip.chord**2 * motion.pitch_rate
             across = across + density * strip.width * circulation
         return StripLoad(
             motion=motion,

@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
 from patagium.aerodynamics.local_flow import StripMotion, strip_airflows, velocity_at
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
@@ -59,17 +60,28 @@ def aspect_ratios(numbers: Robot, robot: Robot) -> list[Any]:
         numbers: The robot in numbers: which wings are mirror images.
         robot: The same in numbers or symbols.
     """
+    return [span * span / area for span, area in spans_and_areas(numbers, robot)]
+
+
+def spans_and_areas(numbers: Robot, robot: Robot) -> list[tuple[Any, Any]]:
+    """Span [m] and area [m^2] of the wing that each strip is of, with its mirror image.
+
+    Args:
+        numbers: The robot in numbers: which wings are mirror images.
+        robot: The same in numbers or symbols.
+    """
     twins = {
         strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
     }
-    ratios = {}
+    sizes = {}
     for wing in {strip.wing: None for strip in robot.strips}:
         strips = [strip for strip in robot.strips if strip.wing == wing]
         span, area = ca.SX(0), ca.SX(0)
         for strip in strips:
             span, area = span + strip.width, area + strip.width * strip.chord
-        ratios[wing] = (2 if wing in twins else 1) * span * span / area
-    return [ratios[strip.wing] for strip in robot.strips]
+        sides = 2 if wing in twins else 1
+        sizes[wing] = sides * span, sides * area
+    return [sizes[strip.wing] for strip in robot.strips]
 
 
 def _has_mirror(robot: Robot, strip: Strip) -> bool:
@@ -150,6 +162,21 @@ def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
     held = robot.floating_coordinates(floating[0]) if alone else ()
     origin = robot.coordinates()
     return ca.vertcat(*[ca.SX(origin[i]) if i in held else q[i] for i in range(len(origin))])
+
+
+def ground_plane(robot: Robot, q: ca.SX, ground: ca.SX) -> GroundPlane | None:
+    """Ground in the axes of the lattice; None without one.
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        ground: Height of the ground, (1,) [m]; empty: there is none.
+    """
+    if not ground.numel():
+        return None
+    world, own = (body_poses(robot, x)[0] for x in (q, _from_floating_body(robot, q)))
+    normal = own.rotation @ world.rotation[2, :].T
+    return GroundPlane(normal, ground[0] - world.position[2] + ca.dot(normal, own.position))
 
 
 def _place(poses: Sequence[Pose], strip: Strip, offset: ca.SX) -> ca.SX:
@@ -333,11 +360,14 @@ class VortexSystem:
         chains: Strips that share trailing vortices, chain by chain.
         lattice: Places of strips and vortices.
         motions: Motion of each strip relative to the air, n.
+        ground: Ground in the axes of the lattice, in which all strips have mirror images; None:
+            there is none.
     """
 
     chains: Sequence[StripChain]
     lattice: Lattice
     motions: Sequence[StripMotion]
+    ground: GroundPlane | None = None
 
 
 @dataclass(frozen=True)
@@ -447,14 +477,35 @@ def _induced(
         sign = along * smooth_sign(motions[i].forward)
         share = shares[i] if isinstance(shares, list) else shares
         gain.append(sign * motions[i].strip.chord * lift_slope / 2 * share)
-    circulation, induced = horseshoe_function(sizes)(
+    given = [
         *(net.points[:, order], net.normals[:, order]),
         *(net.edges, net.directions, net.core_squares),
-        *(ca.vertcat(*gain), ca.vertcat(*[bound[i] for i in order]), feedthrough),
-    )
+        *(ca.vertcat(*gain), ca.vertcat(*[bound[i] for i in order])),
+    ]
+    if vortices.ground is not None:
+        sizes, given = 2 * sizes, _with_images(vortices.ground, given)
+    circulation, induced = horseshoe_function(sizes)(*given, feedthrough)
     of_strip = [order.index(i) for i in range(len(order))]
     signed = [circulation[k] * right[k] for k in of_strip]
     return ca.vertcat(*signed), induced[:, of_strip]
+
+
+def _with_images(ground: GroundPlane, given: Sequence[ca.SX]) -> list[ca.SX]:
+    """Arguments of `horseshoe_function` for wings and their mirror images in the ground.
+
+    A mirror turns the sense of a vortex: an image has the opposite circulation, which the
+    opposite gain gives, and its normalwash is that of the wing.
+    """
+    points, normals, edges, directions, core_squares, gain, bound = given
+    images = [
+        *(ground.image(points), ground.turned(normals)),
+        *(ground.image(edges), ground.turned(directions)),
+        *(core_squares, -gain, bound),
+    ]
+    return [
+        ca.horzcat(one, image) if k < 4 else ca.vertcat(one, image)
+        for k, (one, image) in enumerate(zip(given, images, strict=True))
+    ]
 
 
 def attached_lift(

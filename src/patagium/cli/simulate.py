@@ -65,7 +65,7 @@ EXAMPLES = (
 )
 PANELS = {
     "Gait": "gait plunge elbow feather amplitude phase offset",
-    "Air and start": "aero added_mass density wind pitch attitude",
+    "Air and start": "aero added_mass density wind ground pitch attitude",
     "Mount": "mount load_cell arm arm_at arm_turn arm_shift",
     "Path of the mount": "path path_center path_size path_speed path_frequency path_along "
     "path_across path_attitude path_amplitude",
@@ -134,6 +134,13 @@ def simulate(
         Vector | None,
         typer.Option(
             parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
+        ),
+    ] = None,
+    ground: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m", "a height"),
+            help="Height of the ground, world z, in m; without it there is none.",
         ),
     ] = None,
     speed: Annotated[
@@ -238,7 +245,8 @@ def simulate(
     asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount is MountKind.FIXED
-    air = Air(density=density, wind=wind or (-own.speed if own and standing else 0.0, 0.0, 0.0))
+    blown = wind or (-own.speed if own and standing else 0.0, 0.0, 0.0)
+    air = Air(density=density, wind=blown, ground=ground)
     model = _air_model(aero, machine, air, inflow)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping is Stepping.PUBLISHED:

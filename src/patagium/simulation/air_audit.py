@@ -1,4 +1,4 @@
-"""Physical limits of the air's forces in a flight: power, section coefficients, downwash.
+"""Physical limits of the air's forces in a flight: power, coefficients, downwash, ground.
 
 Still air can only take power from wings over whole wingbeats, no section has been measured whose
 force passes a few times its dynamic pressure, and wings do not drive air faster than they move.
@@ -38,7 +38,8 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     if not robot.strips or not isinstance(described.get("air"), dict):
         return []
     found = [] if beats is None else _power(flight, beats)
-    return found + _coefficient(robot, flight, described["air"]["density"]) + _downwash(flight)
+    found += _coefficient(robot, flight, described["air"]["density"]) + _downwash(flight)
+    return found + _ground(flight, described["air"].get("ground"))
 
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:
@@ -97,3 +98,13 @@ def _downwash(flight: xr.Dataset) -> list[str]:
         f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
         f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
     ]
+
+
+def _ground(flight: xr.Dataset, ground: float | None) -> list[str]:
+    """Sentence about the first strip that goes into the ground, which holds nothing."""
+    heights = flight["strip_point"].to_numpy()[:, :, 2]
+    if ground is None or not (heights < ground).any():
+        return []
+    at = int((heights < ground).any(axis=1).argmax())
+    strip = flight["strip"].values[int(heights[at].argmin())]
+    return [f"{strip} goes into the ground at {float(flight['time'][at]):.3g} s: nothing holds it."]

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import DeLaurier
+from patagium.aerodynamics import Air, DeLaurier
 from patagium.aerodynamics.model import aero_functions
 from patagium.robot import load_robot
 
@@ -20,6 +20,7 @@ SIDES = {
     "stall_angle": (23.0, None, -1),
     "stall_width": (23.0, None, None),
     "crossflow_drag": (60.0, 1, 1),
+    "ground": (8.0, 1, None),
 }
 
 
@@ -27,7 +28,7 @@ class Wing:
     """The aerobat sinking at an incidence, its memory grown."""
 
     def __init__(self) -> None:
-        self.aero = DeLaurier(load_robot("aerobat"), zero_lift_angle=-0.02)
+        self.aero = DeLaurier(load_robot("aerobat"), Air(ground=-0.1), zero_lift_angle=-0.02)
         self.functions = aero_functions(self.aero)
 
     def forces(self, degrees: float, parameters: np.ndarray, state: np.ndarray | None = None):
@@ -56,7 +57,8 @@ def test_every_parameter_moves_lift_or_drag_to_its_side(wing: Wing, name: str) -
     degrees, *sides = SIDES[name]
     parameters = wing.aero.parameters
     base = wing.lift_and_drag(degrees, parameters)
-    parameters[wing.aero.parameter_names.index(name)] *= 1.01
+    larger = 0.99 if name == "ground" else 1.01  # it is below zero
+    parameters[wing.aero.parameter_names.index(name)] *= larger
     changes = wing.lift_and_drag(degrees, parameters) - base
     change_of = changes if name != "zero_lift_angle" else -changes  # it is negative
     assert np.abs(changes).max() > 1e-6  # of some tenths of a newton

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import ONE_STATE, LiftingLine, Section
+from patagium.aerodynamics import ONE_STATE, Air, LiftingLine, Section
 from patagium.aerodynamics.model import aero_functions
 from patagium.robot import load_robot
 
@@ -29,6 +29,7 @@ LIFT_AND_DRAG = {
     "section.stalled.drag_amplitude": (0, -1),
     "section.stalled.drag_rate": (0, 1),
     "section.stalled.drag_phase": (0, -1),
+    "ground": (1, None),
 }
 
 
@@ -37,7 +38,9 @@ class Wing:
 
     def __init__(self) -> None:
         section = Section(zero_lift_angle=-0.02)
-        self.aero = LiftingLine(load_robot("aerobat"), lags=ONE_STATE, section=section)
+        self.aero = LiftingLine(
+            load_robot("aerobat"), Air(ground=-0.1), lags=ONE_STATE, section=section
+        )
         self.functions = {function.name(): function for function in aero_functions(self.aero)}
         self.direction = np.array([np.cos(0.6), -np.sin(0.6)])
 

@@ -56,3 +56,12 @@ def test_power_with_inflow_is_that_on_the_robot(flight: xr.Dataset) -> None:
     time = flight["time"].to_numpy()
     done = np.append(0.0, np.cumsum(np.diff(time) * (power[1:] + power[:-1]) / 2))
     assert np.abs(done - work).max() < 1e-3 * np.abs(work).max()  # the trapezoid's own error
+
+
+def test_a_wing_in_the_ground_is_found(flight: xr.Dataset) -> None:
+    heights = flight["strip_point"].to_numpy()[:, :, 2]
+    ground = float(np.median(heights))
+    first = float(flight.time[int((heights < ground).any(axis=1).argmax())])
+    aero = flight.attrs["aero"].replace('"gust": null', f'"gust": null, "ground": {ground}')
+    (sentence,) = [w for w in sentences(flight.assign_attrs(aero=aero)) if "ground" in w]
+    assert f"into the ground at {first:.3g} s" in sentence

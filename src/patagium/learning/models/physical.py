@@ -46,6 +46,7 @@ _POSITIVE = {
 _SIGNED = {
     **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase"), "rad"),
     **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
+    "ground": "m",
 }
 _VECTORS = {"position": "m", "center_of_mass": "m", "quarter_chord": "m", "wind": "m/s"}
 _PLAIN = {"1": "", "1/semichord": "", "semichords": "", "N s/m or N m s": ""}
