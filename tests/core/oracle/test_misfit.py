@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.learning import ExtendedLearner, Misfit, NoiseEstimation
+from patagium.learning import ExtendedLearner, Misfit, NoiseEstimation, Screening
 from patagium.learning.filters import block_kernel
 from patagium.learning.filters.misfit import PARTS
 from patagium.learning.learners import filter_learner
@@ -106,6 +106,23 @@ def test_error_is_carried_on_for_as_long_as_it_lasts() -> None:
     assert mean[0] == pytest.approx(learner.predict([0.0])[0][0] + ahead[0], abs=1e-12)
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_spike_within_the_range_leaves_nothing_behind(compiled: bool) -> None:
+    """What a wild sample leaves is no error of the model that would still be there later."""
+    spoilt, twin = (
+        pair(DenseNetwork(1, (), ("y",)), screening=Screening())[not compiled] for _ in range(2)
+    )
+    draw, error, squares = np.random.default_rng(0), 0.0, np.zeros(2)
+    for k in range(600):
+        error = 0.95 * error + draw.standard_normal()
+        found = spoilt.update([0.0], [60.0 if k == 400 else error], 0.01 * k)
+        other = twin.update([0.0], [error], 0.01 * k)
+        if k > 400:
+            squares += found[0] ** 2, other[0] ** 2
+    assert spoilt.events["out_of_range"] == 0  # it reached the filter
+    assert squares[0] < 1.5**2 * squares[1]
+
+
 def test_samples_after_a_gap_count_no_error_from_before_it() -> None:
     """An error that stays as it is from sample to sample is forgotten over a thousand of them."""
     learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), misfit=Misfit(), prior_std=1e-6)
@@ -178,6 +195,14 @@ def test_misfit_and_estimated_noise_exclude_each_other() -> None:
         ExtendedLearner(
             DenseNetwork(1, (), ("y",)), misfit=Misfit(), noise_estimation=NoiseEstimation()
         )
+
+
+def test_an_output_that_was_zero_at_first_has_a_misfit_later() -> None:
+    learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), misfit=Misfit(), prior_std=1e-6)
+    for k in range(300):
+        learner.update([0.0], [np.sin(0.3 * k) if k > 30 else 0.0], 0.01 * k)
+    _, std = learner.predict([0.0])
+    assert 0.3 < std[0] < 3.0  # the rms is .7
 
 
 def test_outputs_that_are_zero_are_learned_beside_others() -> None:

@@ -7,17 +7,22 @@ from typing import Any
 import pytest
 
 import patagium as pt
-from patagium_lab.attack.poison import network, poisoned
+from patagium_lab.attack.poison import NOISE_MODELS, network, poisoned
 
 
-@pytest.mark.parametrize("options", [{}, {"covariance": "node", "dtype": "float32"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        NOISE_MODELS["EM"],
+        {"covariance": "node", "dtype": "float32", **NOISE_MODELS["Misfit"]},
+    ],
+)
 def test_a_learner_is_soon_as_good_as_its_twin(options: dict[str, Any]) -> None:
     """Within 100 clean samples, within 1.5 times of the error of the twin."""
     learner = pt.CubatureLearner(
         network(),
         prior_share=1e-4,
         screening=pt.learning.Screening(stuck_samples=10),
-        noise_estimation=pt.learning.NoiseEstimation(300),
         **options,
     )
     found = poisoned(learner, seed=2, count=8000)

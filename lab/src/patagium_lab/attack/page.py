@@ -189,7 +189,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
         "of a wingbeat of a joint: states where they differ return later. How often the twin is "
         "the worse one tells how often this alone is more than 1.5. An encoder that jumps within "
         "its range is believed after 20 samples at most; the samples from then on are learned.",
-        Table(heads, cells, "Learners, screened, with noise estimation, beside their twins."),
+        Table(heads, cells, "Screened learners, with noise by EM or Misfit, and their twins."),
         Table(["kind", "bursts", *tail], kinds, "The same by kind of poison."),
     ]
 

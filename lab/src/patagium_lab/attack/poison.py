@@ -18,7 +18,7 @@ from patagium.errors import PatagiumError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.settings import NoiseEstimation, Screening, Structure
+from patagium.learning.settings import Misfit, NoiseEstimation, Screening, Structure
 
 Array = NDArray[np.float64]
 
@@ -180,12 +180,22 @@ def poisoned(learner: FilterLearner, seed: int, count: int) -> Poisoned:
     )
 
 
-def poison_row(structure: Structure, dtype: str, seed: int, count: int) -> dict[str, Any]:
+NOISE_MODELS: dict[str, dict[str, Any]] = {
+    "EM": {"noise_estimation": NoiseEstimation(300)},
+    "Misfit": {"misfit": Misfit()},
+}
+"""Ways in which a learner finds its noise, by name."""
+
+
+def poison_row(
+    structure: Structure, dtype: str, noise: str, seed: int, count: int
+) -> dict[str, Any]:
     """JSON-able result of a screened learner that is poisoned.
 
     Args:
         structure: Structure of its covariance.
         dtype: Its precision.
+        noise: How it finds its noise, one of `NOISE_MODELS`.
         seed: Seed of the flight and of the poison.
         count: Number of samples.
     """
@@ -195,10 +205,10 @@ def poison_row(structure: Structure, dtype: str, seed: int, count: int) -> dict[
         covariance=structure,
         dtype=dtype,
         screening=Screening(stuck_samples=10),
-        noise_estimation=NoiseEstimation(300),
+        **NOISE_MODELS[noise],
     )
     found = poisoned(learner, seed, count)
-    return {"learner": f"{structure}, {dtype}", **found._asdict()}
+    return {"learner": f"{structure}, {dtype}, {noise}", **found._asdict()}
 
 
 def _error(innovation: Array) -> float:

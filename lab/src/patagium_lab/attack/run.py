@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from itertools import product
 from typing import Any
 
 from patagium_lab.attack.calibration import NOISES, flight_calibration, log_calibration
@@ -20,7 +21,7 @@ from patagium_lab.attack.motion_capture import capture_rows, summary
 from patagium_lab.attack.oracle import Target
 from patagium_lab.attack.packets import packet_targets
 from patagium_lab.attack.plan import HOSTILE, AttackPlan
-from patagium_lab.attack.poison import poison_row
+from patagium_lab.attack.poison import NOISE_MODELS, poison_row
 from patagium_lab.attack.programs import program_targets
 from patagium_lab.attack.worker import attacked
 from patagium_lab.jobs import Job, run_jobs
@@ -111,7 +112,7 @@ def _tallied(
 def _learned(plan: AttackPlan, tell: Callable[[float], None]) -> dict[str, Any]:
     """Results of the areas of learners that are in the plan."""
     starts = range(0, plan.runs, CHUNK)
-    kinds = [(structure, dtype) for structure in STRUCTURES for dtype in ("float64", "float32")]
+    kinds = [*product(STRUCTURES, ("float64", "float32"), NOISE_MODELS)]
     each = max(3000, plan.poisoned // len(kinds))
     parts = {
         "poison": [Job(poison_row, (*kind, plan.seed, each), 1e-4 * each) for kind in kinds],

@@ -36,7 +36,7 @@ References:
 
 from __future__ import annotations
 
-from math import exp, isfinite, log
+from math import copysign, exp, isfinite, log, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -179,14 +179,24 @@ class Misfit:
         self.scale = np.sqrt(interval / variances)
         return self.scale
 
-    def learned(self, count: int, left: Array, innovation: Array, kept: NDArray[np.bool_]) -> None:
+    def learned(
+        self,
+        count: int,
+        left: Array,
+        innovation: Array,
+        kept: NDArray[np.bool_],
+        doubted: NDArray[np.bool_],
+    ) -> None:
         """Averages after a sample.
 
         Args:
             count: Samples learned so far, this one included.
-            left: What the sample leaves, y - y(W), (n_y,) [y].
+            left: What the sample leaves, y - y(W), (n_y,) [y]; ten times the usual size counts of
+                it at most.
             innovation: (n_y,) [y].
             kept: Channels that were learned from, (n_y,) [1].
+            doubted: Those of them whose innovation is beyond the limit of the screening, (n_y,)
+                [1]: their error is not expected to last.
         """
         slow = max(1.0 / (count + _FIRST), 1.0 / (_LONG * self.span))
         fast = max(1.0 / count, 1.0 / (_SHORT * self.span))
@@ -194,16 +204,20 @@ class Misfit:
         residual, recent, usual = (self.parts[name] for name in PARTS[3:6])
         last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])
         before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
-        last[:] = np.where(kept, left, carried)
+        last[:] = carried
         error = innovation - carried
         for k in np.flatnonzero(kept).tolist():
             missed = error[k] ** 2 > _QUANTILE * self.parts["interval"][k]
             width[k] += _TURN * (float(missed) - _OUTSIDE)
-            lagged[k] += middle * (innovation[k] * before[k] - lagged[k])
+            square = _capped(innovation[k] ** 2, alone[k], count)
+            lagged[k] += middle * (copysign(sqrt(square), innovation[k]) * before[k] - lagged[k])
             power[k] += middle * (before[k] ** 2 - power[k])
-            residual[k] += slow * (left[k] ** 2 - residual[k])
+            remains = _capped(left[k] ** 2, residual[k], count)
+            if not doubted[k]:
+                last[k] = copysign(sqrt(remains), left[k])
+            residual[k] += slow * (remains - residual[k])
             recent[k] += fast * (_capped(error[k] ** 2, recent[k], count) - recent[k])
-            alone[k] += fast * (_capped(innovation[k] ** 2, alone[k], count) - alone[k])
+            alone[k] += fast * (square - alone[k])
             here, before_it = float(self._weights[k]), float(usual[k])
             known = before_it > 0 and here > 0
             usual[k] = before_it * (here / before_it) ** fast if known else max(here, 0.0)
@@ -232,4 +246,4 @@ def unseen(error: Array, stated: Array, usual: Array) -> NDArray[np.bool_]:
 
 
 def _capped(square: float, mean: float, count: int) -> float:
-    return min(square, _WILD * mean) if count > _FIRST else square
+    return min(square, _WILD * mean) if count > _FIRST and mean > 0 else square

@@ -407,8 +407,8 @@ class Screen:
         if self.share:
             self._learn_noise(mean + innovation, gain, inverse, kept)
         if self.misfit.floor:
-            left = self.parts["noise"] * gain
-            self.misfit.learned(int(self.whole[_LEARNED]), left, innovation, kept)
+            left, doubted = self.parts["noise"] * gain, self.parts["extra"] > 0
+            self.misfit.learned(int(self.whole[_LEARNED]), left, innovation, kept, doubted)
         if self.monitor.alarmed_by(nis, int(kept.sum())):
             self.note("changes")
 

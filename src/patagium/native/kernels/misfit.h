@@ -28,8 +28,11 @@
 #define BEYOND 15.0     /* factor on the variance of the weights beyond the usual one */
 
 static double capped(double square, double mean, int64_t count) {
-  return count > FIRST ? fmin(square, WILD * mean) : square;
+  return count > FIRST && mean > 0 ? fmin(square, WILD * mean) : square;
 }
+
+/* Root of a square, with the sign of what was squared. */
+static double rooted(double value, double square) { return copysign(sqrt(square), value); }
 
 /* What of the last error is still there at this sample. */
 static void advance(screening *s) {
@@ -110,16 +113,18 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
   const double fast = fmax(1 / count, 1 / (SHORT * s->span));
   for (int k = 0; k < s->channels; k++) {
     const double left = s->noise[k] * gain[k], before = s->left[k];
-    const double e = innovation[k] - s->carried[k], plain = innovation[k] * innovation[k];
-    s->left[k] = s->left_out[k] ? s->carried[k] : left;
+    const double remains = capped(left * left, s->residual[k], s->whole[LEARNED]);
+    const double e = innovation[k] - s->carried[k];
+    const double square = capped(innovation[k] * innovation[k], s->alone[k], s->whole[LEARNED]);
+    s->left[k] = s->left_out[k] || s->extra[k] > 0 ? s->carried[k] : rooted(left, remains);
     if (s->left_out[k]) continue;
     const double weights = covariance[k * s->channels + k] - s->noise[k];
-    s->lagged[k] += middle * (innovation[k] * before - s->lagged[k]);
+    s->lagged[k] += middle * (rooted(innovation[k], square) * before - s->lagged[k]);
     s->power[k] += middle * (before * before - s->power[k]);
     s->width[k] += TURN * ((e * e > QUANTILE * s->interval[k] ? 1 : 0) - OUTSIDE);
-    s->residual[k] += slow * (left * left - s->residual[k]);
+    s->residual[k] += slow * (remains - s->residual[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
-    s->alone[k] += fast * (capped(plain, s->alone[k], s->whole[LEARNED]) - s->alone[k]);
+    s->alone[k] += fast * (square - s->alone[k]);
     s->usual[k] = s->usual[k] > 0 && weights > 0 ? s->usual[k] * pow(weights / s->usual[k], fast)
                                                  : fmax(weights, 0);
   }
