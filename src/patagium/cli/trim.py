@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,12 +11,18 @@ from patagium.cli.estimates import GreyModel, air_class
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import quantity
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from patagium.control import Branch
+
 EXAMPLES = (
     "patagium trim aerobat",
     'patagium trim ornithopter --speed "7 m/s" -o trimmed.nc',
+    "patagium trim aerobat --along speed=2.5:6 --figure branch.svg",
     "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset --json",
 )
-PANELS = {"Air and flight": "aero density beats"}
+PANELS = {"Air and flight": "aero density beats", "Branch of orbits": "along figure"}
 _SPEED = {"parser": quantity("m/s", "a speed")}
 
 
@@ -52,6 +58,16 @@ def trim(
     beats: Annotated[
         float, typer.Option(min=1e-3, help="Wingbeats of the flight that -o writes.")
     ] = 10.0,
+    along: Annotated[
+        str | None,
+        typer.Option(
+            help="Branch of orbits along speed, climb or a gait parameter, from one value to "
+            "another, in SI units: speed=2:6."
+        ),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="File for a picture of the branch (.svg, .png, .pdf).")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File for a flight on the orbit (.nc).")
     ] = None,
@@ -61,11 +77,13 @@ def trim(
     from patagium import control
     from patagium.aerodynamics import Air
     from patagium.cli.words import answer, show_table
-    from patagium.errors import PatagiumError
+    from patagium.errors import ParameterError, PatagiumError
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
 
+    if along is None and figure is not None:
+        raise ParameterError("--figure", "--along with the branch of the picture", None)
     machine = load_robot(robot)
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait)
@@ -89,6 +107,12 @@ def trim(
         if as_json:
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
+    if along is not None:
+        name, limits = _range(along)
+        hold = ("climb",) if level is not None or climb is not None else ()
+        hold = (*hold, *(("speed",) if speed is not None else ()))
+        _branch(control.continue_orbit(orbit, name, limits, hold=hold), figure, as_json)
+        return
     outputs, facts, found = Outputs(), orbit.summary(), orbit
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(found.flight(beats), output))
@@ -105,3 +129,70 @@ def trim(
     words = f"view {output}" if output else f"trim {robot} -o trimmed.nc"
     if not as_json:
         typer.echo(f"Next: patagium {words}", err=True)
+
+
+def _range(words: str) -> tuple[str, tuple[float, float]]:
+    """Name of a parameter and its limits, from words such as "speed=2:6"."""
+    from patagium.errors import ParameterError
+
+    name, _, rest = words.partition("=")
+    try:
+        low, high = map(float, rest.split(":"))
+    except ValueError:
+        raise ParameterError("--along", "a name and two numbers: speed=2:6", words) from None
+    return name, (low, high)
+
+
+def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
+    """Table and picture of a branch."""
+    from patagium.cli.words import say_json, show_table
+    from patagium.report.figures import save_figure
+    from patagium.report.page import Table
+
+    rows = found.summary()
+    if as_json:
+        points = [
+            {"kind": one.kind, "value": one.value, "multiplier": abs(one.multiplier)}
+            for one in found.bifurcations
+        ]
+        say_json({"orbits": rows, "bifurcations": points, "ends": [*found.ends]})
+    else:
+        heads = [name.replace("_", " ") for name in rows[0]]
+        show_table(Table(heads, [[*row.values()] for row in rows], repr(found)))
+    if figure is not None:
+        save_figure(_picture(found), figure)
+
+
+def _picture(found: Branch) -> Figure:
+    """Figure of the free parameters and of the largest multipliers along a branch."""
+    import numpy as np
+
+    from patagium.report.style import color, dash, panels, styled
+
+    family = found.orbits[0].family
+    units = dict(zip(family.names, family.units, strict=True))
+
+    @styled
+    def drawn() -> Figure:
+        changing = [name for name in found.free if name != found.along]
+        figure, axes = panels(len(changing) + 1, 1, row_height=1.8)
+        for panel, name in zip(axes[:, 0], changing, strict=False):
+            panel.plot(found.values, [one.parameters[name] for one in found.orbits], ".-")
+            for one in found.bifurcations:
+                panel.plot(one.value, one.orbit.parameters[name], "s", color=color(0))
+            panel.set_ylabel(f"{name} [{units[name]}]".replace("_", "\n"))
+        last, sizes = axes[-1, 0], np.abs(found.multipliers)
+        last.plot(found.values, sizes[:, 1:4], color=color(2), linestyle=dash(1))
+        last.plot(found.values, sizes[:, 0], ".-")
+        last.axhline(1.0, color="0.5", linewidth=0.8)
+        for k, one in enumerate(found.bifurcations):
+            size = abs(one.multiplier)
+            last.plot(one.value, size, "s", color=color(0))
+            last.annotate(
+                one.kind, (one.value, size), textcoords="offset points", xytext=(6, 5 - 18 * k)
+            )
+        last.set_xlabel(f"{found.along} [{found.unit}]")
+        last.set_ylabel("largest\nmultipliers [1]")
+        return figure
+
+    return drawn()

@@ -1,6 +1,7 @@
 """Control: exact derivatives of a wingbeat, periodic orbits, stability, feedback, closed loops."""
 
 from patagium.control.adaptation import AdaptiveController, AirWeights
+from patagium.control.continuation import Bifurcation, Branch, continue_orbit
 from patagium.control.estimators import Estimate, NoisyState, TrackedState, Truth
 from patagium.control.events import (
     Event,
@@ -26,6 +27,8 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 __all__ = [
     "AdaptiveController",
     "AirWeights",
+    "Bifurcation",
+    "Branch",
     "Estimate",
     "Event",
     "FlightMap",
@@ -51,6 +54,7 @@ __all__ = [
     "Truth",
     "WindEvent",
     "WingLossEvent",
+    "continue_orbit",
     "floquet",
     "fly",
     "free_parameters",

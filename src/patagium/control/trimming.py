@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple, TypedDict, Unpack
+from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
 
+Nodes: TypeAlias = list[tuple[Array, Array, Array]]
+"""How the state of each node follows the first state and the parameters, and its own step."""
 TOLERANCE = 1e-12
 """Residual of an orbit [SI]: rounding of some thousand operations."""
 SEGMENTS = 40
@@ -107,7 +109,7 @@ class Conditions:
         return slope @ end - rate * period, slope, -rate
 
 
-class _Point(NamedTuple):
+class Point(NamedTuple):
     """Iterate of the search: unknowns, the flight of all segments, and residuals."""
 
     states: Array
@@ -122,12 +124,14 @@ class _Point(NamedTuple):
 
     @property
     def period(self) -> float:
+        """Time of the beat [s]."""
         return self.rows.steps * self.rows.time_step
 
     @property
     def residual(self) -> float:
         """Largest misfit [SI]."""
-        return float(max(np.abs(self.gaps).max(initial=0.0), np.abs(self.misfit).max()))
+        gaps = np.abs(self.gaps).max(initial=0.0)
+        return float(max(gaps, np.abs(self.misfit).max()))
 
 
 class OrbitSearch:
@@ -143,13 +147,14 @@ class OrbitSearch:
         self.map, self.family, self.steps = flight_map, family, steps
         self.frame = Frame(flight_map.names)
         self.still = np.zeros(len(family.names), bool)
-        self._scale, self._reach = state_sizes(flight_map.names), parameter_sizes(family)
+        self._scale = state_sizes(flight_map.names)
+        self._reach = parameter_sizes(family)
         sizes = dict(zip(flight_map.names, self._scale, strict=True)) | dict(tolerable)
         self._size = np.array([sizes[name] for name in self.frame.names])
         self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
         self.iterations = self.points = 0
 
-    def point(self, states: Array, values: Array, conditions: Conditions) -> _Point:
+    def point(self, states: Array, values: Array, conditions: Conditions) -> Point:
         """Flight of all segments and its misfits."""
         self.points += 1
         rows = self.family.rows(values, self.steps, self.map.aero.air)
@@ -163,13 +168,23 @@ class OrbitSearch:
         size = float(np.linalg.norm(scaled))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return _Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
+        return Point(
+            states,
+            values,
+            flown,
+            rows,
+            gaps,
+            misfit,
+            slope,
+            by_period,
+            size,
+        )
 
     def rows_scale(self, others: int) -> Array:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
         return np.concatenate([self._scale[self.frame.kept], np.ones(others)])
 
-    def system(self, at: _Point) -> tuple[Array, Array, list[tuple[Array, Array, Array]]]:
+    def system(self, at: Point) -> tuple[Array, Array, Nodes]:
         """Scaled Newton matrix and right-hand side, and how nodes follow the unknowns."""
         n, kept = self.frame.size, self.frame.kept
         by_state, by_value = np.eye(n), np.zeros((n, len(at.values)))
@@ -184,20 +199,36 @@ class OrbitSearch:
         values = at.slope @ by_value + np.outer(at.by_period, longer)
         right = -(at.misfit + at.slope @ gap)
         rows = self.rows_scale(len(right) - len(kept))
-        reach = np.where(self.still, 0.0, self._reach)
-        scaled = np.hstack([matrix * self._size, values * reach]) / rows[:, None]
+        scaled = np.hstack([matrix * self._size, values * self.reach]) / rows[:, None]
         return scaled, right / rows, nodes
 
-    def step(self, at: _Point) -> tuple[Array, Array]:
+    def step(self, at: Point) -> tuple[Array, Array]:
         """Newton step of all nodes, (m, n), and of the parameters, (p,)."""
         matrix, right, nodes = self.system(at)
-        found = np.linalg.lstsq(matrix, right, rcond=_RANK)[0]
+        found = np.asarray(np.linalg.lstsq(matrix, right, rcond=_RANK)[0], float)
+        states, values = self.moved(at, nodes, found)
+        return states - at.states, values - at.values
+
+    def moved(self, at: Point, nodes: Nodes, found: Array) -> tuple[Array, Array]:
+        """States of all nodes, (m, n), and parameters, (p,), after a step of scaled unknowns.
+
+        Args:
+            at: Where the step begins.
+            nodes: How its nodes follow the unknowns, of `system`.
+            found: Step of the state at the beginning, then of the parameters, scaled.
+        """
         kept, first = self.frame.kept, np.zeros(self.frame.size)
         first[kept] = found[: len(kept)] * self._size
-        moved = found[len(kept) :] * np.where(self.still, 0.0, self._reach)
-        return np.array([a @ first + b @ moved + c for a, b, c in nodes]), np.asarray(moved, float)
+        values = found[len(kept) :] * self.reach
+        steps = [a @ first + b @ values + c for a, b, c in nodes]
+        return at.states + np.array(steps), at.values + values
 
-    def newton(self, at: _Point, conditions: Conditions) -> tuple[_Point, str]:
+    @property
+    def reach(self) -> Array:
+        """Sizes of the parameters, 0 where one is held, (p,) [Hz, 1, rad or m, rad]."""
+        return np.where(self.still, 0.0, self._reach)
+
+    def newton(self, at: Point, conditions: Conditions) -> tuple[Point, str]:
         """Point where Newton's method ended, and why before an orbit; empty if it is one."""
         if not np.isfinite(at.size):
             return at, "the flight breaks within the first wingbeat"
@@ -222,24 +253,20 @@ class OrbitSearch:
             at = best
         return at, "" if at.residual <= TOLERANCE else "stalled"
 
-    def nearest(self, at: _Point, begin: _Point, conditions: Conditions) -> _Point:
+    def nearest(self, at: Point, begin: Point, conditions: Conditions) -> Point:
         """Orbit that is nearest to a point, by the sizes of the unknowns, from an orbit found.
 
         The smallest Newton steps do not add up to the smallest change; so the way back to the
         point is taken within the kernel of the Newton matrix, and Newton's method from there.
         """
-        kept, reach = self.frame.kept, np.where(self.still, 0.0, self._reach)
+        kept = self.frame.kept
         for _ in range(_PROJECTIONS):
             matrix, _, nodes = self.system(at)
             way = [(begin.states[0] - at.states[0])[kept] / self._size]
             way += [np.where(self.still, 0.0, begin.values - at.values) / self._reach]
             back = np.concatenate(way)
             back -= np.linalg.lstsq(matrix, matrix @ back, rcond=_RANK)[0]
-            first = np.zeros(self.frame.size)
-            first[kept] = back[: len(kept)] * self._size
-            moved = back[len(kept) :] * reach
-            states = at.states + np.array([a @ first + b @ moved for a, b, _ in nodes])
-            near = self.point(states, at.values + moved, conditions)
+            near = self.point(*self.moved(at, nodes, np.asarray(back, float)), conditions)
             trial, trouble = self.newton(near, conditions)
             if trouble or self.excess(trial.values):
                 break
@@ -248,7 +275,7 @@ class OrbitSearch:
                 break
         return at
 
-    def within(self, at: _Point, conditions: Conditions) -> tuple[_Point, str]:
+    def within(self, at: Point, conditions: Conditions) -> tuple[Point, str]:
         """Orbit whose gait keeps the limits: parameters that would exceed one are held there."""
         begin = at
         at, trouble = self.newton(at, conditions)
@@ -259,7 +286,8 @@ class OrbitSearch:
             k = self._moved_by(excess, at.values)
             if k is None:
                 return at, excess
-            values, low, high = at.values.copy(), self.family.neutral[k], at.values[k]
+            values = at.values.copy()
+            low, high = self.family.neutral[k], at.values[k]
             for _ in range(30):
                 values[k] = 0.5 * (low + high)
                 low, high = (low, values[k]) if self._same(excess, values) else (values[k], high)
@@ -452,7 +480,7 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     return states
 
 
-def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[_Point, str]:
+def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[Point, str]:
     """Orbit from a guess, at once or in parts, and what stood in the way."""
     values = search.family.neutral
     at, trouble = search.within(search.point(states, values, wanted), wanted)
@@ -483,7 +511,7 @@ def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[_
     return at, trouble
 
 
-def orbit_of(search: OrbitSearch, at: _Point, added_mass: AddedMass | None) -> Orbit:
+def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Orbit:
     """Orbit of a point whose misfits are rounding."""
     x, y, z, *yaw = search.frame.neutral
     end, period = at.flown.ends[-1], at.period
@@ -512,7 +540,7 @@ def orbit_of(search: OrbitSearch, at: _Point, added_mass: AddedMass | None) -> O
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
-def _not_found(search: OrbitSearch, at: _Point, trouble: str) -> NoOrbit:
+def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     """Failure of a search in words: a limit, authority that lacks, or a stall."""
     lacking: dict[str, float] = {}
     remedy = "begin from an orbit nearby (start=), or free other parameters (free=)"
@@ -543,7 +571,7 @@ _LEVER = {"f": 0.1, "m": 1.0}
 """Length by which a force and a moment are compared [m]."""
 
 
-def _mean_wrench(search: OrbitSearch, at: _Point, left: Array) -> dict[str, float]:
+def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float]:
     """Mean force [N] and moment [N m] along x, y, z that scaled misfits of a beat stand for."""
     robot, names = search.map.robot, search.map.names
     misfit = left * search.rows_scale(len(left) - len(search.frame.kept))

@@ -1,0 +1,415 @@
+"""Continuation: the branch of periodic orbits along a speed, a climb or a gait parameter.
+
+Pseudo-arclength continuation (Keller 1977): from an orbit a step along the branch's tangent, then
+Newton's method across it, so that a branch that turns back (a fold) is followed around its turn.
+Unknowns are those of a trim and are one more than the equations. Bifurcations are named from the
+multipliers, as AUTO and MatCont name them. Neglected: branches that begin at a bifurcation, and
+closed branches, which are followed until the points are used up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from patagium.control.gait_family import gait_family
+from patagium.control.orbit import Orbit
+from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
+from patagium.control.trimming import Point as SearchPoint
+from patagium.errors import ParameterError, finite, similar
+
+Array = NDArray[np.float64]
+
+_NEWTON = 8  # steps of a correction, at most
+_FIRST, _LONGEST = 1 / 40, 1 / 12  # parts of the range that a step changes the parameter by
+_SHORTEST = 1e-4  # of the longest step
+_BEND = 0.9  # cosine of the angle between tangents of neighbors, at least
+_BISECTIONS = 14
+_OUTSIDE = 1e-7  # of the unit circle: a double neutral multiplier is 1 within sqrt(rounding)
+_NEAR = 1e-4  # distance from the unit circle of what crosses it, after the bisections
+_RANK = 1e-7  # of singular values of the conditions
+_ROUNDING = 1e-9  # of singular values of the equations
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """Point of a branch where it turns back or its stability changes.
+
+    Attributes:
+        kind: "fold": the branch turns back. "flip": a multiplier leaves or enters the unit circle
+            at -1, "Neimark-Sacker": a complex pair, "branch point": a multiplier at 1.
+        value: Value of the parameter [its unit].
+        multiplier: Multiplier that crosses the unit circle; of a fold the one nearest to 1.
+        orbit: The orbit there.
+    """
+
+    kind: str
+    value: float
+    multiplier: complex
+    orbit: Orbit = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Branch of periodic orbits along a parameter, from one end to the other.
+
+    Attributes:
+        along: Name of the parameter.
+        unit: Its unit.
+        free: Gait parameters that change along the branch.
+        values: Value of the parameter at each orbit, (m,) [unit].
+        orbits: The orbits, neighbors next to each other.
+        bifurcations: Folds and changes of stability in the same order.
+        ends: Why the branch ends at its first and at its last orbit.
+    """
+
+    along: str
+    unit: str
+    free: tuple[str, ...]
+    values: Array
+    orbits: tuple[Orbit, ...] = field(repr=False)
+    bifurcations: tuple[Bifurcation, ...]
+    ends: tuple[str, str]
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Multipliers of each orbit, the largest first, (m, n - 4) [1]."""
+        return np.array([multipliers(orbit) for orbit in self.orbits])
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Orbits as rows of a table, with units in the names."""
+        rows = []
+        for value, orbit, own in zip(self.values, self.orbits, self.multipliers, strict=True):
+            row = {f"{self.along}_{self.unit}".removesuffix("_1"): float(value)}
+            units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
+            for name in self.free:
+                unit = "over_cruise" if units[name] == "1" else units[name]
+                row[f"{name}_{unit}"] = orbit.parameters[name]
+            size = float(abs(own[0]))
+            rows.append(row | {"largest_multiplier": size, "stable": size < 1.0})
+        return rows
+
+    def __repr__(self) -> str:
+        first, last = self.values[[0, -1]]
+        sizes = np.abs(self.multipliers[:, 0])
+        told = [
+            f"branch of {len(self.orbits)} orbits along {self.along}, {first:.4g} to {last:.4g} "
+            f"{self.unit}, {np.count_nonzero(sizes < 1)} of them stable",
+            f"  free: {', '.join(self.free)}",
+            *(f"  {one.kind} at {one.value:.5g} {self.unit}" for one in self.bifurcations),
+            f"  begins: {self.ends[0]}; ends: {self.ends[1]}",
+        ]
+        return "\n".join(told)
+
+
+def multipliers(orbit: Orbit) -> NDArray[np.complex128]:
+    """Multipliers of an orbit, the largest first, position and heading left out, (n - 4,) [1]."""
+    found = np.linalg.eigvals(orbit.return_slope)
+    return np.asarray(found[np.argsort(-np.abs(found), kind="stable")], complex)
+
+
+def continue_orbit(
+    orbit: Orbit,
+    along: str,
+    limits: tuple[float, float],
+    *,
+    hold: Sequence[str] = ("climb",),
+    free: Sequence[str] | None = None,
+    points: int = 200,
+) -> Branch:
+    """Branch of periodic orbits through one, along a parameter, folds passed.
+
+    Args:
+        orbit: Orbit to begin from.
+        along: "speed" or "climb" [m/s], or a gait parameter by its name.
+        limits: Least and greatest value of the parameter, where the branch ends [its unit].
+        hold: Which of "speed" and "climb" keep the orbit's value; that of `along` never does.
+            The turn rate does.
+        free: Gait parameters that may change; those of the orbit by default. Where they are more
+            than the conditions, those with the largest effect on the conditions are taken.
+        points: Number of orbits at most, on either side of the first.
+
+    Raises:
+        ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
+            conditions are more than the free parameters.
+    """
+    for name in hold:
+        if name not in ("speed", "climb"):
+            raise ParameterError("hold", "speed or climb", name)
+    held = {name: getattr(orbit, name) for name in hold if name != along}
+    curve = _Curve(orbit, along, held, free)
+    low, high = (finite("limits", one) for one in limits)
+    if not low <= curve.first.value <= high or low == high:
+        expected = f"two that hold the orbit's {along} {curve.first.value:.6g} {curve.unit}"
+        raise ParameterError("limits", expected, limits)
+    down, back = _walk(curve, -1.0, (low, high), points)
+    up, ahead = _walk(curve, 1.0, (low, high), points)
+    places = [*down[::-1], curve.first, *up]
+    marks = [mark for one in places for mark in one.marks]
+    names = zip(curve.family.names, curve.search.reach, strict=True)
+    return Branch(
+        along,
+        curve.unit,
+        tuple(name for name, size in names if size),
+        np.array([one.value for one in places]),
+        tuple(curve.orbit(one.at) for one in places),
+        tuple(marks),
+        (back, ahead),
+    )
+
+
+class _Place(NamedTuple):
+    """Orbit on the branch: its point of the search, parameter, tangent, and what is near it."""
+
+    at: SearchPoint
+    value: float
+    tangent: Array
+    pace: float
+    size: NDArray[np.complex128]
+    marks: tuple[Bifurcation, ...] = ()
+
+
+class _Curve:
+    """Equations of a branch: those of a trim without a condition on the parameter."""
+
+    def __init__(
+        self,
+        orbit: Orbit,
+        along: str,
+        held: dict[str, float],
+        free: Sequence[str] | None,
+    ) -> None:
+        names = orbit.family.names if free is None else tuple(free)
+        self.place = None
+        if along not in ("speed", "climb"):
+            names = (*names, *(() if along in names else (along,)))
+            self.place = names.index(along)
+        try:
+            family = gait_family(orbit.robot, orbit.gait, names)
+        except ParameterError as error:
+            known = ["speed", "climb", *orbit.family.names]
+            hint = along + similar(along, known)
+            raise ParameterError("along", f"speed, climb or a {error}", hint) from None
+        given: dict[str, Any] = held if self.place is not None else held | {along: 0.0}
+        self.conditions = Conditions(orbit.turn_rate, given.get("climb"), given.get("speed"))
+        self.row = -1 if along == "speed" or "speed" not in given else -2
+        self.unit = "m/s" if self.place is None else family.units[self.place]
+        self.search = OrbitSearch(orbit.map, family, orbit.steps)
+        self.family, self.count = family, len(self.search.frame.kept)
+        self.added_mass = orbit.added_mass
+        at = self.fly(orbit.states, family.neutral)
+        self._choose(at, len(held))
+        found = self.corrected(at)
+        if found is None:
+            raise ParameterError("orbit", "one that meets the conditions", repr(orbit))
+        self.first = self.placed(found, None, 1.0)
+
+    def fly(self, states: Array, values: Array) -> SearchPoint:
+        """Flight whose condition on the parameter is met by the parameter's own value."""
+        at = self.search.point(states, values, self.conditions)
+        if self.place is None:
+            misfit, rates = at.misfit.copy(), at.by_period.copy()
+            rates[self.row] = -misfit[self.row] / at.period
+            misfit[self.row] = 0.0
+            at = at._replace(misfit=misfit, by_period=rates)
+        return at
+
+    def value(self, at: SearchPoint) -> float:
+        """Value of the parameter [unit]."""
+        if self.place is not None:
+            return float(at.values[self.place])
+        return float(-at.by_period[self.row])
+
+    def equations(self, at: SearchPoint) -> tuple[Array, Array, Array, Any]:
+        """Slopes of the equations and of the parameter, right-hand side, nodes; scaled."""
+        matrix, right, nodes = self.search.system(at)
+        if self.place is not None:
+            slope = np.zeros(matrix.shape[1])
+            slope[self.count + self.place] = self.search.reach[self.place]
+            return matrix, slope, right, nodes
+        slope = matrix[self.row] / at.period
+        rest = np.arange(len(right)) != self.row % len(right)
+        return matrix[rest], slope, right[rest], nodes
+
+    def _choose(self, at: SearchPoint, held: int) -> None:
+        """Hold all gait parameters but those with the largest effect on the conditions."""
+        matrix, slope, _, _ = self.equations(at)
+        n = self.count
+        whole = np.vstack([matrix, slope])
+        inner = np.linalg.lstsq(whole[:n, :n], whole[:n, n:], rcond=_RANK)[0]
+        effect = whole[n:, n:] - whole[n:, :n] @ inner
+        sizes = np.linalg.svd(effect, compute_uv=False)
+        rank = int(np.count_nonzero(sizes > _RANK * sizes[0]))
+        if rank < held + 1:
+            expected = f"{held + 1} that move the conditions on their own"
+            raise ParameterError("free", expected, ", ".join(self.family.names))
+        steps = 1e-3 * np.diag(self.search.reach)
+        for k, step in enumerate(steps):
+            sides = self.family.neutral + step, self.family.neutral - step
+            if any(map(self.search.excess, sides)):
+                effect[:, k] *= 1e-6  # it stands at a limit: the last to be taken
+        if self.place is not None:
+            effect[:, self.place] *= 1e9  # always among them
+        order = qr(effect, pivoting=True, mode="r")[1]
+        self.search.still[order[rank:]] = True
+
+    def corrected(
+        self, at: SearchPoint, row: Array | None = None, target: float | None = None
+    ) -> SearchPoint | None:
+        """Orbit near a point, by Newton's method; None where it does not converge.
+
+        Args:
+            at: The point.
+            row: Direction across which is searched, scaled; None for the shortest way.
+            target: Value that the parameter takes instead.
+        """
+        for _ in range(_NEWTON):
+            off = 0.0 if target is None else target - self.value(at)
+            if not np.isfinite(at.size):
+                return None
+            if at.residual <= 0.1 * TOLERANCE and abs(off) <= TOLERANCE:
+                return at
+            matrix, slope, right, nodes = self.equations(at)
+            more = slope if target is not None else row
+            if more is not None:
+                matrix, right = np.vstack([matrix, more]), np.r_[right, off]
+            step = np.asarray(np.linalg.lstsq(matrix, right, rcond=_ROUNDING)[0], float)
+            at = self.fly(*self.search.moved(at, nodes, step))
+        return at if at.residual <= TOLERANCE else None
+
+    def placed(self, at: SearchPoint, before: Array | None, way: float) -> _Place:
+        """Orbit with its tangent, which goes on as before, or first to larger or smaller values."""
+        matrix, slope, _, _ = self.equations(at)
+        moving = np.r_[np.ones(self.count, bool), ~self.search.still]
+        tangent = np.zeros(matrix.shape[1])
+        tangent[moving] = np.linalg.svd(matrix[:, moving])[2][-1]
+        ahead = way * (slope @ tangent) if before is None else before @ tangent
+        tangent *= 1.0 if ahead >= 0 else -1.0
+        pace = float(slope @ tangent)
+        size = multipliers(self.orbit(at))
+        return _Place(at, self.value(at), tangent, pace, size)
+
+    def next(self, here: _Place, length: float) -> _Place | None:
+        """Orbit at a distance along the branch, or None."""
+        _, _, _, nodes = self.equations(here.at)
+        ahead = self.fly(*self.search.moved(here.at, nodes, length * here.tangent))
+        at = self.corrected(ahead, here.tangent)
+        if at is None:
+            return None
+        found = self.placed(at, here.tangent, 1.0)
+        return found if found.tangent @ here.tangent >= _BEND else None
+
+    def orbit(self, at: SearchPoint) -> Orbit:
+        """Orbit of a point."""
+        return orbit_of(self.search, at, self.added_mass)
+
+
+def _walk(
+    curve: _Curve, way: float, limits: tuple[float, float], points: int
+) -> tuple[list[_Place], str]:
+    """Orbits from the first to an end of the branch, and why it ends there."""
+    here = curve.placed(curve.first.at, None, way)
+    low, high = limits
+    longest = _LONGEST * (high - low) / max(abs(here.pace), 1e-9)
+    length, found = longest * _FIRST / _LONGEST, list[_Place]()
+    if here.value == (high if way > 0 else low):
+        return found, f"the limit {here.value:.5g} {curve.unit}"
+    while len(found) < points:
+        ahead = curve.next(here, length)
+        if ahead is None:
+            length /= 2
+            if length < _SHORTEST * longest:
+                return found, f"no orbit was found beyond {here.value:.5g} {curve.unit}"
+            continue
+        if not low <= ahead.value <= high:
+            end = low if ahead.value < low else high
+            at = curve.corrected(ahead.at, target=end)
+            if at is not None:
+                last = curve.placed(at, here.tangent, 1.0)
+                marks = _marks(curve, here, last, way, length)
+                found.append(last._replace(marks=marks))
+            return found, f"the limit {end:.5g} {curve.unit}"
+        excess = curve.search.excess(ahead.at.values)
+        if excess:
+            return found, excess
+        marks = _marks(curve, here, ahead, way, length)
+        ahead = ahead._replace(marks=marks)
+        found.append(ahead)
+        here, length = ahead, min(1.5 * length, longest)
+    return found, f"{points} orbits"
+
+
+def _marks(
+    curve: _Curve, here: _Place, ahead: _Place, way: float, length: float
+) -> tuple[Bifurcation, ...]:
+    """Bifurcations between neighbors, in the order of the branch from its least end."""
+    marks: list[tuple[float, Bifurcation]] = []
+    turned = here.pace * ahead.pace < 0
+    if turned:
+        sign = np.sign(here.pace)
+        part, place = _between(
+            curve,
+            here,
+            length,
+            lambda one: np.sign(one.pace) == sign,
+        )
+        near = place.size[np.argmin(np.abs(place.size - 1.0))]
+        marks.append((part, _bifurcation(curve, "fold", place, near)))
+    if _unstable(here) != _unstable(ahead):
+        count = _unstable(here)
+        part, place = _between(
+            curve,
+            here,
+            length,
+            lambda one: _unstable(one) == count,
+        )
+        near = place.size[np.abs(np.abs(place.size) - 1.0) < _NEAR]
+        crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
+        kind = crossing_kind(crossing)
+        if not (kind == "branch point" and turned):
+            marks.append((part, _bifurcation(curve, kind, place, crossing)))
+    ordered = [mark for _, mark in sorted(marks, key=lambda one: way * one[0])]
+    return tuple(ordered)
+
+
+def crossing_kind(multiplier: complex) -> str:
+    """Name of the bifurcation at which a multiplier crosses the unit circle.
+
+    Args:
+        multiplier: The multiplier, of absolute value near 1.
+    """
+    if abs(multiplier.imag) > 1e-6:
+        return "Neimark-Sacker"
+    return "flip" if multiplier.real < 0 else "branch point"
+
+
+def _unstable(place: _Place) -> int:
+    """Number of multipliers outside of the unit circle."""
+    return int(np.count_nonzero(np.abs(place.size) > 1.0 + _OUTSIDE))
+
+
+def _between(curve: _Curve, here: _Place, length: float, same: Any) -> tuple[float, _Place]:
+    """Part of a step and orbit at which something changes, by bisection."""
+    low, high, place = 0.0, 1.0, here
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        found = curve.next(here, middle * length)
+        if found is None:
+            break
+        place = found
+        low, high = (middle, high) if same(found) else (low, middle)
+    return low, place
+
+
+def _bifurcation(curve: _Curve, kind: str, place: _Place, multiplier: complex) -> Bifurcation:
+    return Bifurcation(
+        kind,
+        place.value,
+        complex(multiplier),
+        curve.orbit(place.at),
+    )
