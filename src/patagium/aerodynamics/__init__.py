@@ -37,6 +37,7 @@ from patagium.aerodynamics.sections import (
     measured_section,
 )
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.aerodynamics.wind_shear import WindShear
 
 __all__ = [
     "FOUR_STATE",
@@ -68,6 +69,7 @@ __all__ = [
     "StripSection",
     "TablePolar",
     "TravelingGust",
+    "WindShear",
     "added_mass_from_description",
     "aero_from_description",
     "fitted_indicial",

@@ -1,8 +1,8 @@
 """The air a robot flies in: density, uniform wind, gusts.
 
 The wind is the same everywhere; so is a gust at one time, unless it travels
-(`TravelingGust`). The ground, where there is one, is a level plane. World axes. Neglected: shear,
-obstacles, compressibility.
+(`TravelingGust`). The ground, where there is one, is a level plane. World axes. Neglected: shear
+(`WindShear` adds it to a model), obstacles, compressibility.
 """
 
 from __future__ import annotations

@@ -22,6 +22,8 @@ from patagium.aerodynamics.sections import (
     section_from_description,
     stall_delay_from_description,
 )
+from patagium.aerodynamics.wind_shear import NUMBERS as SHEAR_NUMBERS
+from patagium.aerodynamics.wind_shear import WindShear
 from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
@@ -44,6 +46,9 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name == Inflow.name:
         check_keys(f"model {name}", values, {"of", *INFLOW_NUMBERS})
         return Inflow(aero_from_description(robot, values.pop("of")), **values)
+    if name == WindShear.name:
+        check_keys(f"model {name}", values, {"of", *SHEAR_NUMBERS})
+        return WindShear(aero_from_description(robot, values.pop("of")), **values)
     if name == LearnedAir.name:
         check_keys(f"model {name}", values, {"of", "weights"})
         return LearnedAir(aero_from_description(robot, values["of"]), values["weights"])
@@ -52,7 +57,7 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
         return made
     if name not in _KEYS:
-        expected = f"one of {', '.join([*_KEYS, Inflow.name, LearnedAir.name])}"
+        expected = f"one of {', '.join([*_KEYS, Inflow.name, LearnedAir.name, WindShear.name])}"
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none

@@ -245,8 +245,7 @@ def simulate(
     asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount is MountKind.FIXED
-    blown = wind or (-own.speed if own and standing else 0.0, 0.0, 0.0)
-    air = Air(density=density, wind=blown, ground=ground)
+    air = Air(density, wind or (-own.speed if own and standing else 0.0, 0, 0), ground=ground)
     model = _air_model(aero, machine, air, inflow)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping is Stepping.PUBLISHED:

@@ -1,0 +1,105 @@
+"""Wind that grows with height: the power law and the logarithmic law of the boundary layer.
+
+It is put on any model of the air, whose strips then meet the wind at their own height. Neglected:
+the turn of the wind with height, and shear in the air that `AddedMass` carries.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import casadi as ca
+
+from patagium.aerodynamics.on_model import OnModel
+from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.dynamics.chain import vector
+from patagium.dynamics.kinematics import body_poses
+from patagium.errors import ParameterError, positive
+from patagium.robot.model import Robot
+
+NUMBERS = ("reference_height", "exponent", "roughness")
+LOWEST = 0.01
+"""Height over the reference height below which the power law is rounded off [1]."""
+
+
+@dataclass(frozen=True)
+class WindShear(OnModel):
+    """Model of the air in a wind that depends on the height h above the ground.
+
+    The wind of the air is that at the reference height H; a strip meets it times
+
+        (h/H)^exponent,   or   ln(1 + h/z0) / ln(1 + H/z0)   where a roughness z0 is given.
+
+    The 1 keeps the logarithmic law at zero on the ground; where h is a hundred times z0 it changes
+    the wind by less than .3 %. The ground is that of the air, or at z = 0.
+
+    Args:
+        model: Model of the air under this one.
+        reference_height: H [m].
+        exponent: Exponent of the power law; 1/7 over open land.
+        roughness: Roughness length z0 of the logarithmic law [m]; None: the power law.
+
+    Raises:
+        ParameterError: If a number is not finite and positive, or the model has shear already.
+
+    References:
+        Stull (1988), An Introduction to Boundary Layer Meteorology, ch. 9.
+    """
+
+    reference_height: float = 10.0
+    exponent: float = 1 / 7
+    roughness: float | None = None
+
+    name = "wind_shear"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in NUMBERS[:2]:
+            positive(name, getattr(self, name))
+        if self.roughness is not None and not (isfinite(self.roughness) and self.roughness > 0):
+            raise ParameterError("roughness", "a positive length [m], or None", self.roughness)
+
+    @property
+    def structure(self) -> str:
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
+        law = "power" if self.roughness is None else "logarithm"
+        return f"{self.name} {law} on {self.model.structure}"
+
+    @property
+    def own_parameters(self) -> dict[str, float]:
+        """Numbers of the law by name [m, 1]."""
+        law = {"exponent": self.exponent}
+        if self.roughness is not None:
+            law = {"roughness": self.roughness}
+        numbers = {"reference_height": self.reference_height, **law}
+        return {f"wind_shear.{name}": value for name, value in numbers.items()}
+
+    def describe(self) -> dict[str, Any]:
+        """Description that makes the model again for a robot, as JSON-able values."""
+        numbers = {name: getattr(self, name) for name in NUMBERS}
+        return {"model": self.name, "of": self.model.describe(), **numbers}
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        names, own = self.model.parameter_names, len(self.model.parameter_names)
+        ground = parameters[names.index("ground")] if "ground" in names else 0.0
+        poses, winds = body_poses(robot, q), []
+        for i, strip in enumerate(robot.strips):
+            pose = poses[strip.body]
+            height = (pose.position + pose.rotation @ vector(strip.quarter_chord))[2] - ground
+            met = wind[:, i] if wind.shape[1] > 1 else wind
+            winds.append(met * self._share(height, parameters[own], parameters[own + 1]))
+        given = ca.horzcat(*winds) if winds else wind
+        return self.model.expressions(robot, q, v, state, given, parameters[:own])
+
+    def _share(self, height: Any, reference: Any, number: Any) -> Any:
+        """Wind at a height over that at the reference height [1]."""
+        least = LOWEST * reference
+        above = (height + ca.sqrt(height * height + least * least)) / 2
+        if self.roughness is None:
+            return (above / reference) ** number
+        return ca.log(1.0 + above / number) / ca.log(1.0 + reference / number)
