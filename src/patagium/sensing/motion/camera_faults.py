@@ -7,7 +7,6 @@ turns the body by less than a few times what it turns between frames.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -323,8 +322,3 @@ def _left_out(
             )
         )
     return found
-
-
-def merged(stretches: Sequence[Stretch]) -> list[Stretch]:
-    """Stretches in order of time."""
-    return sorted(stretches, key=lambda one: one.begin)

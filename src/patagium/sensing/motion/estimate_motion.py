@@ -36,6 +36,7 @@ from patagium.sensing.motion.frame_model import (
 )
 from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
 from patagium.sensing.motion.motion_smoother import MotionFit, Samples
+from patagium.sensing.motion.motion_spline import conjugate, product
 from patagium.sensing.motion.sensor_streams import (
     CaptureModel,
     EncoderModel,
@@ -498,8 +499,8 @@ def _smooth_base(
     length = np.linalg.norm(turned.state[:, :, 0], axis=1)[:, None, None]
     four = turned.state / length
     attitude = Rotation.from_quat(np.array(four[:, :, 0]))
-    spin = 2 * _vector_part(four[:, :, 0], four[:, :, 1])
-    spin_rate = 2 * _vector_part(four[:, :, 0], four[:, :, 2])
+    back = conjugate(four[:, :, 0])
+    spin, spin_rate = (2 * product(back, four[:, :, level])[:, :3] for level in (1, 2))
     covariance = 4 * turned.covariance[:, :3]
     offset = model.frame.offset
     lever = np.tile(offset, (len(spin), 1))
@@ -510,13 +511,6 @@ def _smooth_base(
     )
     state = np.stack([np.zeros_like(spin), spin, spin_rate], axis=-1)
     return (place.state - moved, place.covariance), (state, covariance), attitude
-
-
-def _vector_part(quaternion: Array, other: Array) -> Array:
-    """Vector part of the product of a conjugate quaternion with another, (N, 3) [-]; x, y, z, w."""
-    u, w = -quaternion[:, :3], quaternion[:, 3:]
-    p, s = other[:, :3], other[:, 3:]
-    return np.asarray(w * p + s * u + np.cross(u, p))
 
 
 def estimate_motion(
@@ -564,17 +558,12 @@ def estimate_motion(
         found = smoothed_motion(machine, streams, wanted, smoother)
         return _dataset(machine, wanted, found, log)
     drive = given_density(machine, density)
-    if filtered and drive is not None:
-        return _dataset(
-            machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log
-        )
-    fitted = fit_motion(machine, streams, drive, order, wanted)
-    if filtered:
-        drive = fitted.density()
-        return _dataset(
-            machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log
-        )
-    return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
+    if not filtered:
+        fitted = fit_motion(machine, streams, drive, order, wanted)
+        return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
+    if drive is None:
+        drive = fit_motion(machine, streams, drive, order, wanted).density()
+    return _dataset(machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log)
 
 
 def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:

@@ -145,9 +145,8 @@ class FrameModel:
             Both, (6,) [m/s^2, rad/s], and the derivative with respect to the first three levels,
             (6, 3, n).
         """
-        seen, turn = self._from_reference(motion)
-        up = turn[2]
-        value, slope = self._inertial(*seen, up, self.offset, self._parameters)
+        seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
+        value, slope = self._inertial(*seen, turn[2], self.offset, self._parameters)
         n = self.robot.dof
         jacobian = self._to_world(slope.reshape(6, 3, n), turn)
         slopes = (self._both @ jacobian.reshape(6, -1)).reshape(6, 3, n)
@@ -165,13 +164,13 @@ class FrameModel:
             Both, (N, 6) [m/s^2, rad/s], and the derivatives with respect to the levels,
             (N, 6, 3, n).
         """
-        seen, turn = self._in_reference(levels, attitude)
+        seen, turn = self._in_reference(levels, attitude.as_matrix())
         parts = [seen[:, k] for k in range(3)]
         found = self._inertial.batch(*parts, turn[:, 2], self.offset, self._parameters)
         value, slope = (np.array(part) for part in found)
         shown = value.reshape(-1, 2, 3) @ self.mount
         both = (self._both @ slope).reshape(len(value), 6, 3, self.robot.dof)
-        return shown.reshape(-1, 6), self._slopes_to_world(both, turn)
+        return shown.reshape(-1, 6), self._to_world(both, turn)
 
     def poses(self, levels: Array, attitude: Rotation) -> tuple[Array, Rotation, Array]:
         """Poses of the frame in the world at many instants, and the slopes.
@@ -185,25 +184,27 @@ class FrameModel:
             Positions (N, 3) [m]; rotations from the frame's axes to world axes, N; derivatives
             of position in world axes and of attitude in the frame's axes, (N, 6, n).
         """
-        seen, turn = self._in_reference(levels, attitude)
+        seen, turn = self._in_reference(levels, attitude.as_matrix())
         found = self._pose.batch(seen[:, 0], self.offset, self._parameters)
         position, rotation, moved, turned = (np.array(part) for part in found)
         slope = np.concatenate([turn @ moved, self.mount.T @ turned], axis=1)
         world = (turn @ position.reshape(-1, 3, 1))[:, :, 0]
-        jacobian = self._slopes_to_world(slope[:, :, None], turn)[:, :, 0]
+        jacobian = self._to_world(slope[:, :, None], turn)[:, :, 0]
         return world, Rotation.from_matrix(turn @ rotation @ self.mount), jacobian
 
-    def _in_reference(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
-        seen, turn = levels.copy(), attitude.as_matrix()
+    def _in_reference(self, levels: Array, turn: Array) -> tuple[Array, Array]:
+        """Levels in the axes of the reference, of one instant or many, and its rotation."""
+        seen = levels.copy()
         if self.base is not None:
             place = list(self.base.place)
-            seen[:, :, place] = levels[:, :, place] @ turn
+            seen[..., place] = levels[..., place] @ turn
         return seen, turn
 
-    def _slopes_to_world(self, slope: Array, turn: Array) -> Array:
+    def _to_world(self, slope: Array, turn: Array) -> Array:
         if self.base is not None:
             place = list(self.base.place)
-            slope[..., place] = slope[..., place] @ np.swapaxes(turn, 1, 2)[:, None]
+            back = np.swapaxes(turn, -1, -2)
+            slope[..., place] = slope[..., place] @ (back if back.ndim == 2 else back[:, None])
         return slope
 
     def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
@@ -216,27 +217,12 @@ class FrameModel:
             Position (3,) [m]; rotation from the frame's axes to world axes, (3, 3) [-]; derivatives
             of position in world axes and of attitude in the frame's axes, (6, n).
         """
-        seen, turn = self._from_reference(motion)
+        seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
         position, rotation, moved, turned = self._pose(seen[0], self.offset, self._parameters)
         slope = np.vstack([turn @ moved, self.mount.T @ turned])
         jacobian = self._to_world(slope.reshape(6, 1, -1), turn)[:, 0]
         return turn @ position, turn @ rotation @ self.mount, jacobian
 
-    def _from_reference(self, motion: Motion) -> tuple[list[Array], Array]:
-        levels = [level.copy() for level in motion.levels[:3]]
-        if self.base is None:
-            return levels, np.eye(3)
-        turn = motion.attitude
-        place = list(self.base.place)
-        for level in levels:
-            level[place] = turn.T @ level[place]
-        return levels, turn
-
-    def _to_world(self, slope: Array, turn: Array) -> Array:
-        if self.base is not None:
-            place = list(self.base.place)
-            slope[..., place] = slope[..., place] @ turn.T
-        return slope
 
 
 def _functions(robot: Robot, body: int) -> list[ca.Function]:

@@ -15,9 +15,9 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.robot import Robot
 from patagium.sensing.motion.banded import SEEN, Information, Knots
-from patagium.sensing.motion.first_motion import Noise
+from patagium.sensing.motion.first_motion import FirstMotion, Noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
 from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
@@ -149,48 +149,6 @@ class _Linear:
     placed: Array
 
 
-class Guess(Protocol):
-    """First guess of a motion."""
-
-    def at(
-        self,
-        times: Array,
-        columns: NDArray[np.int64],
-    ) -> tuple[Array, Rotation | None]:
-        """Values of columns at given times, (N, n) [m, rad], and the attitude."""
-        ...
-
-    def density(
-        self,
-        columns: NDArray[np.int64],
-        order: int,
-    ) -> Array:
-        """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
-        ...
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    """Motion that was fitted with other knots."""
-
-    spline: MotionSpline
-
-    def at(
-        self,
-        times: Array,
-        columns: NDArray[np.int64],
-    ) -> tuple[Array, Rotation | None]:
-        point = self.spline.at(times)
-        return point.levels[:, 0], point.attitude
-
-    def density(
-        self,
-        columns: NDArray[np.int64],
-        order: int,
-    ) -> Array:
-        raise NotImplementedError
-
-
 @dataclass(frozen=True)
 class _Residuals:
     """Residuals of a part, their leverage, rate and validity, (N, size) each."""
@@ -289,14 +247,18 @@ class MotionFit:
                 self.width += 6
         self.gaps: list[tuple[float, float]] = []
 
-    def run(self, guess: Guess) -> None:
+    def run(self, guess: FirstMotion) -> None:
         """Fit the motion.
 
         Args:
             guess: First motion.
         """
         shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
-        self._place(guess, shortest if self.biases else _FIRST_STEP * shortest)
+        self.density = (
+            guess.density(self.columns, self.order) if self.given is None else self.given
+        )
+        first = shortest if self.biases else _FIRST_STEP * shortest
+        self._place(lambda times: guess.at(times, self.columns), first)
         settled = 0
         for k in range(_MOST_STEPS):
             moved = self._step(robust=k > 1)
@@ -306,7 +268,7 @@ class MotionFit:
             wanted = self.knots.step * (self._looseness() / _LOOSE) ** (1 / (2 * self.order))
             wanted = max(wanted, shortest)
             if wanted < 0.8 * self.knots.step or (wanted > 3 * self.knots.step and settled > 3):
-                self._place(_Fitted(self.spline), wanted)
+                self._place(self._fitted, wanted)
                 settled = 0
             elif moved < _ENOUGH:
                 return
@@ -326,16 +288,21 @@ class MotionFit:
         covariance[beyond[:, None], places, places] += np.repeat(_UNKNOWN, n) ** 2
         return point.levels[:, :, :n], covariance, point.attitude
 
+    def _fitted(self, times: Array) -> tuple[Array, Rotation | None]:
+        """Values (N, n) [m, rad] and attitude of the present fit."""
+        point = self.spline.at(times)
+        return point.levels[:, 0], point.attitude
+
     def _place(
         self,
-        guess: Guess,
+        motion: Callable[[Array], tuple[Array, Rotation | None]],
         step: float,
     ) -> None:
-        """Begin with knots at a step, and control points on a guess."""
+        """Begin with knots at a step, and control points on a motion."""
         begin, end = self.span
         self.knots = Knots(begin, end, step)
         at = np.clip(self.knots.centers, begin, end)
-        values, attitude = guess.at(at, self.columns)
+        values, attitude = motion(at)
         points = np.zeros((self.knots.count, self.width))
         points[:, : values.shape[1]] = values
         turns = None
@@ -360,10 +327,6 @@ class MotionFit:
             self.open |= (middles > first - near) & (middles < last + near)
             free = _FREE * (last - first) ** (1 - 2 * self.order)
             self.bridging[inside] = np.maximum(self.bridging[inside], free)
-        if not hasattr(self, "density"):
-            self.density = (
-                guess.density(self.columns, self.order) if self.given is None else self.given
-            )
         self.liveliness = np.ones((self.knots.spans, len(self.columns)))
 
     def _step(self, robust: bool) -> float:

@@ -15,10 +15,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
+from patagium.sensing.motion.banded import SEEN, Information, Knots
 
 Array = NDArray[np.float64]
 
@@ -363,25 +362,28 @@ class Spline:
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
         """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
-        degree = 5
         times = time if at is None else at
         begin, end = min(time[0], times[0]), max(time[-1], times[-1])
-        spans = max(1, round((end - begin) / self.knot_step))
-        inner = np.linspace(begin, end, spans + 1)
-        knots = np.concatenate([[begin] * degree, inner, [end] * degree])
-        deviations = np.broadcast_to(np.asarray(std, float), values.shape[1:])
-        rows = [_basis(knots, times, degree, k) for k in range(3)]
+        knots = Knots(begin, end, (end - begin) / max(1, round((end - begin) / self.knot_step)))
+        span, rows = knots.span_of(times), knots.weights(times)
+        variance = np.broadcast_to(np.square(std), values.shape[1:])
         state = np.empty((len(times), values.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
-        shapes: dict[bytes, tuple[Array, Array]] = {}
         for b, column in enumerate(values.T):
-            seen = np.isfinite(column)
-            key = seen.tobytes()
-            if key not in shapes:
-                shapes[key] = _projection(knots, time[seen], degree, rows, self.knot_step)
-            weights, unit = shapes[key]
-            state[:, b] = np.einsum("kmn,n->mk", weights, column[seen])
-            covariance[:, b] = unit * deviations[b] ** 2
+            stamps, known = time[np.isfinite(column)], column[np.isfinite(column)]
+            information = Information(knots.count, 1)
+            information.add(knots.span_of(stamps), knots.weights(stamps, 1), known[:, None])
+            try:
+                points, found = information.solve()
+            except FilterDiverged:
+                raise LogError(
+                    "knot_step: expected several samples between knots "
+                    f"{self.knot_step:g} s apart, found spans without"
+                ) from None
+            seen = points[span[:, None] + np.arange(SEEN), 0]
+            state[:, b] = np.einsum("mkj,mj->mk", rows, seen)
+            spread = rows @ found.of_spans(span) @ np.swapaxes(rows, 1, 2)
+            covariance[:, b] = variance[b] * spread
         return Smoothed(state, covariance)
 
 
@@ -454,29 +456,3 @@ def _local(stamps: Array, now: float, half: float, degree: int) -> Array:
     powers = ((stamps - now) / half)[:, None] ** np.arange(degree + 1)
     inverse = np.linalg.pinv(powers)[:3]
     return np.asarray(inverse * np.array([1.0, 1 / half, 2 / half**2])[:, None])
-
-
-def _basis(knots: Array, times: Array, degree: int, derivative: int) -> Array:
-    count = len(knots) - degree - 1
-    found = BSpline(knots, np.eye(count), degree)
-    return np.asarray(found.derivative(derivative)(times) if derivative else found(times))
-
-
-def _projection(
-    knots: Array, time: Array, degree: int, rows: list[Array], step: float
-) -> tuple[Array, Array]:
-    """Weights of the samples, (3, M, N), and covariance for noise of variance one, (M, 3, 3)."""
-    design = _basis(knots, time, degree, 0)
-    normal = design.T @ design
-    try:
-        banded = np.array([np.pad(np.diagonal(normal, k), (0, k)) for k in range(degree + 1)])
-        factor = cholesky_banded(banded, lower=True)
-    except np.linalg.LinAlgError:
-        raise LogError(
-            f"knot_step: expected several samples between knots {step:g} s apart, "
-            "found spans without"
-        ) from None
-    solved = np.stack([cho_solve_banded((factor, True), row.T).T for row in rows])
-    weights = solved @ design.T
-    covariance = np.einsum("imc,jmc->mij", solved, np.stack(rows))
-    return weights, covariance
