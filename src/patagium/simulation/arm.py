@@ -26,7 +26,7 @@ from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError, ShapeError
 from patagium.native import load_functions
 from patagium.robot import Robot
-from patagium.robot.attitude import rotation_from_angles
+from patagium.robot.attitude import body_accelerations, body_rates, rotation_from_angles
 from patagium.robot.model import Axis
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 from patagium.simulation.paths import Path, span_of
@@ -129,37 +129,16 @@ def solve_each(matrices: Array, right: Array) -> Array:
 def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
     """Velocity and acceleration of a path: linear, then angular, world axes, (N, 6) each.
 
-    w = sum_k e_k rate_k over the axes e of roll, pitch and yaw in the world.
-
     Args:
         motion: Of x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
     """
-    rates, second = motion.velocity[:, 3:], motion.acceleration[:, 3:]
-    axes, turned = _euler_axes(motion.position[:, 4:], rates[:, 1:])
-    spin = np.einsum("nij,nj->ni", axes, rates)
-    spun = np.einsum("nij,nj->ni", axes, second) + np.einsum("nij,nj->ni", turned, rates)
-    return (
-        np.hstack([motion.velocity[:, :3], spin]),
-        np.hstack([motion.acceleration[:, :3], spun]),
-    )
-
-
-def _euler_axes(angles: Array, rates: Array) -> tuple[Array, Array]:
-    """Axes of roll, pitch, yaw in the world as columns, and their rates, (N, 3, 3) each."""
-    pitch, yaw = angles.T
-    pitching, yawing = rates.T
-    cp, sp, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
-    none = np.zeros_like(pitch)
-    roll_axis = [cy * cp, sy * cp, -sp]
-    roll_rate = [
-        -sy * cp * yawing - cy * sp * pitching,
-        cy * cp * yawing - sy * sp * pitching,
-        -cp * pitching,
-    ]
-    pitch_axis, pitch_rate = [-sy, cy, none], [-cy * yawing, -sy * yawing, none]
-    axes: Any = [roll_axis, pitch_axis, [none, none, none + 1.0]]
-    changes: Any = [roll_rate, pitch_rate, [none, none, none]]
-    return np.transpose(np.array(axes), (2, 1, 0)), np.transpose(np.array(changes), (2, 1, 0))
+    moved = motion.position, motion.velocity, motion.acceleration
+    angles, rates, second = (part[:, 3:] for part in moved)
+    turned = rotation_from_angles(angles)
+    spin = body_rates(angles, rates), body_accelerations(angles, rates, second)
+    world = [(turned @ part[..., None])[..., 0] for part in spin]
+    linear = motion.velocity[:, :3], motion.acceleration[:, :3]
+    return np.hstack([linear[0], world[0]]), np.hstack([linear[1], world[1]])
 
 
 def rotation_vector(matrix: Array) -> Array:

@@ -1,5 +1,6 @@
 """Tables of other programs: CSV, Parquet, MAT, and what is wrong with their stamps and units."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 from patagium.errors import LogError, OutputError
 from patagium.sensing import read_table
 from patagium.sensing.logs.files import opening
+from patagium.sensing.logs.files.channels import Request, StampSource
+from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.importing.inspection import inspect_log
@@ -256,3 +259,15 @@ def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:
     assert by_name["gx"].missing == 1
     assert by_name["throttle"].low == 200 and by_name["throttle"].high == 499
     assert {one.kind for one in facts.findings} == {"gap", "missing numbers"}
+
+
+def test_rows_without_a_structure_are_missing_numbers_not_zero(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs the extra patagium[logs]")
+    from pyarrow import parquet
+
+    rows = {"t": [0.0, 1.0, 2.0], "imu": [{"gyro": {"x": 3.0}}, None, {"gyro": {"x": 5.0}}]}
+    parquet.write_table(pyarrow.table(rows), tmp_path / "log.parquet")
+    with closing(open_log(tmp_path / "log.parquet")) as log:
+        assert set(log.topics[""].channels) == {"t", "imu.gyro.x"}
+        (block,) = log.blocks((Request("", StampSource("column", "t", 1e9), ("imu.gyro.x",)),))
+    np.testing.assert_array_equal(block.values[:, 0], [3.0, np.nan, 5.0])

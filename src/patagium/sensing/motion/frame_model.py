@@ -224,7 +224,6 @@ class FrameModel:
         return turn @ position, turn @ rotation @ self.mount, jacobian
 
 
-
 def _functions(robot: Robot, body: int) -> list[ca.Function]:
     """Functions `inertial` and `pose` of a body in the axes of the reference attitude."""
     machine, p = robot.symbolic()

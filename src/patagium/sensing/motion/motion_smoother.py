@@ -254,9 +254,7 @@ class MotionFit:
             guess: First motion.
         """
         shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
-        self.density = (
-            guess.density(self.columns, self.order) if self.given is None else self.given
-        )
+        self.density = guess.density(self.columns, self.order) if self.given is None else self.given
         first = shortest if self.biases else _FIRST_STEP * shortest
         self._place(lambda times: guess.at(times, self.columns), first)
         settled = 0

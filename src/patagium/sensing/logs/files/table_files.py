@@ -625,19 +625,19 @@ class ParquetFile:
             from pyarrow import parquet, types
 
             self._file = parquet.ParquetFile(path)
-            leaves = list(_leaves(self._file.schema_arrow))
-            first = next(self._file.iter_batches(1), None)
+            schema = _flattened(self._file.schema_arrow.empty_table()).schema
+            first = next(self._tables(1, None), None)
             found: dict[str, str] = {}
             stamped: dict[str, float] = {}
             unplaced: dict[str, str] = {}
             self._lists: dict[str, tuple[str, int]] = {}
-            for name, kind, _ in leaves:
+            for name, kind in zip(schema.names, schema.types, strict=True):
                 if types.is_timestamp(kind):
                     found[name], stamped[name] = "timestamp", 1.0
                 elif _is_numeric_type(kind):
                     found[name] = str(kind)
                 elif _is_list_type(kind) and first is not None:
-                    size = np.size(_flat(_plain(first, name)[0]))
+                    size = np.size(_flat(first[name].to_numpy()[0]))
                     if size <= _MOST_COLUMNS:
                         self._lists.update({f"{name}[{k}]": (name, k) for k in range(size)})
                         found.update({f"{name}[{k}]": str(kind) for k in range(size)})
@@ -645,7 +645,11 @@ class ParquetFile:
                         unplaced[name] = f"a list of {size} entries; 1 to {_MOST_COLUMNS} are read"
                 else:
                     unplaced[name] = f"of type {kind}, no numbers"
-        units = {name: unit for name, _, unit in leaves if unit}
+        words = {field.name: field.metadata or {} for field in schema}
+        units = {
+            name: held.get(b"unit", held.get(b"units", b"")).decode("utf-8", "replace")
+            for name, held in words.items()
+        }
         count = int(self._file.metadata.num_rows)
         topic = table_topic(found, count, units, stamped=stamped, unplaced=unplaced)
         self.topics: dict[str, Topic] = {"": topic}
@@ -656,15 +660,21 @@ class ParquetFile:
             with reading(self.path, "Parquet"):
                 row, names = 0, columns_of(one)
                 sources = list(dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names))
-                for batch in self._file.iter_batches(BLOCK, columns=sources, use_threads=False):
-                    held = {source: _plain(batch, source) for source in sources}
+                for table in self._tables(BLOCK, sources):
+                    held = {source: table[source].to_numpy() for source in sources}
                     columns = {name: self._column(held, name, row) for name in names}
-                    yield table_block(key, one, columns, row, len(batch), str(self.path))
-                    row += len(batch)
+                    yield table_block(key, one, columns, row, len(table), str(self.path))
+                    row += len(table)
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def _tables(self, rows: int, columns: list[str] | None) -> Iterator[Any]:
+        from pyarrow import Table
+
+        for batch in self._file.iter_batches(rows, columns=columns, use_threads=False):
+            yield _flattened(Table.from_batches([batch]))
 
     def _column(self, held: Mapping[str, Any], name: str, first: int) -> Any:
         if name not in self._lists:
@@ -696,31 +706,13 @@ def _flat(entries: Any) -> Array:
     return array.astype(float).ravel()
 
 
-def _plain(batch: Any, path: str) -> Any:
-    if path in batch.schema.names:
-        return batch.column(path).to_numpy(zero_copy_only=False)
-    head, _, rest = path.partition(".")
-    column = batch.column(head)
-    for part in rest.split("."):
-        column = column.field(part)
-    return column.to_numpy(zero_copy_only=False)
-
-
-def _leaves(schema: Any) -> Iterator[tuple[str, Any, str]]:
-    for field in schema:
-        yield from _leaf(field, field.name)
-
-
-def _leaf(field: Any, path: str) -> Iterator[tuple[str, Any, str]]:
+def _flattened(table: Any) -> Any:
+    """Table whose structures are columns of their own, named by dotted path."""
     from pyarrow import types
 
-    kind = field.type
-    if types.is_struct(kind):
-        for inner in kind:
-            yield from _leaf(inner, f"{path}.{inner.name}")
-        return
-    words = field.metadata or {}
-    yield path, kind, words.get(b"unit", words.get(b"units", b"")).decode("utf-8", "replace")
+    while any(types.is_struct(kind) for kind in table.schema.types):
+        table = table.flatten()
+    return table
 
 
 def _is_numeric_type(kind: Any) -> bool:
