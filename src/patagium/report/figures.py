@@ -24,7 +24,6 @@ from patagium.report.style import (
     color,
     dash,
     envelope,
-    height,
     legend_above,
     panels,
     styled,
@@ -103,8 +102,7 @@ def comparison(
                 _band(panel, t, value[:, k], 1.96 * band[:, k])
             _curve(panel, t, value[:, k], label, color=color(i), linestyle=dash(i))
         _fit_to(panel, actual[:, k])
-        panel.set_title(names[k])
-        panel.set_ylabel(f"[{units[k]}]")
+        _name(panel, names[k], units[k])
     _time_axis(axes, columns)
     legend_above(figure, axes[0])
     return figure
@@ -141,37 +139,29 @@ def intervals(
         _band(panel, t, middle[:, k], 1.96 * spread[:, k])
         panel.plot(t, middle[:, k], label="estimate", color=color(0))
         _fit_to(panel, middle[:, k])
-        panel.set_title(names[k])
-        panel.set_ylabel(f"[{units[k]}]")
+        _name(panel, names[k], units[k])
     _time_axis(axes, columns)
     legend_above(figure, axes[0])
     return figure
 
 
 @styled
-def histories(
-    time: ArrayLike,
-    values: Mapping[str, tuple[str, Mapping[str, ArrayLike]]],
-    *,
-    columns: int = 1,
-) -> Figure:
+def histories(time: ArrayLike, values: Mapping[str, tuple[str, Mapping[str, ArrayLike]]]) -> Figure:
     """Signals over time, a panel for each group that shares a unit.
 
     Args:
         time: Time, (N,) [s].
         values: Title of a panel -> (unit, signals by name, each (N,) [unit]).
-        columns: Panels side by side.
     """
     t = np.asarray(time, float)
-    figure, axes = _grid(len(values), columns)
+    figure, axes = _grid(len(values), 1)
     for panel, (title, (unit, signals)) in zip(axes, values.items(), strict=True):
         for i, (label, signal) in enumerate(signals.items()):
             _curve(panel, t, np.asarray(signal, float), label, color=color(i), linestyle=dash(i))
-        panel.set_title(title)
-        panel.set_ylabel(f"[{unit}]")
+        _name(panel, title, unit)
         if len(signals) > 1:
             panel.legend(ncols=min(len(signals), 4), loc="best")
-    _time_axis(axes, columns)
+    _time_axis(axes, 1)
     return figure
 
 
@@ -183,7 +173,6 @@ def innovation_and_covariance(
     *,
     names: Sequence[str],
     units: Sequence[str],
-    expected_std: ArrayLike | None = None,
 ) -> Figure:
     """Figure of the innovation of each update and of the largest variance of a weight.
 
@@ -193,7 +182,6 @@ def innovation_and_covariance(
         largest_variance: Largest diagonal entry of the weights' covariance, (U,).
         names: Names of the k outputs.
         units: Units of the k outputs.
-        expected_std: Standard deviation the filter gave each innovation, (U, k).
 
     Raises:
         ShapeError: If an array does not fit the others.
@@ -202,13 +190,9 @@ def innovation_and_covariance(
     found = _columns("innovation", innovation, t.size, len(names))
     figure, axes = _grid(len(names) + 1, 1)
     for k, panel in enumerate(axes[:-1]):
-        if expected_std is not None:
-            expected = _columns("expected_std", expected_std, t.size, len(names))
-            _band(panel, t, np.zeros(t.size), 1.96 * expected[:, k])
         _curve(panel, t, found[:, k], "innovation", color=color(1))
         _fit_to(panel, found[:, k])
-        panel.set_title(f"Innovation of {names[k]}")
-        panel.set_ylabel(f"[{units[k]}]")
+        _name(panel, f"Innovation of {names[k]}", units[k])
     variance = _columns("largest_variance", largest_variance, t.size, 1)
     _curve(axes[-1], t, variance[:, 0], "largest", color=color(0))
     axes[-1].set_yscale("log")
@@ -249,8 +233,7 @@ def paths(
         _band(panel, t, found[:, k], 2 * spread[:, k])
         _curve(panel, t, found[:, k], "estimate", color=color(1))
         panel.axhline(before, color="0.5", linestyle="--", linewidth=0.8)
-        panel.set_title(names[k])
-        panel.set_ylabel(f"[{units[k]}]")
+        _name(panel, names[k], units[k])
     _time_axis(axes, 1)
     return figure
 
@@ -295,6 +278,11 @@ def _grid(count: int, columns: int, height: float = 1.7) -> tuple[Figure, list[A
     for spare in axes.flat[count:]:
         spare.set_visible(False)
     return figure, list(axes.flat[:count])
+
+
+def _name(panel: Axes, title: str, unit: str) -> None:
+    panel.set_title(title)
+    panel.set_ylabel(f"[{unit}]")
 
 
 def _time_axis(axes: Sequence[Axes], columns: int) -> None:
@@ -449,17 +437,13 @@ def flight_overview(flight: Any) -> Figure:
         raise FlightError(f"flight: expected the quantities {wanted}, missing {missing}")
     time = np.asarray(flight["time"], float)
     groups = _overview_groups(flight)
-    figure = Figure(figsize=(width(), height(1.75 * len(groups)) + 0.5), layout="constrained")
-    axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = _grid(len(groups), 1)
     for panel, (name, unit, signals) in zip(axes, groups, strict=True):
         for i, (label, values) in enumerate(signals.items()):
-            look = {"color": color(i), "linestyle": dash(i), "label": label}
-            panel.plot(*envelope(time, np.asarray(values, float)), **look)
-        panel.set_title(name)
-        panel.set_ylabel(f"[{unit}]")
-        panel.margins(x=0.0)
+            _curve(panel, time, np.asarray(values), label, color=color(i), linestyle=dash(i))
+        _name(panel, name, unit)
         panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
-    axes[-1].set_xlabel("time [s]")
+    _time_axis(axes, 1)
     return figure
 
 
@@ -485,8 +469,7 @@ def wingbeat(statistics: Any) -> Figure:
             panel.fill_between(phase, mean - spread, mean + spread, color=color(i), alpha=0.25)
             label = "at the mount, inertia included" if i else "of the air"
             panel.plot(phase, mean, color=color(i), linestyle=dash(i), label=label)
-        panel.set_title(title)
-        panel.set_ylabel(f"[{unit}]")
+        _name(panel, title, unit)
         panel.margins(x=0.0)
     axes[-1, 0].set_xlabel("share of a wingbeat [1]; bands: one deviation between beats")
     legend_above(figure, axes[0, 0])

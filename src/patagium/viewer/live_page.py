@@ -15,12 +15,12 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import trimesh
 import viser
 from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import Poses
 from patagium.learning.scores import INTERVAL
+from patagium.report.still import solid_faces
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down
 from patagium.robot import Robot
 from patagium.robot.planform import strip_corners
@@ -423,10 +423,11 @@ class LiveScene:
         self._path: Any = None
 
     def _add_solid(self, name: str, solid: Solid) -> None:
-        mesh = _mesh_of(solid)
-        self._scene.add_mesh_simple(
-            name, np.asarray(mesh.vertices), np.asarray(mesh.faces), color=rgb(_BODIES)
-        )
+        corners = solid_faces(*solid[1:])
+        points, places = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
+        quads = places.reshape(-1, 4)
+        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        self._scene.add_mesh_simple(name, points, faces, color=rgb(_BODIES))
 
     def _add_wing(self, name: str, body: int) -> None:
         corners = [strip_corners(strip) for strip in self._robot.strips if strip.body == body]
@@ -517,28 +518,6 @@ class LiveScene:
 
 def _drawn(force: Array) -> bool:
     return bool(force.size) and bool(np.isfinite(force).all())
-
-
-def _mesh_of(solid: Solid) -> Any:
-    """A solid as triangles in body axes."""
-    made: Any
-    if solid.kind == "box":
-        made = trimesh.creation.box(extents=solid.size)
-    elif solid.kind == "ellipsoid":
-        made = trimesh.creation.icosphere(subdivisions=3)
-        made.apply_scale(solid.size)
-    elif solid.kind == "capsule":
-        radius, length = solid.size
-        made = trimesh.creation.capsule(height=length, radius=radius, count=(12, 12))
-        made.apply_translation(-made.bounds.mean(axis=0))
-    else:
-        radius, length = solid.size
-        made = trimesh.creation.cylinder(radius=radius, height=length, sections=32)
-    if solid.kind in ("capsule", "cylinder"):
-        geometry: Any = trimesh.geometry
-        made.apply_transform(geometry.align_vectors([0, 0, 1], solid.axis))
-    made.apply_translation(solid.center)
-    return made
 
 
 _NUMBERS = 0.2  # s between two looks at the numbers

@@ -213,7 +213,6 @@ def test_innovation_figure_has_a_panel_more_than_outputs(tmp_path: Path) -> None
     time = np.linspace(0.0, 1.0, 20)
     figure = figures.innovation_and_covariance(
         time, np.ones((20, 2)), np.exp(-time), names=["x", "y"], units=["N", "N"],
-        expected_std=np.ones((20, 2)),
     )  # fmt: skip
     assert len(figure.axes) == 3
     assert figure.axes[-1].get_yscale() == "log"

@@ -30,22 +30,16 @@ _REACHES = ((-14.0, 8.0, 45), (-0.5, 0.5, 21))
 """Grids of the search for a density, in powers of ten: from, to, number of points."""
 
 
-@dataclass(frozen=True)
-class Chain:
-    """Smoothed coordinates with their derivatives.
+class Smoothed(NamedTuple):
+    """Coordinates with their derivatives.
 
     Attributes:
-        state: Coordinate, rate, acceleration (, jerk), (N, B, m) [unit, unit/s, ...].
-        covariance: Covariance of the state, (N, B, m, m) [unit^2, unit^2/s, ...].
-        log_likelihood: Log-likelihood of the measurements of each coordinate, (B,) [-].
-        normalized: Innovations over their predicted standard deviation, (N, B) [-]; NaN where
-            there is no measurement.
+        state: Coordinate, rate, acceleration (, jerk), (M, B, m) [unit, unit/s, ...].
+        covariance: Covariance of the state, (M, B, m, m) [unit^2, unit^2/s, ...].
     """
 
     state: Array
     covariance: Array
-    log_likelihood: Array
-    normalized: Array
 
 
 def transition(order: int, step: float) -> Array:
@@ -90,8 +84,7 @@ def smooth_chain(
     density: ArrayLike,
     *,
     order: int = 4,
-    filtered: bool = False,
-) -> Chain:
+) -> Smoothed:
     """Coordinates and their derivatives given all measurements.
 
     A Kalman filter runs forwards and a Rauch-Tung-Striebel smoother backwards.
@@ -102,7 +95,6 @@ def smooth_chain(
         std: Standard deviation of the measurements, (B,), (N, B) or one for all [unit].
         density: Density of the driving noise, (B,) or one for all [unit^2/s^(2m-1)].
         order: Number m of levels.
-        filtered: Whether to leave out the smoother.
 
     Raises:
         ShapeError: If arrays do not fit each other.
@@ -113,10 +105,9 @@ def smooth_chain(
     unit = float(np.median(np.diff(stamps)))  # time in steps: entries of like size
     run = _Pass(stamps / unit, y, noise, drive * unit ** (2 * order - 1), order)
     run.forwards()
-    state, covariance = (run.state, run.covariance) if filtered else run.backwards()
+    state, covariance = run.backwards()
     scale = unit ** -np.arange(order, dtype=float)
-    likelihood = run.log_likelihood
-    return Chain(state * scale, covariance * np.outer(scale, scale), likelihood, run.normalized)
+    return Smoothed(state * scale, covariance * np.outer(scale, scale))
 
 
 def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order: int = 4) -> Array:
@@ -171,7 +162,6 @@ class _Pass:
         self.log_likelihood = np.zeros(count)
         self._keep = keep
         if keep:
-            self.normalized = np.full((samples, count), np.nan)
             self.state = np.empty((samples, count, order))
             self.covariance = np.empty((samples, count, order, order))
         self._steps: dict[float, tuple[Array, Array]] = {}
@@ -226,8 +216,6 @@ class _Pass:
         self.log_likelihood -= np.where(
             seen, 0.5 * (innovation**2 / variance + np.log(2 * np.pi * variance)), 0.0
         )
-        if self._keep:
-            self.normalized[k] = np.where(seen, innovation / np.sqrt(variance), np.nan)
         gain = np.where(seen[:, None], p[:, :, 0] / variance[:, None], 0.0)
         x = x + gain * innovation[:, None]
         # Joseph's form: stays definite where a measurement is nearly exact
@@ -268,18 +256,6 @@ def _checked(
         if not (np.isfinite(array).all() and (array > 0).all()):
             raise ParameterError(name, "positive numbers", float(np.min(array)))
     return stamps, y, noise**2, np.array(drive)
-
-
-class Smoothed(NamedTuple):
-    """Coordinates with two derivatives.
-
-    Attributes:
-        state: Coordinate, rate, acceleration, (M, B, 3) [unit, unit/s, unit/s^2].
-        covariance: Covariance of the state, (M, B, 3, 3) [unit^2, unit^2/s, ...].
-    """
-
-    state: Array
-    covariance: Array
 
 
 class Smoother(Protocol):
