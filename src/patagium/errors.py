@@ -136,11 +136,7 @@ def problem_lines(
 
 
 def first_few(lines: list[str]) -> str:
-    """Lines of a message: the first few, and how many more there are.
-
-    Args:
-        lines: All of them.
-    """
+    """Lines of a message: the first few, and how many more there are."""
     more = [f"and {len(lines) - PROBLEMS} more problems"] if len(lines) > PROBLEMS else []
     return "\n".join([*lines[:PROBLEMS], *more])
 
@@ -331,10 +327,6 @@ class CompilerError(PatagiumError, RuntimeError):
 
 def finite(name: str, value: Any) -> float:
     """A finite number.
-
-    Args:
-        name: The argument.
-        value: What was given.
 
     Raises:
         ParameterError: If it is not.

@@ -138,9 +138,6 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
 def make_folder(path: str | Path) -> Path:
     """A folder, made where it is not there yet; the folder above it must be.
 
-    Args:
-        path: The folder.
-
     Raises:
         OutputError: If it cannot be made.
     """

@@ -53,11 +53,7 @@ def check(
 
 
 def robot_facts(robot: Robot) -> dict[str, Any]:
-    """Facts of one robot for a person, its joints and lifting lines among them.
-
-    Args:
-        robot: The machine.
-    """
+    """Facts of one robot for a person, its joints and lifting lines among them."""
     from patagium.robot.drawing import describe_robot
     from patagium.robot.strip_chains import chain_words
 

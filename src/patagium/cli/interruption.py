@@ -55,9 +55,6 @@ class Interrupted(Exception):
 def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
     """Ctrl-C held back until the learner is between two samples; a second one stops at once.
 
-    Args:
-        progress: Function called between samples.
-
     Yields:
         Function that calls it, and raises `Interrupted` after Ctrl-C.
     """

@@ -166,11 +166,7 @@ def setting_options() -> Iterator[tuple[str, str, Field[Any]]]:
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by name, those of groups by name within them.
-
-    Args:
-        values: Values by dotted name.
-    """
+    """Values by name, those of groups by name within them."""
     found: dict[str, Any] = {}
     for path, value in values.items():
         group, _, name = path.rpartition(".")

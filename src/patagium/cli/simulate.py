@@ -328,11 +328,7 @@ def _tell_choice(
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
-    """Facts of a flight for JSON, SI: how it flew, and audits of energy and momentum.
-
-    Args:
-        flight: A flight Dataset.
-    """
+    """Facts of a flight for JSON, SI: how it flew, and audits of energy and momentum."""
     from patagium.simulation.flight_summary import flight_summary
 
     time = flight["time"].values

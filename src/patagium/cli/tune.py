@@ -140,10 +140,6 @@ def _tried(
 def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
     """Refuse files that one network cannot learn.
 
-    Args:
-        files: Their paths.
-        logs: What they hold.
-
     Raises:
         LogError: If some are flights and some are tables, or the robot or the wind differs.
     """

@@ -228,9 +228,6 @@ def existing(path: Path) -> Path:
 def flight_file(path: Path) -> Path:
     """Path of a flight that exists.
 
-    Args:
-        path: The file.
-
     Raises:
         LogError: If it is a robot's, or none.
     """
@@ -239,9 +236,6 @@ def flight_file(path: Path) -> Path:
 
 def no_robot(path: Path) -> Path:
     """Path that is not a robot's, which is refused with what flies it.
-
-    Args:
-        path: The file.
 
     Raises:
         LogError: If it is a preset's name or a robot file.

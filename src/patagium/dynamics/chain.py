@@ -63,12 +63,7 @@ class Step:
 
 
 def chain_of(robot: Robot, body: Body) -> tuple[Step, ...]:
-    """Steps from the parent to the body, in order.
-
-    Args:
-        robot: The machine.
-        body: One of its bodies.
-    """
+    """Steps from the parent to the body, in order."""
     if body.floating_dofs is None:
         places = robot.coordinate_indices
         return tuple(

@@ -64,11 +64,7 @@ class Counters:
         self.samples, self.learned, self.failed = 0, 0, 0
 
     def add(self, records: Records) -> None:
-        """Count more samples, in order.
-
-        Args:
-            records: What became of them.
-        """
+        """Count more samples, in order."""
         guess = records.prediction
         counted = np.isfinite(guess) & ~records.left_out
         y = np.where(counted, records.measurement, np.nan)
@@ -203,13 +199,7 @@ def follow(
 
 
 def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str, Any]:
-    """Summary of a stream, as JSON values.
-
-    Args:
-        status: Progress of the stream.
-        queue: Queue it read from.
-        pipeline: Pipeline it went through.
-    """
+    """Summary of a stream, as JSON values."""
     counters = status.counters
     names = pipeline.learner.network.output_names
     return {

@@ -341,11 +341,7 @@ def datagrams(
 
 
 def most_rows(columns: int) -> int:
-    """Largest number of packets that a datagram holds with the tag of a key.
-
-    Args:
-        columns: Numbers of a packet.
-    """
+    """Largest number of packets that a datagram holds with the tag of a key."""
     return ((LARGEST_DATAGRAM - _TAG) // 8 - _HEADER) // columns
 
 

@@ -68,12 +68,7 @@ def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
 
 
 def sensor_columns(robot: Robot, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
-    """Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
-
-    Args:
-        robot: The machine.
-        sensors: Its sensors by name.
-    """
+    """Names of the numbers of a raw row, such as `as5600.position.left_plunge`."""
     found = ["time"]
     for label, sensor in sensors.items():
         for name, parts in channels(robot, sensor).items():
@@ -82,11 +77,7 @@ def sensor_columns(robot: Robot, sensors: Mapping[str, Sensor]) -> tuple[str, ..
 
 
 def sensor_rows(log: SensorLog) -> Array:
-    """Raw rows of a recorded log, (N, columns), one for each stamp.
-
-    Args:
-        log: The log.
-    """
+    """Raw rows of a recorded log, (N, columns), one for each stamp."""
     readings = log.readings.values()
     times = np.unique(np.concatenate([one["time"].values for one in readings]))
     blocks = [times[:, None]]

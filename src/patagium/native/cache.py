@@ -82,11 +82,7 @@ class Library(NamedTuple):
 
 @functools.cache
 def tell(words: str) -> None:
-    """Say something on stderr, once per process.
-
-    Args:
-        words: What to say.
-    """
+    """Say something on stderr, once per process."""
     print(f"patagium: {words}", file=sys.stderr)
 
 
@@ -237,9 +233,6 @@ def _opened(file: Path, content: bytes) -> ctypes.CDLL:
 def keep_library(content: bytes) -> str:
     """Keep a library; the first one of a process reduces the cache to its bound.
 
-    Args:
-        content: The library's bytes.
-
     Returns:
         SHA-256 of its content, in hexadecimal.
 
@@ -287,9 +280,6 @@ def build_lock(name: str) -> Iterator[None]:
     """Lock of a record: other processes that would make it wait until it exists.
 
     Where files cannot be locked nobody waits, and the same may be made twice.
-
-    Args:
-        name: Of the record.
     """
     file, lock = cache_folder() / f"making-{name}", None
     with suppress(OSError):  # no locks here

@@ -190,11 +190,7 @@ def _dense_graph(function: ca.Function) -> _Graph:
 
 
 def emit(function: ca.Function) -> str:
-    """C text of a function of one state: a translation unit that defines `name`.
-
-    Args:
-        function: An SX function.
-    """
+    """C text of a function of one state: a translation unit that defines `name`."""
     name, graph = function.name(), _dense_graph(function)
     lines = [
         *_header(function),

@@ -221,12 +221,7 @@ def _encoded(record: Arrows | Series) -> dict[str, Any]:
 
 
 def encode_array(values: Array, kind: str = "f4") -> dict[str, Any]:
-    """An array as JSON: its kind ("f4", "f8"), shape and bytes in base64, little-endian.
-
-    Args:
-        values: Of any shape.
-        kind: Precision to keep.
-    """
+    """An array as JSON: its kind ("f4", "f8"), shape and bytes in base64, little-endian."""
     with np.errstate(over="ignore"):  # a prediction that ran away becomes infinite
         array = np.ascontiguousarray(values, f"<{kind}")
     return {

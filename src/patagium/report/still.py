@@ -159,11 +159,7 @@ class Painting:
             self.add(np.stack([neck - across, start + vector, neck + across]), color, **look)
 
     def paint(self, axes: Axes) -> None:
-        """Draw what was collected.
-
-        Args:
-            axes: Where.
-        """
+        """Draw what was collected."""
         order = np.argsort(self._depth)[::-1]
         flat, face, edge = (
             [kept[k] for k in order] for kept in (self._flat, self._face, self._edge)

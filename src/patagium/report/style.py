@@ -101,11 +101,7 @@ def height(rows: float) -> float:
 
 
 def round_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above it, for scales and grids.
-
-    Args:
-        value: Positive.
-    """
+    """The largest of 1, 2, 5 times a power of ten that is not above it, for scales and grids."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * (1 + 1e-9)))
 

@@ -33,12 +33,7 @@ def repeated(names: Sequence[str]) -> list[str]:
 
 
 def places_in_q(dof: int, attitudes: Attitudes) -> tuple[int, ...]:
-    """For each entry of v the place in q of what it moves; of roll that of qx, and so on.
-
-    Args:
-        dof: Number of velocities n.
-        attitudes: Where quaternions are.
-    """
+    """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
     firsts = [min(dofs) for dofs in attitudes]
     return tuple(i + sum(first <= i for first in firsts) for i in range(dof))
 
@@ -656,10 +651,6 @@ def axis_of(vector: Any) -> Axis:
 
 def finite_triple(name: str, values: ArrayLike) -> Axis:
     """Three finite numbers as a tuple of floats.
-
-    Args:
-        name: The argument.
-        values: What was given.
 
     Raises:
         ParameterError: If they are not.

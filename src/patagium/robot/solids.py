@@ -68,11 +68,7 @@ def solids(robot: Robot) -> list[Solid]:
 
 
 def surface_points(solid: Solid) -> Array:
-    """Points around a solid for the outline of a picture, body axes, (n, 3) [m].
-
-    Args:
-        solid: The solid.
-    """
+    """Points around a solid for the outline of a picture, body axes, (n, 3) [m]."""
     turns = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
     tilts = np.linspace(-np.pi / 2, np.pi / 2, 9)[:, None]
     ball = np.stack(

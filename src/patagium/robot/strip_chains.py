@@ -88,11 +88,7 @@ def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
 
 
 def chain_words(robot: Robot) -> str:
-    """Wings of each lifting line, such as "left_wing + right_wing; tail".
-
-    Args:
-        robot: The machine, in numbers.
-    """
+    """Wings of each lifting line, such as "left_wing + right_wing; tail"."""
     lines = (dict.fromkeys(robot.strips[i].wing for i in k.strips) for k in strip_chains(robot))
     return "; ".join(" + ".join(wings) for wings in lines)
 

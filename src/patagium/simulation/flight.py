@@ -155,9 +155,6 @@ def quantities(robot: Robot) -> dict[str, Quantity]:
     """Every variable of a robot's flight.
 
     With a quaternion q has a dimension of its own, `coordinate`, for it is longer than v.
-
-    Args:
-        robot: The machine.
     """
     longer = robot.attitude == "quaternion"
     return QUANTITIES | ({"q": _Q_WITH_QUATERNION} if longer else {})
@@ -242,10 +239,6 @@ def flight_record(
 
 def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     """Largest residuals of a flight, stored among its attributes.
-
-    Args:
-        flight: The flight.
-        robot: Its machine.
 
     Returns:
         energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount

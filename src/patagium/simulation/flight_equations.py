@@ -197,11 +197,7 @@ def _air_forces(
 
 
 def recorded_names(layout: StateLayout) -> tuple[str, ...]:
-    """Names of the quantities that the record function gives, in order.
-
-    Args:
-        layout: Layout of the flight.
-    """
+    """Names of the quantities that the record function gives, in order."""
     names: tuple[str, ...] = RECORDED_WITH_ADDED_MASS if ADDED_WORK in layout.works else RECORDED
     return names + ((LOAD_CELLS,) if layout.cells else ()) + ((STRIP_WIND,) if layout.met else ())
 

@@ -55,9 +55,6 @@ class FlightSummary(dict[str, Any]):
 def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """Summary of a flight, and what is wrong with it in sentences.
 
-    Args:
-        flight: The flight.
-
     Returns:
         `force_over_weight`: mean vertical force of the air on the strips over the weight [1];
         `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean

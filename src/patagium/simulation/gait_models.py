@@ -305,9 +305,6 @@ def read_gait_table(
 def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
     """Name and unit of each column of a CSV file, and its rows, (M, columns).
 
-    Args:
-        path: The file.
-
     Raises:
         LogError: If it is no table of finite numbers under a header.
     """

@@ -208,11 +208,6 @@ def from_csv(
 def to_csv(robot: Robot, gait: Gait, path: str | Path) -> None:
     """Table of one period of a gait, as `from_csv` reads it; whole or not at all.
 
-    Args:
-        robot: The machine.
-        gait: A gait that moves.
-        path: The file.
-
     Raises:
         ParameterError: If the gait does not move, or is another robot's.
         OutputError: If the file cannot be written.

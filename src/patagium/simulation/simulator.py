@@ -590,10 +590,6 @@ def _equations(
 def check_keywords(given: Mapping[str, Any], known: type) -> None:
     """Refuse keywords that a typed dictionary does not have.
 
-    Args:
-        given: Keywords that were given.
-        known: The typed dictionary.
-
     Raises:
         TypeError: If there is another keyword.
     """

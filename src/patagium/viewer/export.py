@@ -47,9 +47,6 @@ class Topic(NamedTuple):
 def topics_of(record: xr.Dataset) -> list[Topic]:
     """Quantities over time of a flight, a stream, a motion or predictions.
 
-    Args:
-        record: The file.
-
     Raises:
         LogError: If there is none.
     """

@@ -54,11 +54,7 @@ _LOGGER.propagate = False
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a finite number.
-
-    Args:
-        value: Anything.
-    """
+    """Whether a value is a finite number."""
     return type(value) in (int, float) and isfinite(value)
 
 
@@ -138,11 +134,7 @@ class Door:
         return None
 
     def checked(self, raw: bytes | str) -> bytes | None:
-        """Message that viser may read; None where it was refused.
-
-        Args:
-            raw: What came.
-        """
+        """Message that viser may read; None where it was refused."""
         try:
             message = _MESSAGE.decode(raw)
             if self._accepts(message):

@@ -201,11 +201,7 @@ class Feed:
         self._waiting.append((packets, records))
 
     def post(self, **facts: Any) -> None:
-        """Send a frame: the last sample there is, and facts by the name of their field.
-
-        Args:
-            **facts: Scores, strip forces, words.
-        """
+        """Send a frame: the last sample there is, and facts by the name of their field."""
         if self._waiting:
             self._last = self._samples()
             self._waiting = []
@@ -241,11 +237,7 @@ class Feed:
 
 
 def message_of_frame(letter: Any) -> str:
-    """Words of a frame.
-
-    Args:
-        letter: A frame.
-    """
+    """Words of a frame."""
     return bytes(letter["words"]).decode(errors="replace")
 
 

@@ -185,11 +185,7 @@ class LivePlots:
                 choice.on_update(lambda _, k=place, one=choice: self._choose(k, one.value))
 
     def add(self, letter: Any) -> None:
-        """More to plot.
-
-        Args:
-            letter: A frame.
-        """
+        """More to plot."""
         fresh = letter["trace"][: letter["traced"]]
         self._trace = np.concatenate([self._trace, fresh])[-_KEPT:]
         score = np.array([[letter["time"], letter["nmse"], letter["coverage"]]])

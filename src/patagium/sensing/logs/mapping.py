@@ -244,9 +244,6 @@ class TableMapping(_Words):
 def load_mapping(path: str | Path) -> TableMapping:
     """Validated mapping of a YAML file.
 
-    Args:
-        path: The file.
-
     Raises:
         LogError: If the file cannot be read, or is no mapping.
     """

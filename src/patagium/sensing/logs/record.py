@@ -30,11 +30,7 @@ _CACHE = 1 << 19
 
 
 def is_log(path: str | Path) -> bool:
-    """Whether a file is an imported log.
-
-    Args:
-        path: Any file.
-    """
+    """Whether a file is an imported log."""
     file = Path(path)
     if file.suffix.lower() != ".nc" or not file.is_file():
         return False

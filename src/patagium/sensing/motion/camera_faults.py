@@ -100,11 +100,7 @@ def usable_frames(rows: Array) -> Bools:
 
 
 def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
-    """Whether each frame shows the body, (N,), and the stretches of frames that do not.
-
-    Args:
-        camera: Samples of motion capture.
-    """
+    """Whether each frame shows the body, (N,), and the stretches of frames that do not."""
     seen = usable_frames(camera.rows)
     turned = np.linalg.norm(np.nan_to_num(camera.rows[:, 3:]), axis=1) > _NO_TURN
     finite = np.isfinite(camera.rows).all(axis=1) & turned
@@ -160,9 +156,6 @@ def on_regular_clock(stream: Stream) -> Stream | None:
     """Stream with stamps at equal steps, if its values are steadier so; else None.
 
     Stamps that jitter although the sensor samples at equal steps make a steady motion look rough.
-
-    Args:
-        stream: Samples of a sensor.
     """
     step = _regular_step(stream.time)
     if step is None:

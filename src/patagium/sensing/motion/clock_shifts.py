@@ -93,11 +93,7 @@ def estimate_shifts(
 
 
 def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
-    """Clock shifts where sensors have clocks of their own [s], and a note in words.
-
-    Args:
-        log: Log of any sensors.
-    """
+    """Clock shifts where sensors have clocks of their own [s], and a note in words."""
     stamps = [reading["time"].values for reading in log.readings.values()]
     if all(len(one) == len(stamps[0]) and (one == stamps[0]).all() for one in stamps[1:]):
         return {}, "All quantities have the same stamps, which are taken as right."

@@ -641,9 +641,6 @@ def _dataset(
 def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     """Noise of the sensors and stretches without a motion, JSON-able.
 
-    Args:
-        fitted: The fitted motion.
-
     Returns:
         `noise`: for each sensor and part its standard deviation, correlation from sample to
         sample, jitter of stamps [s], share of samples with little weight, and mean square of

@@ -138,9 +138,6 @@ class FrameModel:
     def inertial(self, motion: Motion) -> tuple[Array, Array]:
         """Specific force and angular rate in the frame's axes, (6,), and their Jacobian.
 
-        Args:
-            motion: Motion of the robot.
-
         Returns:
             Both, (6,) [m/s^2, rad/s], and the derivative with respect to the first three levels,
             (6, 3, n).
@@ -209,9 +206,6 @@ class FrameModel:
 
     def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Pose of the frame in the world, and its derivative with respect to the coordinates.
-
-        Args:
-            motion: Motion of the robot.
 
         Returns:
             Position (3,) [m]; rotation from the frame's axes to world axes, (3, 3) [-]; derivatives

@@ -248,11 +248,7 @@ class MotionFit:
         self.gaps: list[tuple[float, float]] = []
 
     def run(self, guess: FirstMotion) -> None:
-        """Fit the motion.
-
-        Args:
-            guess: First motion.
-        """
+        """Fit the motion."""
         shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
         self.density = guess.density(self.columns, self.order) if self.given is None else self.given
         first = shortest if self.biases else _FIRST_STEP * shortest

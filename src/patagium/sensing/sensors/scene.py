@@ -131,10 +131,6 @@ class Scene:
 def frame_function(robot: Robot, body: int) -> NativeFunction:
     """Compiled function (q, v, a, offset, parameters) -> motion of a frame on a body.
 
-    Args:
-        robot: The machine.
-        body: Index of the body.
-
     Returns:
         Position of the offset point in world axes (3,) [m], body axes to world axes (3, 3),
         angular velocity (3,) [rad/s] and specific force (3,) [m/s^2] in body axes.

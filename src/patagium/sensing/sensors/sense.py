@@ -150,11 +150,7 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
 
 
 def is_sensor_log(path: str | Path) -> bool:
-    """Whether a file is what `save_sensor_log` wrote.
-
-    Args:
-        path: Any file.
-    """
+    """Whether a file is what `save_sensor_log` wrote."""
     try:
         with netCDF4.Dataset(str(path)) as opened:
             return bool(opened.groups)
@@ -188,11 +184,7 @@ def load_sensor_log(path: str | Path) -> SensorLog:
 
 
 def sensor_from(text: str) -> Sensor:
-    """Sensor whose description, as JSON, is `Sensor.describe`.
-
-    Args:
-        text: The description.
-    """
+    """Sensor whose description, as JSON, is `Sensor.describe`."""
     known = json_object(text, "sensor")
     kind = _KINDS[known.pop("kind")]
     accepted = {entry.name for entry in fields(kind)}

@@ -140,9 +140,6 @@ class LogFile(Protocol):
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, topic by topic or interleaved as in the file.
 
-        Args:
-            wanted: Requests.
-
         Raises:
             LogError: If the file is damaged, or a column holds text.
         """

@@ -26,9 +26,6 @@ _Expand = Callable[[memoryview], memoryview]
 def check_elements(path: Path) -> None:
     """Refuse a file of version 5 whose elements have unknown types or lengths beyond its end.
 
-    Args:
-        path: The file.
-
     Raises:
         Unreadable: If its compressed elements would take too much memory.
         ValueError: If an element is of no known type, too long or too deep.

@@ -262,9 +262,6 @@ def header_place(lines: Sequence[str]) -> int:
     Names have no number among them. The lines below have as many entries, and the next one, or
     the one after a line of units, has about as many numbers as lines have further down. Lines
     without empty names come first: a spreadsheet fills up the lines above with empty cells.
-
-    Args:
-        lines: First lines.
     """
     cells = {mark: [_cells(line, mark) for line in lines] for mark in (*_SEPARATORS, " ")}
     for full in (True, False):

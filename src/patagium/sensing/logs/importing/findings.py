@@ -375,12 +375,7 @@ def sizes_of(
 
 
 def unit_findings(where: str, sizes: Sizes) -> list[Finding]:
-    """Finding that a quantity does not have the size that its unit suggests.
-
-    Args:
-        where: Name of the quantity.
-        sizes: Its size.
-    """
+    """Finding that a quantity does not have the size that its unit suggests."""
     written = sizes.largest / sizes.factor
     guess = ""
     if sizes.si == "m/s^2":

@@ -134,11 +134,7 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
 
 
 def table_range_findings(table: LogTable) -> list[Finding]:
-    """Findings that numbers of a table leave the ranges that its mapping states.
-
-    Args:
-        table: The table.
-    """
+    """Findings that numbers of a table leave the ranges that its mapping states."""
     names, units = (*table.input_names, *table.output_names), (*table.input_units,
                                                                *table.output_units)  # fmt: skip
     values = np.hstack([table.x, table.y])
