@@ -76,36 +76,22 @@ def renamed_fields(**names: str) -> Callable[[type[Kind]], type[Kind]]:
 
 
 _MOVED = {
-    "patagium": {
-        "patagium.air": """
-            DrydenGust Indicial OneMinusCosineGust RampGust Section StallDelay TablePolar
-            TravelingGust measured_section""",
-        "patagium.errors": """
-            CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
-            RobotFileError RobotFileWarning ShapeError SimulationFailed""",
-        "patagium.learning": """
-            ChangeDetection HiddenStripNetwork NoiseEstimation Screening""",
-        "patagium.sensing": """
-            ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
-            cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
-            momentum_force motor_forces save_sensor_log""",
-    },
-    "patagium.identification": {
-        "patagium.learning": """
-            ChangeDetection CubatureLearner DenseNetwork ExtendedLearner GradientLearner
-            GreyBox HiddenStripNetwork Identification LinearLearner Model
-            NoiseEstimation Screening Settings StripNetwork Tuned
-            evaluate evaluate_table identify identify_table learner_from_description
-            load_identification load_learner load_model load_settings model_of network_for
-            network_from_description refine save_learner save_model stream tune""",
-        "patagium.live": "AutoSave Pipeline",
-        "patagium.sensing": """
-            ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay Shifts Spline
-            TableMapping cell_wrench estimate_motion estimate_shifts import_log inspect_log
-            inverse_dynamics_force load_cell_force load_log load_mapping momentum_force
-            motor_forces read_table training_data""",
-    },
+    "patagium.air": """
+        DrydenGust Indicial OneMinusCosineGust RampGust Section StallDelay TablePolar
+        TravelingGust measured_section""",
+    "patagium.errors": """
+        CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
+        RobotFileError RobotFileWarning ShapeError SimulationFailed""",
+    "patagium.learning": """
+        ChangeDetection HiddenStripNetwork NoiseEstimation Screening""",
+    "patagium.sensing": """
+        ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
+        cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
+        momentum_force motor_forces save_sensor_log""",
 }
+"""Names that stood at the top of the package, by their home."""
+_SPLIT = ("patagium.learning", "patagium.live", "patagium.sensing")
+"""Packages that `patagium.identification` was split into."""
 _DEFAULT = "the default, which errs less"
 _REMOVED = {
     **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
@@ -115,12 +101,16 @@ _REMOVED = {
     "residual network": "None: LinearStripNetwork learns what physics leaves, and errs less",
 }
 """What takes the place of each network and structure that was removed, by class and by kind."""
-FORMER: dict[str, dict[str, str]] = {
-    module: {name: f"{home}.{name}" for home, names in homes.items() for name in names.split()}
-    for module, homes in _MOVED.items()
-}
-"""New dotted name of each former name, by the module that had it."""
-FORMER["patagium.identification"]["Table"] = "patagium.sensing.LogTable"
+
+
+@functools.cache
+def former_names(module: str) -> dict[str, str]:
+    """New dotted name of each former name of the top, or of `patagium.identification`."""
+    if module == "patagium":
+        homes = {home: names.split() for home, names in _MOVED.items()}
+        return {name: f"{home}.{name}" for home, names in homes.items() for name in names}
+    found = {name: f"{home}.{name}" for home in _SPLIT for name in import_module(home).__all__}
+    return found | {"Table": "patagium.sensing.LogTable"}
 
 
 def refuse_removed(where: str, name: object) -> None:
@@ -150,7 +140,7 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
         ParameterError: If what it names was removed.
     """
     refuse_removed(module, name)
-    former = FORMER[module]
+    former = former_names(module)
     if name in former:
         home, _, attribute = former[name].rpartition(".")
         found = getattr(import_module(home), attribute)
@@ -158,7 +148,7 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
         found = None if name.startswith("_") else plugin(OLD_NAMES, name)
         home, attribute = getattr(found, "__module__", ""), name
     if found is None:
-        known = {word: FORMER[module].get(word, word) for word in [*FORMER[module], *present]}
+        known = {word: former.get(word, word) for word in [*former, *present]}
         unknown = f"module {module!r} has no attribute {name!r}"
         raise AttributeError(unknown + similar(name, known))
     warnings.warn(f"{module}.{name} is now {home}.{attribute}", DeprecationWarning, stacklevel=3)

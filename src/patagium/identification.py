@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from patagium.deprecation import FORMER, former_name
+from patagium.deprecation import former_name, former_names
 
-__all__ = [*sorted(FORMER[__name__])]  # noqa: PLE0604
+__all__ = [*sorted(former_names(__name__))]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:

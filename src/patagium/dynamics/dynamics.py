@@ -61,7 +61,7 @@ def _build(robot: Robot) -> list[ca.Function]:
 class _Methods:
     """The equations as methods; one body for single states and for batches."""
 
-    def __init__(self, call: Callable[..., Any]) -> None:
+    def __init__(self, call: Callable[..., Array]) -> None:
         self._call = call
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -70,7 +70,7 @@ class _Methods:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._call("mass_matrix", q)  # type: ignore[no-any-return]
+        return self._call("mass_matrix", q)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis and centrifugal force C(q, v) v, (n,) [N, N m].
@@ -79,7 +79,7 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("coriolis", q, v)  # type: ignore[no-any-return]
+        return self._call("coriolis", q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity force G(q) = dU/dq, (n,) [N, N m].
@@ -87,7 +87,7 @@ class _Methods:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._call("gravity", q)  # type: ignore[no-any-return]
+        return self._call("gravity", q)
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """C v + G, (n,) [N, N m].
@@ -96,7 +96,7 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("bias", q, v)  # type: ignore[no-any-return]
+        return self._call("bias", q, v)
 
     def mass_matrix_and_bias(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """D, (n, n), and C v + G, (n,), in one call that shares their common terms.
@@ -105,7 +105,8 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("mass_matrix_and_bias", q, v)  # type: ignore[no-any-return]
+        inertia, bias = self._call("mass_matrix_and_bias", q, v)
+        return inertia, bias
 
     def inverse(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Generalized force of a motion, D a + C v + G, (n,) [N, N m].
@@ -115,7 +116,7 @@ class _Methods:
             v: Generalized velocities, (n,) [m/s, rad/s].
             a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
         """
-        return self._call("inverse", q, v, a)  # type: ignore[no-any-return]
+        return self._call("inverse", q, v, a)
 
     def forward(self, q: ArrayLike, v: ArrayLike, f: ArrayLike) -> Array:
         """Acceleration of the free robot, D^-1 (f - C v - G), (n,) [m/s^2, rad/s^2].
@@ -125,7 +126,7 @@ class _Methods:
             v: Generalized velocities, (n,) [m/s, rad/s].
             f: Every generalized force but inertia and gravity, (n,) [N, N m].
         """
-        return self._call("forward", q, v, f)  # type: ignore[no-any-return]
+        return self._call("forward", q, v, f)
 
     def forward_prescribed(
         self, q: ArrayLike, v: ArrayLike, a_actuated: ArrayLike, f: ArrayLike
@@ -141,7 +142,8 @@ class _Methods:
         Returns:
             a, (n,), and u1, (n_a,): the force or torque each actuator must give.
         """
-        return self._call("forward_prescribed", q, v, a_actuated, f)  # type: ignore[no-any-return]
+        a, u1 = self._call("forward_prescribed", q, v, a_actuated, f)
+        return a, u1
 
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> Any:
         """Kinetic energy, 1/2 v^T D v, scalar [J].
@@ -167,7 +169,7 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("momentum", q, v)  # type: ignore[no-any-return]
+        return self._call("momentum", q, v)
 
     def angular_momentum(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Angular momentum about the world's origin, world axes, (3,) [kg m^2/s].
@@ -176,7 +178,7 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("angular_momentum", q, v)  # type: ignore[no-any-return]
+        return self._call("angular_momentum", q, v)
 
     def center_of_mass(self, q: ArrayLike) -> Array:
         """Center of mass of the robot, world axes, (3,) [m].
@@ -184,7 +186,7 @@ class _Methods:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._call("center_of_mass", q)  # type: ignore[no-any-return]
+        return self._call("center_of_mass", q)
 
     def coordinate_rates(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Rates of the coordinates, dq/dt = N(q) v, (n_q,) [m/s, rad/s, 1/s].
@@ -195,7 +197,7 @@ class _Methods:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._call("coordinate_rates", q, v)  # type: ignore[no-any-return]
+        return self._call("coordinate_rates", q, v)
 
 
 class Dynamics(_Methods):

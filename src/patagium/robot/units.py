@@ -5,6 +5,7 @@ angle is in radians. Offset units (degrees Celsius)
 and logarithmic ones are not known.
 """
 
+# mypy: disable-error-code="valid-type"
 from __future__ import annotations
 
 import math
@@ -157,13 +158,13 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
     return PydanticCustomError("mismatch", "expected {expected}, found {found}", evidence)
 
 
-Length: TypeAlias = quantity_type("m", "a length")  # type: ignore[valid-type]
-Mass: TypeAlias = quantity_type("kg", "a mass")  # type: ignore[valid-type]
-Angle: TypeAlias = quantity_type("rad", "an angle")  # type: ignore[valid-type]
-Speed: TypeAlias = quantity_type("m/s", "a speed")  # type: ignore[valid-type]
-Frequency: TypeAlias = quantity_type("Hz", "a frequency")  # type: ignore[valid-type]
-Duration: TypeAlias = quantity_type("s", "a time")  # type: ignore[valid-type]
-Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")  # type: ignore[valid-type]
-Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")  # type: ignore[valid-type]
-BeamStiffness: TypeAlias = quantity_type("N m^2", "a stiffness of a beam")  # type: ignore[valid-type]
-PureNumber: TypeAlias = quantity_type("", "a pure number")  # type: ignore[valid-type]
+Length: TypeAlias = quantity_type("m", "a length")
+Mass: TypeAlias = quantity_type("kg", "a mass")
+Angle: TypeAlias = quantity_type("rad", "an angle")
+Speed: TypeAlias = quantity_type("m/s", "a speed")
+Frequency: TypeAlias = quantity_type("Hz", "a frequency")
+Duration: TypeAlias = quantity_type("s", "a time")
+Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")
+Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")
+BeamStiffness: TypeAlias = quantity_type("N m^2", "a stiffness of a beam")
+PureNumber: TypeAlias = quantity_type("", "a pure number")

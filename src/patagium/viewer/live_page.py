@@ -11,11 +11,13 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Mapping, Sequence
-from html import escape
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import viser
+from jinja2 import Environment, StrictUndefined, Template
 from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import Poses
@@ -38,16 +40,6 @@ from patagium.viewer.replay import center_of_mass, quaternions
 
 Array = NDArray[np.float64]
 Row = tuple[str, str]
-
-_STEER = "<b>First:</b> move Frequency below, or press space to pause, R to fly again. "
-_LOOK = "Drag turns the view, scroll zooms, F follows the robot or stays."
-_WAIT = (
-    f'<p style="padding:4px 12px;font-size:13px"><b>Waiting for the first sample.</b> {_LOOK}</p>'
-)
-_STYLE = (
-    "width:100%;border-collapse:collapse;font-size:13px;line-height:1.5;"
-    "font-variant-numeric:tabular-nums"
-)
 
 
 def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
@@ -118,32 +110,27 @@ def table(
 ) -> str:
     """Groups of rows as HTML, with a message above them and the key of the colors below.
 
+    Without a group it says what is waited for.
+
     Args:
         *groups: Names and values.
         key: What each color stands for.
-        letter: The last frame, for its words.
+        letter: The last frame, for its words; None before the first.
         steered: Whether the gait can be steered.
     """
-    words = message_of_frame(letter)
-    tint = "#8f2d1d" if letter["ended"] else "#46627a"
-    said = f'<p style="margin:0 0 6px;color:{tint};font-size:13px"><b>{escape(words)}</b></p>'
-    lines: list[str] = []
-    for group in groups:
-        for place, (name, value) in enumerate(group):
-            line = "border-top:1px solid #dbe2e8;" if place == 0 and lines else ""
-            lines.append(
-                f'<tr style="{line}"><td style="color:#5b6770">{escape(name)}</td>'
-                f'<td style="text-align:right">{escape(value)}</td></tr>'
-            )
-    marks = " &nbsp; ".join(
-        f'<span style="color:{color}">&#9632;</span> {escape(name)}' for name, color in key
+    return _template().render(
+        words="" if letter is None else message_of_frame(letter),
+        ended=letter is not None and bool(letter["ended"]),
+        groups=groups,
+        key=key,
+        steered=steered,
     )
-    return (
-        f'<div id="live-numbers" style="padding:4px 12px 8px">{said if words else ""}'
-        f'<table style="{_STYLE}">{"".join(lines)}</table>'
-        f'<p style="margin:6px 0 0;font-size:12px">Force of the air: {marks}</p>'
-        f'<p style="margin:6px 0 0;font-size:12px">{_STEER if steered else ""}{_LOOK}</p></div>'
-    )
+
+
+@cache
+def _template() -> Template:
+    text = files("patagium.viewer").joinpath("live_numbers.html").read_text("utf-8")
+    return Environment(autoescape=True, undefined=StrictUndefined).from_string(text)
 
 
 def _number(value: float, kind: str, unit: str = "") -> str:
@@ -258,9 +245,17 @@ def _plot(gui: Any, title: str, names: Sequence[str], *, log: bool = False) -> A
     band = ({"series": (4, 3), "fill": "rgba(213, 94, 0, 0.16)"},) if "high" in names else None
     start = tuple(np.full(2, np.nan) if k else np.array([0.0, 1.0]) for k in range(len(series)))
     return gui.add_uplot(
-        start, tuple(series), title=title, scales=scales, axes=axes, bands=band,
-        cursor=_CURSOR, legend={"show": False}, height=high, padding=(4, 12, 0, 0),
-    )  # fmt: skip
+        start,
+        tuple(series),
+        title=title,
+        scales=scales,
+        axes=axes,
+        bands=band,
+        cursor=_CURSOR,
+        legend={"show": False},
+        height=high,
+        padding=(4, 12, 0, 0),
+    )
 
 
 _BODIES, _UPPER, _LOWER, _EDGE = (SCENE[k] for k in ("bodies", "upper", "lower", "edge"))
@@ -397,24 +392,39 @@ class LiveScene:
             self._add_wing(f"/robot/{body.name}/wing", index)
         self._square = round_down(0.6 * reach)
         self._grid = scene.add_grid(
-            "/ground", infinite_grid=True, cell_size=self._square, section_size=5 * self._square,
-            cell_color=rgb(_GRID), section_color=rgb(_MAJOR), fade_distance=40.0 * reach,
-            fade_strength=1.5, shadow_opacity=0.2,
-        )  # fmt: skip
+            "/ground",
+            infinite_grid=True,
+            cell_size=self._square,
+            section_size=5 * self._square,
+            cell_color=rgb(_GRID),
+            section_color=rgb(_MAJOR),
+            fade_distance=40.0 * reach,
+            fade_strength=1.5,
+            shadow_opacity=0.2,
+        )
         self._axes = scene.add_frame("/axes", show_axes=False)
         for number, (name, color) in enumerate(_AXES.items()):
             tip = self._square * np.eye(3)[number]
             points, width = np.array([[np.zeros(3), tip]]), 0.008 * reach
             scene.add_arrows(
-                f"/axes/{name}", points, arrow_rgb(color), shaft_radius=width,
-                head_radius=2.6 * width, head_length=8 * width,
-            )  # fmt: skip
+                f"/axes/{name}",
+                points,
+                arrow_rgb(color),
+                shaft_radius=width,
+                head_radius=2.6 * width,
+                head_length=8 * width,
+            )
             length = f"{name}, {100 * self._square:g} cm" if name == "x" else name
             scene.add_label(f"/axes/{name}/name", length, position=1.12 * tip)
         self._interval = scene.add_icosphere(
-            "/forces/interval", 1.0, rgb(COLORS[0]), opacity=0.28, cast_shadow=False,
-            receive_shadow=False, visible=False,
-        )  # fmt: skip
+            "/forces/interval",
+            1.0,
+            rgb(COLORS[0]),
+            opacity=0.28,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
         self._handles: dict[str, Any] = {}
         self._path: Any = None
 
@@ -434,9 +444,14 @@ class LiveScene:
         faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
         for side, color in (("front", _UPPER), ("back", _LOWER)):
             self._scene.add_mesh_simple(
-                f"{name}/{side}", points, faces, color=rgb(color), side=side, flat_shading=True,
+                f"{name}/{side}",
+                points,
+                faces,
+                color=rgb(color),
+                side=side,
+                flat_shading=True,
                 opacity=0.92,
-            )  # fmt: skip
+            )
         edges = np.concatenate([np.stack([k, np.roll(k, -1, axis=0)], axis=1) for k in corners])
         self._scene.add_line_segments(
             f"{name}/edges", edges, rgb(_EDGE), thickness=1.2, thickness_units="screen"
@@ -505,9 +520,13 @@ class LiveScene:
         points = np.stack([at, at + self.scales.get(kind, 0.0) * np.nan_to_num(force)], axis=1)
         if handle is None:
             self._handles[name] = self._scene.add_arrows(
-                name, points, color, shaft_radius=width, head_radius=2.6 * width,
+                name,
+                points,
+                color,
+                shaft_radius=width,
+                head_radius=2.6 * width,
                 head_length=5 * width,
-            )  # fmt: skip
+            )
             return
         handle.points, handle.visible = points, True
 
@@ -548,8 +567,12 @@ class LivePage:
             self._server.stop()
             raise OSError(f"port {port} was taken meanwhile")
         self._asked: dict[str, Any] = {
-            "frequency": 0.0, "amplitude": 1.0, "paused": False, "resets": 0, "drawn": 0
-        }  # fmt: skip
+            "frequency": 0.0,
+            "amplitude": 1.0,
+            "paused": False,
+            "resets": 0,
+            "drawn": 0,
+        }
         network = subject.network
         self._strips = None if network is None else strip_force_network(network, subject.robot)
         self._measured = {name: k for k, name in enumerate(subject.outputs)}
@@ -598,7 +621,7 @@ class LivePage:
         camera.position, camera.look_at, camera.up = place, target, (0.0, 0.0, 1.0)
         camera.fov = np.radians(32.0)
         gui.set_panel_label(subject.title)
-        self._numbers = gui.add_html(_WAIT, order=0)
+        self._numbers = gui.add_html(table(key=[], letter=None), order=0)
         if subject.steering is not None:
             self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
@@ -620,13 +643,21 @@ class LivePage:
         with gui.add_folder("Gait", order=10):
             step = 10.0 ** np.floor(np.log10(steering.most)) / 100.0
             beat = gui.add_slider(
-                "Frequency [Hz]", steering.least, steering.most, step, steering.frequency,
+                "Frequency [Hz]",
+                steering.least,
+                steering.most,
+                step,
+                steering.frequency,
                 hint="Wingbeats a second; the phase goes on where it is.",
-            )  # fmt: skip
+            )
             size = gui.add_slider(
-                "Amplitude [%]", 0.0, np.floor(100.0 * steering.amplitude), 1.0, 100.0,
+                "Amplitude [%]",
+                0.0,
+                np.floor(100.0 * steering.amplitude),
+                1.0,
+                100.0,
                 hint="Of the gait's own excursions about their mean.",
-            )  # fmt: skip
+            )
         with gui.add_folder("Flight", order=11):
             pause = gui.add_button("Pause (space)", icon=viser.Icon.PLAYER_PAUSE)
             reset = gui.add_button("Fly again from the start (R)", icon=viser.Icon.REFRESH)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import patagium
-from patagium.deprecation import FORMER
+from patagium.deprecation import former_names
 from patagium.errors import ParameterError
 
 ROOT = Path(__file__).parents[3]
@@ -102,7 +102,11 @@ def test_names_of_a_name_space_resolve(space: str) -> None:
 
 @pytest.mark.parametrize(
     ("module", "name", "place"),
-    [(module, *item) for module, names in FORMER.items() for item in names.items()],
+    [
+        (module, *item)
+        for module in ("patagium", "patagium.identification")
+        for item in former_names(module).items()
+    ],
 )
 def test_a_former_name_works_and_says_its_place(module: str, name: str, place: str) -> None:
     home, _, attribute = place.rpartition(".")

@@ -20,7 +20,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.deprecation import FORMER
+from patagium.deprecation import former_names
 from patagium.sensing.logs.files import opening
 
 ROOT = Path(__file__).parents[3]
@@ -173,7 +173,7 @@ NAME_SPACES = ("air", "errors", "learning", "sensing")
 def _top_names() -> set[str]:
     """Names of `pt`, and those that stood there before the name spaces."""
     names = {*pt.__all__} - {"__version__", *NAME_SPACES}
-    return names | {place.removeprefix("patagium.") for place in FORMER["patagium"].values()}
+    return names | {place.removeprefix("patagium.") for place in former_names("patagium").values()}
 
 
 def _public_names() -> set[str]:

@@ -337,7 +337,11 @@ class Spline:
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
     ) -> Smoothed:
-        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
+        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
+
+        Raises:
+            LogError: If spans between knots have no samples.
+        """
         times = time if at is None else at
         begin, end = min(time[0], times[0]), max(time[-1], times[-1])
         knots = Knots(begin, end, (end - begin) / max(1, round((end - begin) / self.knot_step)))
