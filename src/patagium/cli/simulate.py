@@ -251,10 +251,9 @@ def simulate(
     if stepping is Stepping.PUBLISHED:
         if time_step is None or duration is None:
             raise ParameterError("--time-step, --duration", "both with --stepping published", None)
-        if carried is not None:
-            raise ParameterError("--added-mass", "nothing with --stepping published", added_mass)
-        if shown is not None:
-            raise ParameterError("--live", "nothing with --stepping published", live)
+        for option, given in (("--added-mass", added_mass), ("--live", shown and live)):
+            if given is not None:
+                raise ParameterError(option, "nothing with --stepping published", given)
         flight = _published(machine, model, frequency, plunge, speed or 0.0, duration, time_step)
         keep(flight, output, figure, as_json)
         return
