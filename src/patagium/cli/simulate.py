@@ -229,8 +229,7 @@ def simulate(
     Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s". What is not given
     comes from the section `cruise` of the robot's file, and is said.
     A flight that breaks down is kept up to there, in FILE.partial.nc; the exit code is then 2.
-    With --live it flies as the clock goes, shown in a browser where its gait can be steered, to
-    the end of its duration or Ctrl-C; `docs/live.md` tells more.
+    With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
     from patagium.aerodynamics import AddedMass, Air
     from patagium.errors import ParameterError

@@ -76,7 +76,7 @@ def trim(
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
     from patagium import control
     from patagium.aerodynamics import Air
-    from patagium.cli.words import answer, show_table
+    from patagium.cli.words import answer, heading, show_table
     from patagium.errors import ParameterError, PatagiumError
     from patagium.report.page import Table
     from patagium.robot import load_robot
@@ -122,7 +122,7 @@ def trim(
         facts["modes"] = modes
     outputs.attempt("orbit on stdout", lambda: answer(facts, as_json=as_json, title=title))
     if not as_json:
-        heads = [name.replace("_", " ") for name in modes[0]]
+        heads = [heading(name) for name in modes[0]]
         rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
         outputs.attempt("modes on stdout", lambda: show_table(Table(heads, rows, "Modes")))
     outputs.check()

@@ -23,6 +23,9 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
         error: A `UsageError`.
         words: Words after the program's name.
     """
+    if error.ctx is None:  # the last word is an option without its value
+        verb = " ".join(words[: 2 if words[0] == "study" else 1])
+        return f"{error.option_name}: expected a value, found nothing; see patagium {verb} --help"
     verb, command = error.ctx.command_path, error.ctx.command
     if hasattr(error, "option_name") and hasattr(error, "possibilities"):
         options = [name for one in command.params for name in one.opts]

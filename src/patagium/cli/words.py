@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,7 @@ class Numbers(tuple[float, ...]):
 Progress = Callable[[int, int], None]
 MEANING = "that says what the columns mean, which patagium inspect {} lists"
 """What a mapping is, for messages."""
+_UNIT = re.compile(r"_(m_s|rad_s|Hz|rad|W|SI|s)$")
 BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
@@ -176,8 +178,19 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
         return
     from patagium.report.page import key_value_table
 
-    flat = {name.replace("_", " "): _plain(value) for name, value in facts.items()}
+    flat = {heading(name): _plain(value) for name, value in facts.items()}
     show_table(key_value_table(flat, title))
+
+
+def heading(name: str) -> str:
+    """Heading of a fact: `turn_rate_rad_s` is `turn rate [rad/s]`.
+
+    Args:
+        name: Name of the fact, which may end with its unit.
+    """
+    unit = _UNIT.search(name)
+    said = name[: unit.start() if unit else None].replace("_", " ")
+    return f"{said} [{unit[1].replace('_', '/')}]" if unit else said
 
 
 def say_next(*commands: str) -> None:

@@ -83,6 +83,8 @@ simulate aerobat --mount arm
 simulate aerobat --figure flight.bmp
 simulate aerobat -o nowhere/flight.nc
 simulate aerobat -o .
+simulate aerobat -o
+robots aerobat --draw
 identify
 identify flght.nc
 identify text.nc

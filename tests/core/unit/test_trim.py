@@ -212,9 +212,9 @@ def test_the_verb_finds_writes_and_says_what_next(tmp_path, capsys):
     file = tmp_path / "trimmed.nc"
     code, out, err = say(capsys, "trim", "aerobat", "-o", file, "--beats", 2)
     assert code == 0
-    for word in ("frequency Hz", "speed m s", "largest multiplier", "feather offset rad"):
+    for word in ("frequency [Hz]", "speed [m/s]", "largest multiplier", "feather offset [rad]"):
         assert word in out
-    assert "Modes" in out and "roll subsidence" in out and "doubles in s" in out
+    assert "Modes" in out and "roll subsidence" in out and "doubles in [s]" in out
     assert "free: frequency" in err and "Next: patagium view" in err
     flight = pt.load_flight(file)
     assert flight.attrs["outcome"] == "COMPLETED"
