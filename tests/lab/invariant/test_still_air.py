@@ -11,7 +11,7 @@ HARDEST = "lifting line, stall delay"
 
 @pytest.mark.parametrize("name", ["DeLaurier", HARDEST])
 def test_still_air_gives_no_mean_power(name: str) -> None:
-    """Ten random wings of seed 8, which has one in a wind along its span, where legs met other strips."""
+    """Ten random wings of seed 8; of one, in a wind along its span, legs met other strips."""
     shares = power_shares(10, 8, {name: models()[name]}, first=25)
     assert shares.shape == (1, 10)
     assert (shares < ROUNDING).all()
