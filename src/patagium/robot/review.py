@@ -49,6 +49,8 @@ def _masses_at_hinges(robot: Robot, images: set[int]) -> Iterator[str]:
         if index in images or not strips or not body.joints or body.mass == 0.0:
             continue
         areas = [float(s.chord * s.width) for s in strips]
+        if not sum(areas) > 0.0:
+            continue
         middle = np.average([s.quarter_chord for s in strips], axis=0, weights=areas)
         if np.linalg.norm(body.center_of_mass) < _HINGE * np.linalg.norm(middle):
             place = ", ".join(f"{100 * x:.3g} cm" for x in middle)

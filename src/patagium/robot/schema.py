@@ -412,7 +412,7 @@ class Segment(_Part):
     @model_validator(mode="after")
     def _outline(self) -> Segment:
         spans = [k.span for k in self.stations]
-        if any(b - a <= 0 for a, b in zip(spans, spans[1:], strict=False)):
+        if any(b - a < 1e-9 for a, b in zip(spans, spans[1:], strict=False)):  # m
             raise mismatch("span positions that increase", str(spans)[:60], "stations")
         chords = [k.leading - k.trailing for k in self.stations]
         if any(max(pair) <= 0 for pair in zip(chords, chords[1:], strict=False)):

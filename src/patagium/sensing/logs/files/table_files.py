@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import os
 import re
 import warnings
 from collections import Counter
@@ -874,14 +875,18 @@ class UlogFile:
 
 
 class _Watched:
-    """Binary file that records whether a read came back short."""
+    """Binary file that records whether a read came back short, and ends reads in a circle."""
 
     def __init__(self, file: Any) -> None:
         self._file, self.cut = file, False
         self.seek, self.tell, self.close = file.seek, file.tell, file.close
+        self._left = 64 * os.fstat(file.fileno()).st_size  # B; each is needed a few times
 
     def read(self, size: int = -1) -> bytes:
         content: bytes = self._file.read(size)
+        self._left -= len(content)
+        if self._left < 0:
+            raise EOFError("its messages lead back to where they began")
         self.cut = 0 < len(content) < size
         return content
 
