@@ -84,6 +84,7 @@ pages: $(STAMP)
 	@$(if $(LOG),$(BIN)/patagium study bench learners -o docs/learners.md --log $(LOG), \
 	  echo "docs/learners.md is left as it is: LOG=log16.csv.gz makes it anew")
 	@echo "docs/robustness.md is left as it is: make attack makes it anew"
+	@echo "docs/damage.md is left as it is: patagium study damage --page docs/damage.md takes an hour or more"
 
 # Needs uv. The lock names no index: the one pip is configured with serves it.
 lock:
