@@ -49,6 +49,8 @@ def test_the_page_counts_flights_that_are_back(tmp_path):
     text = page(Results(metrics, Gallery(tmp_path))).write(tmp_path / "page.md").read_text()
     assert "without learning 0 (0 to 66) % of 2 flights" in text
     assert "with learning 100 (34 to 100) % of 2" in text
+    assert "| learning: back within 10 beats [%] | at least 95 | 100 | yes |" in text
+    assert "| undamaged: error with learning over that without, every pair [1] | at most" in text
     assert "0.500" in text  # ratio of errors without damage
 
 

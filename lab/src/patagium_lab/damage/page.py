@@ -17,7 +17,11 @@ from patagium_lab.study import Columns, Page, Results, Row, table_of
 BEATS = 10
 """Beats within which a flight has to be back."""
 TITLE = "A wing lost in flight"
-_STYLES = {OFF: COLORS[0], LEARNING: COLORS[1], KNOWN: COLORS[2]}
+_STYLES = {
+    OFF: COLORS[0],
+    LEARNING: COLORS[1],
+    KNOWN: COLORS[2],
+}
 
 
 def page(results: Results) -> Page:
@@ -33,14 +37,48 @@ def page(results: Results) -> Page:
     if damage:
         results.gallery.add("damage", _drawn(rows), _CAPTION)
     sections = [
-        PageSection("Back on its orbit", [table_of(_DAMAGE, damage, _ERROR),
-                    *results.gallery.pictures("damage")]),
+        PageSection("Targets", [table_of(_TARGETS, _targets(rows))]),
+        PageSection(
+            "Back on its orbit",
+            [table_of(_DAMAGE, damage, _ERROR), *results.gallery.pictures("damage")],
+        ),
         PageSection("Without damage", [table_of(_PAIRS, _pairs(rows), _PAIR)]),
         PageSection("Authority", [table_of(_AUTHORITY, metrics["authority"], _ROOM)]),
         PageSection("How it is flown", [Note(text) for text in _notes(metrics)]),
-    ]  # fmt: skip
+    ]
     facts = {"made by": "`patagium study damage`", **metrics["environment"]}
     return Page(TITLE, _summary(groups, metrics), facts, sections)
+
+
+_TARGETS = {"target": "target", "limit": "limit", "found": "found", "met": "met"}
+
+
+def _targets(rows: Sequence[Row]) -> list[dict[str, str]]:
+    """Rows of the targets; a limit from above is written negative."""
+    on, off = (_of(rows, "damage", "linear", one, 0.0) for one in (LEARNING, OFF))
+    back, away = ([100 * np.mean([_back(row) for row in own])] if own else [] for own in (on, off))
+    undamaged = [row["largest"] for row in _pairs(rows) if row["gust"] == 0]
+    lost = [sum(row["lost"] for row in rows if row["group"] == "no harm")] if undamaged else []
+    asked = [
+        (f"learning: back within {BEATS} beats [%]", 95.0, back),
+        (f"no learning: not back within {BEATS} beats [%]", 90.0, [100 - one for one in away]),
+        ("undamaged: error with learning over that without, every pair [1]", -1.05, undamaged),
+        ("undamaged: lost", -0.0, lost),
+    ]
+    return [
+        {
+            "target": name,
+            "limit": f"at least {limit:g}" if limit > 0 else f"at most {-limit:g}",
+            "found": f"{found[0]:.3g}",
+            "met": "yes" if found[0] >= limit > 0 or found[0] <= -limit else "**no**",
+        }
+        for name, limit, found in asked
+        if found
+    ]
+
+
+def _back(row: Row) -> bool:
+    return row["back"] is not None and row["back"] <= BEATS
 
 
 def _key(row: Row) -> tuple[str, str, str, float]:
@@ -57,7 +95,7 @@ def share(rows: Sequence[Row]) -> str:
     Args:
         rows: Flights.
     """
-    return _share([row["back"] is not None and row["back"] <= BEATS for row in rows])
+    return _share([_back(row) for row in rows])
 
 
 def _share(found: Sequence[bool]) -> str:
@@ -129,8 +167,9 @@ def _drawn(rows: Sequence[Row]) -> Figure:
         beats = np.arange(count) - own[0]["before"]
         low, middle, high = np.percentile(errors, [10, 50, 90], axis=0)
         axes.fill_between(beats, low, high, color=color, alpha=0.2, linewidth=0)
-        axes.plot(beats, middle, color=color, label=f"learning {learner}" if learner == OFF
-                  else learner)  # fmt: skip
+        axes.plot(
+            beats, middle, color=color, label=f"learning {learner}" if learner == OFF else learner
+        )
     axes.set(xlabel="beat after the loss", ylabel="error [1]", ylim=(0, None))
     axes.legend()
     return drawn

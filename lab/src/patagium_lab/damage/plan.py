@@ -13,20 +13,36 @@ COMMANDS = (
 )
 """Commands of the Aerobat; its frequency stays."""
 TOLERABLE = {
-    **{"z": 0.1, "roll": 0.1, "pitch": 0.3, "yaw": 0.1},
-    **{"velocity of x": 0.25, "velocity of y": 1.0, "velocity of z": 1.0},
+    "z": 0.1,
+    "roll": 0.1,
+    "pitch": 0.3,
+    "yaw": 0.1,
+    "velocity of x": 0.25,
+    "velocity of y": 1.0,
+    "velocity of z": 1.0,
     **{f"velocity of {name}": 10.0 for name in ("roll", "pitch", "yaw")},
 }
 """Departures that cost as much as a command over half its range [m, rad, m/s, rad/s]."""
 NOISE = {
-    **{name: 1e-3 for name in "xyz"},
+    "x": 1e-3,
+    "y": 1e-3,
+    "z": 1e-3,
     **{name: 5e-3 for name in ("roll", "pitch", "yaw")},
     **{f"velocity of {name}": 0.02 for name in ("x", "y", "z", "roll", "pitch", "yaw")},
 }
 """Standard deviations of the measured state [m, rad, m/s, rad/s]."""
-SCALES = {"z": 0.1, "yaw": 0.1, "velocity of x": 0.3}
+SCALES = {
+    "z": 0.1,
+    "yaw": 0.1,
+    "velocity of x": 0.3,
+}
 """Errors of the mean of a beat that count as 1: height [m], heading [rad], speed [m/s]."""
-LOST = {"z": 0.5, "yaw": 0.5, "roll": 1.0, "velocity of x": 1.0}
+LOST = {
+    "z": 0.5,
+    "yaw": 0.5,
+    "roll": 1.0,
+    "velocity of x": 1.0,
+}
 """Departures of the mean of a beat beyond which a flight counts as lost [m, rad, m/s]."""
 MARGIN = 1.5
 """Error over that before the loss within which a flight is back."""
