@@ -335,7 +335,7 @@ def _fault(error: Any, model: Any) -> tuple[str, str, str]:
         expected = f"one of the keys {', '.join(known)}" if known else "no such key"
         return where, expected, shown(loc[-1]) + similar(loc[-1], known)
     tags = str(context.get("expected_tags") or context.get("expected", "")).replace(" or ", ", ")
-    if kind in ("union_tag_invalid", "literal_error"):
+    if kind in ("union_tag_invalid", "literal_error", "enum"):
         names = tags.replace("'", "").split(", ")
         seen = context.get("tag", error["input"])
         where = f"{where}.type" if "tag" in context else where

@@ -15,7 +15,9 @@ from typing import Annotated, Literal, TypeAlias
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine, QuasiSteady
+from patagium.aerodynamics import AddedMass, Air
+from patagium.cli.estimates import GreyModel, air_class
+from patagium.control.adaptation import AdaptiveController
 from patagium.control.estimators import NoisyState, TrackedState
 from patagium.control.events import (
     Event,
@@ -52,12 +54,6 @@ from patagium.simulation import gaits
 Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
 TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignore[valid-type]
 Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
-AirName: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
-AIRS: dict[str, type[Aerodynamics]] = {
-    "quasi-steady": QuasiSteady,
-    "lifting-line": LiftingLine,
-    "delaurier": DeLaurier,
-}
 BEATS = 40
 """Duration of a flight in wingbeats where none is given."""
 GUST_SHARE = 0.1
@@ -75,7 +71,7 @@ class TrimPart(_Part):
     climb: Speed = 0.0
     turn_rate: TurnRate = 0.0
     free: tuple[str, ...] = ()
-    air: AirName = "quasi-steady"
+    air: GreyModel = GreyModel.QUASI_STEADY
     density: Density = 1.225
 
 
@@ -83,7 +79,7 @@ class TruthPart(_Part):
     """Truth that flies: masses and inertias off the file's, other air."""
 
     masses: PureNumber = 0.01
-    air: AirName = "quasi-steady"
+    air: GreyModel = GreyModel.QUASI_STEADY
     density: Density = 1.2
     wind: Velocity = (0.0, 0.0, 0.0)
     added_mass: PureNumber | None = None
@@ -91,11 +87,12 @@ class TruthPart(_Part):
 
 
 class ControllerPart(_Part):
-    """Controller along the orbit."""
+    """Controller along the orbit; with `learn` its model of the air relearns in flight."""
 
     type: Literal["predictive", "regulator", "averaged"] = "predictive"
     commands: tuple[str, ...] = ()
     tolerable: dict[str, PureNumber] = {}
+    learn: bool = False
 
 
 class SensorPart(_Part):
@@ -269,7 +266,7 @@ class Prepared:
 
     plan: Plan
     orbit: Orbit
-    controller: OrbitController
+    controller: OrbitController | AdaptiveController
     duration: float
     events: tuple[Event, ...]
     words: tuple[str, ...]
@@ -286,7 +283,7 @@ class Prepared:
         plan, truth = self.plan, self.plan.truth
         robot = off_nominal(self.orbit.robot, truth.masses, plan.seed)
         air = Air(density=truth.density, wind=truth.wind)
-        aero = AIRS[truth.air](robot, air)  # type: ignore[call-arg]
+        aero = air_class(truth.air)(robot, air)
         if truth.polar:
             _, aero = PolarEvent(time=0.0, factors=truth.polar).changed(robot, aero)
         added = truth.added_mass
@@ -309,7 +306,7 @@ def prepared(plan: Plan) -> Prepared:
         PatagiumError: If there is no such orbit; it says what is lacking.
     """
     robot, given = load_robot(plan.robot), plan.trim
-    aero = AIRS[given.air](robot, Air(density=given.density))  # type: ignore[call-arg]
+    aero = air_class(given.air)(robot, Air(density=given.density))
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait)
     orbit = trim(
@@ -322,18 +319,24 @@ def prepared(plan: Plan) -> Prepared:
     if not named:
         expected = f"commands of {robot.name}, each with a range in `actuators` of its file"
         raise ParameterError("controller: commands", expected, None)
-    tolerable = dict(plan.controller.tolerable)
-    controller: OrbitController
-    if plan.controller.type == "predictive":
-        controller = PredictiveController(orbit, named, tolerable=tolerable)
-    else:
-        averaged = plan.controller.type == "averaged"
-        controller = LinearRegulator(orbit, named, tolerable=tolerable, averaged=averaged)
+    controller = _controller(plan.controller, orbit, named)
     duration = plan.duration or BEATS * orbit.period
     chosen = _default_events(orbit, duration)
     events = chosen if plan.events is None else tuple(one.event() for one in plan.events)
     words = _words(plan, orbit, robot, named, duration, events)
     return Prepared(plan, orbit, controller, duration, events, words)
+
+
+def _controller(
+    part: ControllerPart, orbit: Orbit, named: tuple[str, ...]
+) -> OrbitController | AdaptiveController:
+    law: OrbitController
+    if part.type == "predictive":
+        law = PredictiveController(orbit, named, tolerable=dict(part.tolerable))
+    else:
+        averaged = part.type == "averaged"
+        law = LinearRegulator(orbit, named, tolerable=dict(part.tolerable), averaged=averaged)
+    return AdaptiveController(law, orbit) if part.learn else law
 
 
 def _default_events(orbit: Orbit, duration: float) -> tuple[Event, ...]:
@@ -359,7 +362,8 @@ def _words(
     return (
         f"Orbit of {robot.name}: {orbit.speed:.3g} m/s, climb {climb:.3g} m/s, "
         f"{1 / orbit.period:.3g} Hz",
-        f"Controller: {plan.controller.type}, commands {', '.join(named)}",
+        f"Controller: {plan.controller.type}, commands {', '.join(named)}"
+        f"{'; its model of the air relearns in flight' if plan.controller.learn else ''}",
         f"Truth: masses and inertias {100 * truth.masses:g} % off the file's (seed {plan.seed}), "
         f"{truth.air} air of {truth.density:g} kg/m^3, the controller's {plan.trim.air} of "
         f"{plan.trim.density:g}",

@@ -84,6 +84,7 @@ def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
         ("regulator", "regulatr", "line 5, .*did you mean regulator"),
         ("missing: 0.02", "parts: [{type: as560}]", "line 6, .*did you mean as5600"),
         ("seed: 3", "seed: -3", "line 16, seed"),
+        ("density: 1.19 kg/m^3", "air: lifting_line", "line 4, .*did you mean lifting-line"),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],
 )
@@ -92,6 +93,16 @@ def test_wrong_words_of_a_plan_are_told_with_their_line(tmp_path, old, new, wher
     path.write_text(PLAN.replace(old, new))
     with pytest.raises(LogError, match=where):
         load_plan(path)
+
+
+def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
+    path = tmp_path / "plan.yaml"
+    path.write_text(PLAN.replace("type: regulator,", "type: regulator, learn: true,"))
+    ready = prepared(load_plan(path))
+    assert isinstance(ready.controller, pt.control.AdaptiveController)
+    assert any("relearns in flight" in one for one in ready.words)
+    flight = ready.fly()
+    assert "Orbits of the beats" in flight.attrs["controller"]
 
 
 def test_what_a_plan_cannot_ask_is_refused(tmp_path):
