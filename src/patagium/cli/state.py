@@ -69,6 +69,7 @@ def keep_model(
     from patagium.learning.model_file import Model, model_of, save_model
 
     if path is not None:
-        is_model = isinstance(learner, Model)
+        is_model, replaced = isinstance(learner, Model), path.is_file()
         save_model(path, learner if is_model else model_of(learner, inputs=inputs, source=source))
-        typer.echo(f"The model is in {path}", err=True)
+        before = ", in place of the one before" if replaced else ""
+        typer.echo(f"The model is in {path}{before}", err=True)

@@ -368,7 +368,8 @@ def _marks(
             length,
             lambda one: _unstable(one) == count,
         )
-        near = place.size[np.abs(np.abs(place.size) - 1.0) < _NEAR]
+        apart = np.abs(np.abs(place.size) - 1.0)
+        near = place.size[apart < max(_NEAR, 1.01 * apart.min())]
         crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
         kind = crossing_kind(crossing)
         if not (kind == "branch point" and turned):

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
 _NIS = 3.0  # times too large or too small
+_SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of each output
 _UNSEEN = 0.05  # share of samples in unseen flow
 
 
@@ -81,7 +82,12 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
     nis = scores["nis_second_half"]
     if isfinite(nis) and not 1 / _NIS <= nis <= _NIS:
-        warnings.append(f"Warning: squared errors are {nis:.2g} times what was predicted (NIS).")
+        times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
+        if max(error.values()) < _SMALL:
+            small = "below a thousandth of the standard deviation of each output"
+            warnings.append(f"Note: {times}, but errors are {small}.")
+        else:
+            warnings.append(f"Warning: {times}.")
     unseen = scores.get("unseen_share", 0.0)
     if unseen > _UNSEEN:
         warnings.append(

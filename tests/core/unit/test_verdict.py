@@ -15,6 +15,7 @@ from patagium.learning.identify import compare
 from patagium.learning.model_file import Model, load_model, save_model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.stream import stream
+from patagium.learning.verdict import with_verdict
 
 
 def said(std: float) -> dict[str, Any]:
@@ -37,6 +38,14 @@ def test_words_for_intervals() -> None:
     times = re.match("Intervals (.*) times too narrow", narrow["verdict"][0])
     assert times is not None
     assert float(times[1]) == pytest.approx(5.0, rel=0.15)
+
+
+def test_wrong_intervals_of_tiny_errors_are_a_note() -> None:
+    """Below a thousandth of an output's deviation: half of that squared, and twice."""
+    scores = said(0.2)
+    for nmse, word in ((5e-7, "Note: "), (2e-6, "Warning: ")):
+        found = with_verdict({**scores, "nmse_second_half": {"y": nmse}})["verdict"]
+        assert [text for text in found if "NIS" in text][0].startswith(word)
 
 
 def test_warning_of_flow_that_was_not_learned(tmp_path: Path) -> None:
