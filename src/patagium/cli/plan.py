@@ -34,7 +34,7 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.trimming import free_parameters, trim
-from patagium.errors import ParameterError, PatagiumError
+from patagium.errors import ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
@@ -320,7 +320,8 @@ def prepared(plan: Plan) -> Prepared:
         expected = f"commands of {robot.name}, each with a range in `actuators` of its file"
         raise ParameterError("controller: commands", expected, None)
     controller = _controller(plan.controller, orbit, named)
-    duration = plan.duration or BEATS * orbit.period
+    duration = BEATS * orbit.period if plan.duration is None else plan.duration
+    positive("duration", duration)
     chosen = _default_events(orbit, duration)
     events = chosen if plan.events is None else tuple(one.event() for one in plan.events)
     words = _words(plan, orbit, robot, named, duration, events)

@@ -85,6 +85,10 @@ def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
         ("missing: 0.02", "parts: [{type: as560}]", "line 6, .*did you mean as5600"),
         ("seed: 3", "seed: -3", "line 16, seed"),
         ("density: 1.19 kg/m^3", "air: lifting_line", "line 4, .*did you mean lifting-line"),
+        ("type: regulator", "type: regulator, learn: often", "line 5, controller.learn"),
+        ("speed: 6 m/s", "speed: fast", "line 3, trim.speed: .*a speed"),
+        ("time: 0.2 s, ", "", "line 9, events.1.*time: .*found nothing"),
+        ("missing: 0.02", "missing: .nan", "line 6, sensors.missing"),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],
 )
@@ -103,6 +107,38 @@ def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
     assert any("relearns in flight" in one for one in ready.words)
     flight = ready.fly()
     assert "Orbits of the beats" in flight.attrs["controller"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ("wing: left_wing", "wing: left_wng", "wing"),
+        ("share: 0.03", "share: 1.5", "share"),
+        ("body: body", "body: boddy", "body"),
+        ("mass: 5 g", "mass: -5 g", "mass"),
+        ("drag_offset", "drag_ofset", "factors"),
+        ("command: rudder_offset", "command: ruder_offset", "ruder_offset"),
+        ("time: 0.6 s", "time: 6 s", "within the flight"),
+        ("time: 0.6 s", "time: -1 s", "zero or more"),
+        ("std: {z:", "std: {zz:", "std"),
+        ("missing: 0.02", "missing: 1.5", "missing"),
+        ("missing: 0.02", "delay: -1 s", "delay"),
+        ("masses: 0.02", "masses: 0.5", "share"),
+        ("lift_amplitude: 0.97", "lift: 0.97", "factors"),
+        ("duration: 0.8 s", "duration: -1 s", "duration"),
+        ("duration: 0.8 s", "duration: 0 s", "duration"),
+        ("time_step: 0.5 ms", "time_step: 0 s", "time_step"),
+        ("commands: [", "tolerable: {zz: 1}, commands: [", "zz"),
+    ],
+)
+def test_numbers_and_names_that_cannot_be_are_refused_in_a_sentence(
+    tmp_path, capsys, old, new, where
+):
+    (tmp_path / "plan.yaml").write_text(PLAN.replace(old, new))
+    code, _, err = said(capsys, "fly", tmp_path / "plan.yaml", "-o", tmp_path / "f.nc")
+    last = err.strip().splitlines()[-1]
+    assert code == 2 and where in last and "expected" in last and "Traceback" not in err
+    assert not list(tmp_path.glob("*.nc"))
 
 
 def test_what_a_plan_cannot_ask_is_refused(tmp_path):

@@ -126,6 +126,21 @@ def test_samples_that_are_none_are_not_learned(orbit):
     assert controller.held == {"missing": 21}
 
 
+@pytest.mark.parametrize("law", [LinearRegulator, PredictiveController])
+def test_late_and_unknown_samples_hold_the_command_and_teach_nothing(orbit, law):
+    controller = AdaptiveController(law(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    start = orbit.start()
+    for k in range(21):
+        time, q, v = k * controller.period, start["q"].copy(), start["v"].copy()
+        late = 0.1 if k % 2 else 0.0
+        (q if k % 4 == 0 else v)[2] = 0.0 if late else np.nan
+        assert controller(time, FlightState(orbit.robot, time - late, q, v)) == {}
+    assert controller.held == {"late": 10, "not finite": 11}
+    assert controller.counts == {"without samples": 2}
+    assert "10 late, 11 not finite" in controller.report()
+    np.testing.assert_array_equal(controller.learner.weights, controller.learner.prior)
+
+
 def test_weights_without_an_orbit_leave_the_last_one(orbit):
     controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
     weightless = np.zeros(13)
