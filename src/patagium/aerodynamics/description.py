@@ -35,6 +35,17 @@ _KEYS = {
 }
 
 
+def innermost(description: dict[str, Any]) -> dict[str, Any]:
+    """Description of the model that others are put on, within that of the outermost.
+
+    Args:
+        description: As `describe` of a model gives it; it holds the result.
+    """
+    while "of" in description:
+        description = description["of"]
+    return description
+
+
 def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerodynamics:
     """The model of `describe()`, for a robot.
 

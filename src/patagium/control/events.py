@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust, aero_from_description
+from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.gusts import Gust
 from patagium.errors import ParameterError, finite, positive
 from patagium.robot import Robot
@@ -203,7 +204,8 @@ class PolarEvent(Event):
         Raises:
             ParameterError: If the model has no such number.
         """
-        described, inner = _innermost(aero)
+        described = aero.describe()
+        inner = innermost(described)
         numbers = inner.get("polar") or inner.get("section") or inner
         known = [k for k, value in numbers.items() if isinstance(value, float)]
         for name, factor in self.factors.items():
@@ -248,21 +250,14 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     if not gusts:
         return aero
     aero.air.require_uniform("aero")
-    described, inner = _innermost(aero)
+    described = aero.describe()
+    inner = innermost(described)
     own = inner["air"]["gust"]
     if own is not None:
         gusts.insert(0, own)
     several = {"name": "sum", "gusts": gusts}
     inner["air"]["gust"] = several if len(gusts) > 1 else gusts[0]
     return aero_from_description(aero.robot, described)
-
-
-def _innermost(aero: Aerodynamics) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Description of a model of the air, and in it that of the model that others are put on."""
-    described = inner = aero.describe()
-    while "of" in inner:
-        inner = inner["of"]
-    return described, inner
 
 
 def off_nominal(robot: Robot, share: float, seed: int) -> Robot:

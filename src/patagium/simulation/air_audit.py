@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.aerodynamics.description import innermost
 from patagium.robot import Robot
 
 Array = NDArray[np.float64]
@@ -32,9 +33,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
         flight: The flight.
         beats: Samples of whole wingbeats, ends included; None where the gait has no period.
     """
-    described = json.loads(flight.attrs.get("aero", "{}"))
-    while "of" in described:
-        described = described["of"]
+    described = innermost(json.loads(flight.attrs.get("aero", "{}")))
     if not robot.strips or not isinstance(described.get("air"), dict):
         return []
     found = [] if beats is None else _power(flight, beats)

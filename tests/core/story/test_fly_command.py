@@ -105,8 +105,6 @@ def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
     ready = prepared(load_plan(path))
     assert isinstance(ready.controller, pt.control.AdaptiveController)
     assert any("relearns in flight" in one for one in ready.words)
-    flight = ready.fly()
-    assert "Orbits of the beats" in flight.attrs["controller"]
 
 
 @pytest.mark.parametrize(
