@@ -60,7 +60,12 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
         A.measured_section(angle, np.sin(2 * angle), 0.1 + 0 * angle),
         pt.LiftingLine(robot).state_space(q, v),
         pt.LiftingLine(robot).lags,
-        *(A.Inflow(aero), A.LearnedAir(aero), A.PolarTable(angle[:3], angle[:3], angle[:3], None)),
+        *(
+            A.Inflow(aero),
+            A.LearnedAir(aero),
+            A.WindShear(aero),
+            A.PolarTable(angle[:3], angle[:3], angle[:3], None),
+        ),
         *(log, S.Kalman(), S.SavitzkyGolay(window=0.04), S.Spline(knot_step=0.02)),
         *(S.MomentumObserver(robot, 200.0), L.FilterSettings(), L.Screening(), L.Misfit()),
         *(L.NoiseEstimation(), L.ChangeDetection()),

@@ -11,7 +11,17 @@ from scipy.stats import binomtest
 
 from patagium.report import Note, PageSection
 from patagium.report.style import COLORS, panels, styled
-from patagium_lab.damage.plan import COMMANDS, KNOWN, LEARNING, LOST, MARGIN, MASSES, OFF, SCALES
+from patagium_lab.damage.plan import (
+    COMMANDS,
+    KNOWN,
+    LEARNING,
+    LOST,
+    MARGIN,
+    MASSES,
+    OFF,
+    SCALES,
+    UNDAMAGED,
+)
 from patagium_lab.study import Columns, Page, Results, Row, table_of
 
 BEATS = 10
@@ -217,8 +227,8 @@ _PAIRS = {
     "lost, of all": "lost",
 }
 _PAIR = (
-    "Dryden turbulence of length scale 5 m; both flights of a pair have the same seed. Errors "
-    "from the tenth beat on."
+    f"Flights of {UNDAMAGED} beats. Dryden turbulence of length scale 5 m; both flights of a pair "
+    "have the same seed. Errors from the tenth beat on."
 )
 _AUTHORITY: Columns = {
     "share of the left wing lost [1]": "share",

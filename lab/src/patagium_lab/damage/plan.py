@@ -49,6 +49,9 @@ MARGIN = 1.5
 MASSES = 0.02
 """Standard deviation of masses and inertias of the truth over those of the model [1]."""
 
+UNDAMAGED = 200
+"""Beats of a flight without damage, 10 s: learning is not over after the first ten."""
+
 OFF, LEARNING, FROZEN, KNOWN = "off", "learning", "frozen at the loss", "loss known"
 
 
@@ -116,8 +119,10 @@ class DamagePlan:
             for gust in self.gusts
             for learner in (OFF, LEARNING)
         ]
+        whole = {"after": UNDAMAGED - Flight.before}
+        longer = {"no harm": whole, "gusts": whole}
         return [
-            Flight(group, law, learner, self.seed + k, share, gust)
+            Flight(group, law, learner, self.seed + k, share, gust, **longer.get(group, {}))
             for group, law, learner, count, share, gust in rows
             for k in range(count)
         ]
