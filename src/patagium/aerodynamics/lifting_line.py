@@ -26,9 +26,10 @@ from patagium.aerodynamics.local_flow import (
     strip_motions,
 )
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.polars import SectionFlow, section_flow
+from patagium.aerodynamics.polars import SectionFlow, rounded_ramp, section_flow
 from patagium.aerodynamics.sections import (
     DELAYS,
+    FEEBLE,
     STATES,
     Section,
     StallDelay,
@@ -312,6 +313,37 @@ class _Stall:
     rates: ca.SX
     targets: ca.SX
 
+    def load(
+        self, motion: StripMotion, flow: SectionFlow, section: StripSection, p: _Numbers
+    ) -> tuple[Any, Any, Any]:
+        """Coefficients of the separated flow's force forward and normal, and of its moment [1, m].
+
+        The lagged incidence may turn the force along the motion of a wing that feathers fast,
+        where it would give power out of nothing. That power is taken out again, as drag.
+
+        Args:
+            motion: How the strip moves.
+            flow: Geometric, where the force acts.
+            section: Section of the strip.
+            p: Parameters.
+        """
+        seen, sign, chord = self.flow or flow, flow.forward_sign, motion.strip.chord
+        across, along = section.stalled.coefficients(seen, p.stalled)
+        across, along = (self.share * x / seen.speed for x in (across, along))
+        forward = -across * seen.normal - along * seen.forward
+        normal = across * seen.forward - along * seen.normal
+        moment = section.moment(seen, p.of_section) * chord
+        if self.flow is not None:
+            lost = self.share * self.share  # of the suction, a smooth 1 - sqrt(1 - s)
+            to_wind = self.vortex * (1.0 - lost) * sign / flow.speed
+            forward = forward - to_wind * flow.normal
+            normal = normal + to_wind * flow.forward + self.vortex * lost
+            moment = moment - sign * p.delays[-1] * self.vortex * chord
+            power = forward * flow.forward + normal * flow.normal + moment * motion.pitch_rate
+            drag = rounded_ramp(power / flow.speed - FEEBLE, FEEBLE) / flow.speed
+            forward, normal = forward - drag * flow.forward, normal - drag * flow.normal
+        return forward, normal, moment
+
 
 _LAGS = ("rate", "lift", "circulation")
 
@@ -368,31 +400,16 @@ def _load(
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
     friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
-    seen = stall.flow or flow
-    across, along = section.stalled.coefficients(seen, p.stalled)
     pressure = density_area * flow.speed * flow.speed / 2
-    of_seen = separated * pressure / seen.speed
-    vortex = stall.vortex * pressure
-    lost = separated * separated  # of the suction, a smooth 1 - sqrt(1 - s)
-    to_wind = vortex * (1.0 - lost) * sign / flow.speed
-    moment = section.moment(seen, p.of_section)
-    if p.delays.numel():
-        moment = moment - sign * p.delays[-1] * stall.vortex
+    stalled = [pressure * one for one in stall.load(motion, flow, section, p)]
     return StripLoad(
         motion=motion,
-        forward=attached * lift[0]
-        - of_seen * (across * seen.normal + along * seen.forward)
-        - to_wind * normal
-        - friction * forward,
-        normal=attached * lift[1]
-        + of_seen * (across * seen.forward - along * seen.normal)
-        + to_wind * forward
-        + vortex * lost
-        - friction * normal,
+        forward=attached * lift[0] + stalled[0] - friction * forward,
+        normal=attached * lift[1] + stalled[1] - friction * normal,
         ahead=ahead,
         effective_angle_of_attack=effective.angle_of_attack,
         spanwise=-friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),
-        moment=moment * pressure * strip.chord,
+        moment=stalled[2],
     )

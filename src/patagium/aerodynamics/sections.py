@@ -50,8 +50,8 @@ class StallDelay:
     chord: it adds C_v = s (C_a - C_s) - y, while that has the sign of the lift, `vortex_arm`
     behind the quarter chord. It is perpendicular to the chord by the share of suction that is
     lost, s^2 (Leishman and Beddoes' 1 - sqrt(1 - s), smooth), to the wind by the rest. Beyond an
-    effective incidence of 30 to 50 degrees no delay holds the flow. All three states come to
-    rest where the static section is.
+    effective incidence of 30 to 50 degrees no delay holds the flow. Power that separated flow and
+    vortex would give a section becomes drag. The states come to rest where the static section is.
 
     Args:
         pressure: T_p, lag of the pressure behind the lift [semichords].
@@ -93,8 +93,8 @@ STATES = 3
 _HELD = (radians(30.0), radians(50.0))
 """Effective incidences from and beyond which no delay holds the flow: no section that pitched was
 measured with attached flow there [rad]."""
-_FEEBLE = 0.005
-"""Lift coefficient within which the end of a vortex is rounded off."""
+FEEBLE = 0.005
+"""Coefficient within which the end of a vortex and of the power of stalled flow are rounded off."""
 
 
 def held_share(flow: SectionFlow) -> Any:
@@ -128,9 +128,9 @@ def vortex_lift(fed: Any, shed: Any) -> Any:
         fed: s (C_a - C_s).
         shed: y.
     """
-    sign = fed / ca.sqrt(fed * fed + _FEEBLE**2)
-    left, most = (fed - shed) * sign - _FEEBLE, fed * sign
-    return sign * (rounded_ramp(left, _FEEBLE) - rounded_ramp(left - most, _FEEBLE))
+    sign = fed / ca.sqrt(fed * fed + FEEBLE**2)
+    left, most = (fed - shed) * sign - FEEBLE, fed * sign
+    return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))
 
 
 def stall_delay_from_description(description: Mapping[str, Any]) -> StallDelay:

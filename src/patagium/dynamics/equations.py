@@ -56,13 +56,22 @@ def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
 
 
 def spring_force(robot: Robot, q: ca.SX) -> ca.SX:
-    """Force that deflects the springs of the joints, k (q - rest), (n, 1) [N, N m].
+    """Force that deflects the springs of the joints, (n, 1) [N, N m].
+
+    It is k (q - rest), and c k times the difference of the deflections of two coupled joints.
 
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
-    return ca.vertcat(*map(ca.SX, robot.stiffness or (0,) * robot.dof)) * _deflection(robot, q)
+    stiffness = ca.vertcat(*map(ca.SX, robot.stiffness or (0,) * robot.dof))
+    deflection = _deflection(robot, q)
+    force = stiffness * deflection
+    for inner, outer, coupling in robot.couplings:
+        between = coupling * stiffness[outer] * (deflection[outer] - deflection[inner])
+        force[outer] += between
+        force[inner] -= between
+    return force
 
 
 def _deflection(robot: Robot, q: ca.SX) -> ca.SX:

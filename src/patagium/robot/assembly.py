@@ -414,8 +414,8 @@ def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
         position=(x, side * y + 0.0, z),
         orientation=tuple(tuple(float(k) + 0.0 for k in row) for row in draft.orientation),  # type: ignore[arg-type]
         joints=tuple(
-            Joint(name=name, kind=kind, axis=axis, dof=dof[name])  # type: ignore[arg-type]
-            for name, kind, axis in draft.joints
+            Joint(name, kind, axis, dof[name], getattr(part, "coupling", 0.0))  # type: ignore[arg-type]
+            for (name, kind, axis), part in zip(draft.joints, draft.part.joints, strict=True)
         ),
         floating_dofs=(
             tuple(dof[k] for k in FLOATING_COORDINATES) if draft.part.floating else None

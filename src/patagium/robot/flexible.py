@@ -4,8 +4,9 @@ A beam of bending stiffness EI and torsional stiffness GJ turns by an angle at e
 span. Here it turns at n hinges, which lie at the points of Gauss's rule with two points in each of
 n/2 equal elements and have the compliance of their share of the span, l/EI and l/GJ. Bending
 frequencies converge with the fourth power of the element's length, those of torsion with the
-second. Neglected: bending in the plane of the plate, shear, stretching, warping; the elastic
-axis is the body's y axis.
+third, by springs between neighboring hinges: a piece turns as a whole where the rod's angle is
+linear. Neglected: bending in the plane of the plate, shear, stretching, warping; the elastic axis
+is the body's y axis.
 """
 
 from __future__ import annotations
@@ -126,17 +127,27 @@ def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
         yield name, body.model_copy(update=changed)
 
 
+class _Hinge(JointPart):
+    """Hinge between two pieces, and its coupling to the hinge before; see `Joint`."""
+
+    coupling: float
+
+
 def _hinge(name: str, number: int, span: float, flexible: FlexiblePart) -> Iterator[JointPart]:
     share = span / flexible.elements
+    # rod's inertia that a piece has too much, over the distance of the hinges, both in shares
+    distance = 2 / np.sqrt(3) if number % 2 == 0 else 2 - 2 / np.sqrt(3)
+    coupling = (2 / 3 - 1 / np.sqrt(3)) / distance if number > 1 else 0.0
     for kind, axis, stiffness in (
         ("bend", (1.0, 0.0, 0.0), flexible.bending),
         ("twist", (0.0, 1.0, 0.0), flexible.torsion),
     ):
         if stiffness:
-            yield JointPart.model_construct(
+            yield _Hinge.model_construct(
                 name=f"{name}_{kind}_{number}",
                 axis=axis,
                 passive=True,
                 stiffness=stiffness / share,
                 damping=flexible.damping * stiffness / share,
+                coupling=coupling if kind == "twist" else 0.0,
             )

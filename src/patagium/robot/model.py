@@ -96,12 +96,15 @@ class Joint:
         kind: Turns about its axis, or slides along it.
         axis: Unit axis in the frame left by the joints before it (structural).
         dof: Index of its rate in v; `Robot.coordinate_indices` has that of its coordinate in q.
+        coupling: Stiffness between it and the joint at its place in the parent body, over its
+            own stiffness [-].
     """
 
     name: str
     kind: Literal["revolute", "prismatic"]
     axis: Axis
     dof: int
+    coupling: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -314,6 +317,16 @@ class Robot:
         if body.by_quaternion:
             found.insert(3, min(found[3:]) - 1)
         return tuple(found)
+
+    @property
+    def couplings(self) -> tuple[tuple[int, int, float], ...]:
+        """Coupled joints: index of the inner and of the outer one, and the coupling [-]."""
+        return tuple(
+            (inner.dof, outer.dof, outer.coupling)
+            for body in self.bodies
+            for outer, inner in zip(body.joints, self.bodies[body.parent].joints, strict=False)
+            if outer.coupling
+        )
 
     @property
     def passive(self) -> tuple[int, ...]:

@@ -17,16 +17,16 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips, strip_delays
-from patagium.aerodynamics.indicial import (
-    kussner_function,
-    sears_function,
-    theodorsen_function,
-    wagner_function,
-)
+from patagium.aerodynamics.indicial import theodorsen_function
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.wings import INFINITE, rectangular_wing
+from patagium_lab.validation.exact_functions import (
+    kussner_function,
+    sears_function,
+    wagner_function,
+)
 
 UPSTREAM, UP = (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 AIRSPEED, SEMICHORD = 10.0, 0.5

@@ -3,8 +3,8 @@
 A body without mass of its own carries two wings through still air at a constant speed, while
 the wings sweep, flap and feather. Size, planform, twist, motion, speed and direction are drawn
 from a seed. What joints and mount give, the air must take: the work of the air over the last
-wingbeat, its inertia included, is negative. `python -m patagium_lab.validation.still_air 1000 1`
-prints the largest share of each model.
+wingbeat, its inertia included, is negative. `python -m patagium_lab.validation.still_air 1000 2`
+prints a table of the models; a name after it chooses one.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.errors import SimulationFailed
 from patagium.robot import Robot
 from patagium.robot.files import load_robot_text
 
@@ -127,21 +128,26 @@ def random_wings(rng: np.random.Generator) -> tuple[Robot, Any, Any, float]:
 def power_share(make: Make, added_mass: bool, seed: int) -> float:
     """Mean power of still air over the last wingbeat, over the mean of its size, -1 to 1.
 
+    NaN where the flight stops before its end.
+
     Args:
         make: Makes the model of the air.
         added_mass: Whether the air has inertia.
         seed: Seed of wings and motion.
     """
     robot, gait, mount, frequency = random_wings(np.random.default_rng(seed))
-    flight = pt.simulate(
-        robot,
-        make(robot),
-        gait,
-        duration=BEATS / frequency,
-        time_step=1 / (STEPS * frequency),
-        mount=mount,
-        added_mass=AddedMass(robot) if added_mass else None,
-    )
+    try:
+        flight = pt.simulate(
+            robot,
+            make(robot),
+            gait,
+            duration=BEATS / frequency,
+            time_step=1 / (STEPS * frequency),
+            mount=mount,
+            added_mass=AddedMass(robot) if added_mass else None,
+        )
+    except SimulationFailed:
+        return float("nan")
     work = (flight["air_work"] + flight["added_mass_work"]).to_numpy()
     steps = np.diff(work[-STEPS - 1 :])
     return float(steps.sum() / np.abs(steps).sum())
@@ -164,7 +170,22 @@ def power_shares(
     return np.array([[power_share(make, added, k) for k in seeds] for make, added in chosen])
 
 
+def print_table(count: int, seed: int, names: list[str]) -> None:
+    """Table of the models: wings, flights that stopped, largest share, positive shares.
+
+    Args:
+        count: Number of wings and motions.
+        seed: Seed of all.
+        names: Names of the models.
+    """
+    print("| model | wings | stopped | largest share [1] | positive |\n|---|---:|---:|---:|---:|")
+    for name in names:
+        found = power_shares(count, seed, {name: models()[name]})[0]
+        stopped, positive = int(np.isnan(found).sum()), np.flatnonzero(found > ROUNDING)
+        which = f" ({', '.join(map(str, positive))})" if len(positive) else ""
+        row = f"{name} | {count} | {stopped} | {np.nanmax(found):+.2g} | {len(positive)}{which}"
+        print(f"| {row} |", flush=True)
+
+
 if __name__ == "__main__":
-    for name, one in models().items():
-        found = power_shares(int(sys.argv[1]), int(sys.argv[2]), {name: one})[0]
-        print(f"{name}: largest share {found.max():+.2e}, positive {int((found > ROUNDING).sum())}")
+    print_table(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:] or [*models()])

@@ -20,11 +20,11 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips
-from patagium.aerodynamics.indicial import kussner_function, sears_function
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer
 from patagium_lab.validation.cases.wings import AIRSPEED, INFINITE, rectangular_wing
+from patagium_lab.validation.exact_functions import kussner_function, sears_function
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE
-from patagium.aerodynamics.indicial import wagner_function
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
@@ -13,6 +12,7 @@ from patagium_lab.validation.cases.wings import (
     rectangular_wing,
     step_response,
 )
+from patagium_lab.validation.exact_functions import wagner_function
 
 
 def compute() -> list[CaseResult]:

@@ -18,12 +18,14 @@ from patagium.aerodynamics import (
 from patagium.aerodynamics.indicial import (
     circulation_function,
     indicial_from_description,
-    kussner_function,
-    sears_function,
     theodorsen_function,
-    wagner_function,
 )
 from patagium.errors import ParameterError, ShapeError
+from patagium_lab.validation.exact_functions import (
+    kussner_function,
+    sears_function,
+    wagner_function,
+)
 
 # printed values of Wagner's and Theodorsen's functions
 WAGNER = {0: 0.5, 1: 0.60061, 2: 0.66929, 4: 0.75797, 8: 0.84913, 20: 0.93665, 50: 0.97676}
