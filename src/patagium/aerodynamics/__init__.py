@@ -16,7 +16,6 @@ from patagium.aerodynamics.indicial import (
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
-from patagium.aerodynamics.local_flow import strip_flow
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polar_files import PolarTable, read_polar
 from patagium.aerodynamics.polars import (
@@ -77,5 +76,4 @@ __all__ = [
     "read_polar",
     "register_polar",
     "section_history",
-    "strip_flow",
 ]

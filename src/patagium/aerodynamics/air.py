@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description
-from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
+from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.errors import ParameterError, ShapeError, positive
 
 
@@ -44,17 +44,12 @@ class Air:
 
     def __post_init__(self) -> None:
         positive("density", self.density, "a positive number [kg/m^3]")
-        wind = np.asarray(self.wind, float)
-        if wind.shape != (3,):
-            raise ShapeError("wind", (3,), wind.shape)
-        if not np.isfinite(wind).all():
-            raise ParameterError("wind", "three finite numbers [m/s]", self.wind)
         if self.ground is not None:
             if not np.isfinite(self.ground):
                 raise ParameterError("ground", "a finite height [m], or None", self.ground)
             object.__setattr__(self, "ground", float(self.ground))
         object.__setattr__(self, "density", float(self.density))
-        object.__setattr__(self, "wind", tuple(wind.tolist()))
+        object.__setattr__(self, "wind", triple("wind", self.wind))
 
     @property
     def ground_parameters(self) -> dict[str, float]:
@@ -127,13 +122,7 @@ def air_from_description(description: Mapping[str, Any]) -> Air:
     Raises:
         ParameterError: If a key is missing or unknown.
     """
-    known = {"density", "wind", "gust", "ground"}
-    description = {"ground": None, **description}  # there where there is ground
-    check_keys("air", description, known)
-    gust = description["gust"]
-    return Air(
-        density=description["density"],
-        wind=tuple(description["wind"]),
-        gust=None if gust is None else gust_from_description(gust),
-        ground=description["ground"],
-    )
+    values = {"ground": None, **description}  # there where there is ground
+    if values.get("gust") is not None:
+        values["gust"] = gust_from_description(values["gust"])
+    return from_field_values("air", Air, values)

@@ -7,22 +7,16 @@ from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
 from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
-from patagium.aerodynamics.indicial import indicial_from_description
-from patagium.aerodynamics.inflow import NUMBERS as INFLOW_NUMBERS
+from patagium.aerodynamics.indicial import Indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.aerodynamics.named_descriptions import check_keys, from_field_values
+from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.aerodynamics.sections import (
-    StripSection,
-    measured_section_from_description,
-    section_from_description,
-    stall_delay_from_description,
-)
-from patagium.aerodynamics.wind_shear import NUMBERS as SHEAR_NUMBERS
+from patagium.aerodynamics.sections import MeasuredSection, Section, StallDelay, StripSection
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
@@ -33,6 +27,7 @@ _KEYS = {
     DeLaurier.name: {"air", *NUMBERS},
     LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
+_ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, LearnedAir, WindShear)}
 
 
 def innermost(description: dict[str, Any]) -> dict[str, Any]:
@@ -54,21 +49,15 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     """
     values = dict(description)
     name = values.pop("model", None)
-    if name == Inflow.name:
-        check_keys(f"model {name}", values, {"of", *INFLOW_NUMBERS})
-        return Inflow(aero_from_description(robot, values.pop("of")), **values)
-    if name == WindShear.name:
-        check_keys(f"model {name}", values, {"of", *SHEAR_NUMBERS})
-        return WindShear(aero_from_description(robot, values.pop("of")), **values)
-    if name == LearnedAir.name:
-        check_keys(f"model {name}", values, {"of", "weights"})
-        return LearnedAir(aero_from_description(robot, values["of"]), values["weights"])
+    if name in _ON_MODEL:
+        values["model"] = aero_from_description(robot, values.pop("of", {}))
+        return from_field_values(f"model {name}", _ON_MODEL[name], values)
     added = None if name in _KEYS else plugin(AIR_MODELS, str(name))
     if added is not None:
         made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
         return made
     if name not in _KEYS:
-        expected = f"one of {', '.join([*_KEYS, Inflow.name, LearnedAir.name, WindShear.name])}"
+        expected = f"one of {', '.join([*_KEYS, *_ON_MODEL])}"
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
@@ -80,19 +69,19 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
     if name == LiftingLine.name:
         delay = values["stall_delay"]
-        return LiftingLine(
-            robot,
-            air,
-            lags=indicial_from_description(values["lags"]),
-            section=_section(values["section"]),
-            surface_constant=values["surface_constant"],
-            stall_delay=None if delay is None else stall_delay_from_description(delay),
-        )
+        if delay is not None:  # flights older than the vortex do not give its numbers
+            delay = from_field_values("stall delay", StallDelay, StallDelay().describe() | delay)
+        lags = from_field_values("lags", Indicial, values["lags"])
+        section = _section(dict(values["section"]))
+        return LiftingLine(robot, air, lags, section, values["surface_constant"], delay)
     values |= {"air": air, "polar": polar_from_description(values["polar"])}
     return QuasiSteady(robot, **values)
 
 
-def _section(description: Mapping[str, Any]) -> StripSection:
-    if "separated" in description:
-        return measured_section_from_description(description)
-    return section_from_description(description)
+def _section(values: dict[str, Any]) -> StripSection:
+    if "stalled" in values:
+        values["stalled"] = polar_from_description(values["stalled"])
+    if "separated" not in values:
+        return from_field_values("section", Section, values)
+    values.setdefault("static_moment", ())  # flights older than it have none
+    return from_field_values("section", MeasuredSection, values)

@@ -13,7 +13,7 @@ the gust, how the gust decays, the width of strips along the span.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import ceil, exp, floor, isfinite, sqrt
 from typing import Any, ClassVar, Protocol
 
@@ -22,7 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.local_flow import strip_motions, velocity_at
-from patagium.aerodynamics.named_descriptions import check_keys, from_named_description
+from patagium.aerodynamics.named_descriptions import (
+    check_keys,
+    field_values,
+    from_named_description,
+)
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross, vector
@@ -103,7 +107,7 @@ class DiscreteGust:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the gust can be made again, as JSON-able values."""
-        return {"name": self.name, **_listed(asdict(self))}
+        return {"name": self.name, **field_values(self)}
 
 
 @dataclass(frozen=True)
@@ -255,7 +259,7 @@ class DrydenGust:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        return {"name": self.name, **_listed(asdict(self))}
+        return {"name": self.name, **field_values(self)}
 
     def _unit(self, axis: int, noise: Array, past: Array) -> Array:
         """Stationary turbulence of unit variance, (before + count,), from normal noise.
@@ -343,10 +347,6 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
     if not np.isfinite(array).all():
         raise ParameterError(name, "three finite numbers", value)
     return tuple(array.tolist())
-
-
-def _listed(values: dict[str, Any]) -> dict[str, Any]:
-    return {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
 
 
 GUST_COMPONENTS = 9

@@ -12,7 +12,7 @@ straight path, flat wake. Neglected: thickness, viscosity, wake roll-up.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import hankel2
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
-from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.errors import ParameterError, ShapeError
 
 Array = NDArray[np.float64]
@@ -112,11 +112,7 @@ class Indicial:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        return {
-            "rate": list(self.rate),
-            "lift": list(self.lift),
-            "circulation": list(self.circulation),
-        }
+        return field_values(self)
 
 
 def fitted_indicial(rate: Sequence[float]) -> Indicial:
@@ -133,17 +129,6 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
     lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
     circulation = _amplitudes(high, circulation_function(high), rates, total=None)
     return Indicial(tuple(rates), tuple(lift), tuple(circulation))
-
-
-def indicial_from_description(description: Mapping[str, Any]) -> Indicial:
-    """The lags of `describe()`.
-
-    Raises:
-        ParameterError: If a key is missing or unknown.
-    """
-    known = {"rate", "lift", "circulation"}
-    check_keys("lags", description, known)
-    return Indicial(**{name: tuple(values) for name, values in description.items()})
 
 
 def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:

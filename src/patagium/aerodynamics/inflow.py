@@ -121,11 +121,6 @@ class Inflow(OnModel):
         """Numbers of the inflow by name [1, rad]."""
         return {f"inflow.{name}": getattr(self, name) for name in NUMBERS}
 
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        return {"model": self.name, "of": self.model.describe(), **numbers}
-
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:

@@ -10,7 +10,6 @@ within a beat in another way than the force itself changes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -72,11 +71,6 @@ class LearnedAir(OnModel):
     def own_parameters(self) -> dict[str, float]:
         """The weights by name [1, N, N m]."""
         return dict(zip(self.weight_names, np.asarray(self.weights), strict=True))
-
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        weights = np.asarray(self.weights).tolist()
-        return {"model": self.name, "of": self.model.describe(), "weights": weights}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

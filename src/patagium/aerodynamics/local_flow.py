@@ -147,23 +147,3 @@ def airspeed(motion: StripMotion) -> Any:
     """Speed across the span where the normalwash is taken, never zero [m/s]."""
     normal = motion.normal_ahead(collocation(motion))
     return smooth_norm(motion.forward * motion.forward + normal * normal)
-
-
-def strip_flow(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, chord_fraction: Any = 0.25) -> ca.SX:
-    """Velocity of a chord point of every strip relative to the air, strip axes.
-
-    Args:
-        robot: The machine.
-        q: Generalized coordinates, (n_q,) [m, rad, 1].
-        v: Generalized velocities, (n,) [m/s, rad/s].
-        wind: Velocity of the air, world axes, (3,) [m/s].
-        chord_fraction: Where on the chord, behind the leading edge, 0 to 1.
-
-    Returns:
-        Forward, spanwise and normal velocity, (3, n_strips) [m/s].
-    """
-    columns = [
-        ca.vertcat(m.forward, m.spanwise, m.normal_ahead((0.25 - chord_fraction) * m.strip.chord))
-        for m in strip_motions(robot, q, v, wind)
-    ]
-    return ca.horzcat(*columns) if columns else ca.SX(3, 0)

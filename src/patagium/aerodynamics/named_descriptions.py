@@ -1,12 +1,39 @@
-"""Objects made again from a description that gives a name and the values of all fields."""
+"""Descriptions of dataclasses by the values of their fields, and objects made again from them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 from patagium.errors import ParameterError
+
+_Kind = TypeVar("_Kind")
+
+
+def field_values(described: Any) -> dict[str, Any]:
+    """Values of the fields of a dataclass by name, tuples as lists.
+
+    Args:
+        described: Object of a dataclass.
+    """
+    values = {field.name: getattr(described, field.name) for field in fields(described)}
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+
+
+def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, Any]) -> _Kind:
+    """Object of a dataclass from the values of its fields by name.
+
+    Args:
+        what: Name of the thing described, for the message.
+        kind: The dataclass.
+        description: Values of all fields.
+
+    Raises:
+        ParameterError: If a key is missing or unknown.
+    """
+    check_keys(what, description, {field.name for field in fields(kind)})  # type: ignore[arg-type]
+    return kind(**description)
 
 
 def check_keys(what: str, description: Mapping[str, Any], known: Iterable[str]) -> None:
@@ -42,6 +69,4 @@ def from_named_description(
     name = values.pop("name", None)
     if name not in by_name:
         raise ParameterError(what, f"one of {', '.join(by_name)}", name)
-    kind = by_name[name]
-    check_keys(f"{what} {name}", values, {field.name for field in fields(kind)})
-    return kind(**values)
+    return from_field_values(f"{what} {name}", by_name[name], values)

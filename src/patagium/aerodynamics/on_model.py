@@ -7,12 +7,14 @@ own. Neglected: nothing; each such model names what it neglects.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -76,3 +78,9 @@ class OnModel(Aerodynamics):
     def parameters(self) -> Array:
         """Values of the model's parameters, then of its own, (n_c,)."""
         return np.array([*self.model.parameters, *self.own_parameters.values()])
+
+    def describe(self) -> dict[str, Any]:
+        """Description that makes the model again for a robot, as JSON-able values."""
+        own = field_values(self)
+        del own["model"]
+        return {"model": self.name, "of": self.model.describe(), **own}

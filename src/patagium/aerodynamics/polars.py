@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics.named_descriptions import from_named_description
+from patagium.aerodynamics.named_descriptions import field_values, from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.arrays import brief
 from patagium.errors import ParameterError
@@ -168,8 +168,7 @@ class Polar(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        values = zip(self.parameter_names, self.parameters.tolist(), strict=True)
-        return {"name": self.name, **dict(values)}
+        return {"name": self.name, **field_values(self)}
 
     def require(self, possible: bool, expected: str) -> None:
         """Raise unless every number is finite and the polar takes energy out of the robot.
@@ -325,10 +324,6 @@ class TablePolar(Polar):
         table = ca.reshape(parameters, len(self.angle), len(_COLUMNS))
         lift, drag = ca.vertsplit(table_values(flow.angle_of_attack, table[:, 0], table[:, 1:]))
         return flow.forward_sign * lift, drag
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return {"name": self.name, **{column: [*getattr(self, column)] for column in _COLUMNS}}
 
 
 _COLUMNS = ("angle", "lift", "drag")

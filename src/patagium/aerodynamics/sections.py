@@ -9,7 +9,6 @@ Separation takes time, and the lift that it takes away travels off with a vortex
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, pi, radians
 from typing import Any, ClassVar, Protocol
@@ -18,13 +17,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
     SectionFlow,
     TablePolar,
-    polar_from_description,
     rounded_ramp,
     section_flow,
     table_values,
@@ -84,7 +82,7 @@ class StallDelay:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        return {name: getattr(self, name) for name in DELAYS}
+        return field_values(self)
 
 
 DELAYS = ("pressure", "separation", "vortex", "vortex_arm")
@@ -131,17 +129,6 @@ def vortex_lift(fed: Any, shed: Any) -> Any:
     sign = fed / ca.sqrt(fed * fed + FEEBLE**2)
     left, most = (fed - shed) * sign - FEEBLE, fed * sign
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))
-
-
-def stall_delay_from_description(description: Mapping[str, Any]) -> StallDelay:
-    """The delay of `describe()`.
-
-    Raises:
-        ParameterError: If a key is unknown.
-    """
-    whole = {**StallDelay().describe(), **description}  # flights older than the vortex
-    check_keys("stall delay", whole, DELAYS)
-    return StallDelay(**whole)
 
 
 Array = NDArray[np.float64]
@@ -220,8 +207,7 @@ class StripSection(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in self.numbers}
-        return {**numbers, "stalled": self.stalled.describe()}
+        return field_values(self) | {"stalled": self.stalled.describe()}
 
 
 @dataclass(frozen=True)
@@ -283,18 +269,6 @@ class Section(StripSection):
         return smooth_step((sine_square - begins) / (complete - begins))
 
 
-def section_from_description(description: Mapping[str, Any]) -> Section:
-    """The section of `describe()`.
-
-    Raises:
-        ParameterError: If a key is missing or unknown.
-    """
-    known = {*_NUMBERS, "stalled"}
-    check_keys("section", description, known)
-    numbers = {name: description[name] for name in _NUMBERS}
-    return Section(**numbers, stalled=polar_from_description(description["stalled"]))
-
-
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0), radians(10.0))
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
@@ -340,6 +314,8 @@ class MeasuredSection(StripSection):
             value = getattr(self, name)
             if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
                 raise ParameterError(name, "a finite number, of slope and drag >= 0", value)
+        if not isinstance(self.stalled, TablePolar):
+            raise ParameterError("section stalled", "a polar of the name table", self.stalled.name)
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))
@@ -368,13 +344,6 @@ class MeasuredSection(StripSection):
         tables = {"separated": self.separated, "static_moment": self.static_moment}
         named = {f"{name}[{k}]": x for name, xs in tables.items() for k, x in enumerate(xs)}
         return super().inputs() | named
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        description = super().describe()
-        stalled = description.pop("stalled")
-        tables = {"separated": [*self.separated], "static_moment": [*self.static_moment]}
-        return {**description, **tables, "stalled": stalled}
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow s in steady flow, 0 to 1.
@@ -452,23 +421,6 @@ def measured_section(
     stalled = TablePolar(polar.angle, tuple(separated_lift), tuple(separated_drag))
     static = () if moment is None else tuple(np.asarray(moment, float).ravel())
     return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, static)
-
-
-def measured_section_from_description(description: Mapping[str, Any]) -> MeasuredSection:
-    """The section of `describe()`.
-
-    Raises:
-        ParameterError: If a key is missing or unknown, or the polar is no table.
-    """
-    known = {*_MEASURED_NUMBERS, "separated", "static_moment", "stalled"}
-    description = {"static_moment": [], **description}  # flights older than it have none
-    check_keys("section", description, known)
-    stalled = polar_from_description(description["stalled"])
-    if not isinstance(stalled, TablePolar):
-        raise ParameterError("section stalled", "a polar of the name table", stalled.name)
-    numbers = {name: description[name] for name in _MEASURED_NUMBERS}
-    separated, moment = (tuple(description[name]) for name in ("separated", "static_moment"))
-    return MeasuredSection(**numbers, separated=separated, stalled=stalled, static_moment=moment)
 
 
 def _zero_lift(angle: Array, lift: Array) -> float:

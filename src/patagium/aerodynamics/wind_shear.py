@@ -19,7 +19,6 @@ from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ParameterError, positive
 from patagium.robot.model import Robot
 
-NUMBERS = ("reference_height", "exponent", "roughness")
 LOWEST = 0.01
 """Height over the reference height below which the power law is rounded off [1]."""
 
@@ -56,7 +55,7 @@ class WindShear(OnModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in NUMBERS[:2]:
+        for name in ("reference_height", "exponent"):
             positive(name, getattr(self, name))
         if self.roughness is not None and not (isfinite(self.roughness) and self.roughness > 0):
             raise ParameterError("roughness", "a positive length [m], or None", self.roughness)
@@ -75,11 +74,6 @@ class WindShear(OnModel):
             law = {"roughness": self.roughness}
         numbers = {"reference_height": self.reference_height, **law}
         return {f"wind_shear.{name}": value for name, value in numbers.items()}
-
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        return {"model": self.name, "of": self.model.describe(), **numbers}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

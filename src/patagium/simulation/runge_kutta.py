@@ -1,4 +1,4 @@
-"""Fourth-order Runge-Kutta at a fixed step, compiled, in chunks.
+"""Fourth-order Runge-Kutta at a fixed step, compiled, in chunks; implicit where asked for.
 
 The march knows no physics: it calls the rate of a flat state, row by row of a
 table of what is prescribed, and the record of every sample. A row may end with
@@ -21,6 +21,7 @@ from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_s
 from patagium.errors import Outcome
 from patagium.native import NativeFunction, load_kernel
 from patagium.scratch import release, room_for
+from patagium.simulation.implicit_steps import LobattoStep, Rate
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -175,6 +176,7 @@ class Integration:
         steps: Steps to take at most.
         time_step: Step [s].
         began: Time of the initial state [s].
+        implicit: Whether steps are implicit (`LobattoStep`).
     """
 
     def __init__(
@@ -185,12 +187,14 @@ class Integration:
         steps: int,
         time_step: float,
         began: float = 0.0,
+        implicit: bool = False,
     ) -> None:
         self._equations, self._rows, self._time_step = equations, rows, time_step
         self._began = began
         self._state = np.array(state, float)
         self._samples = _room(equations, steps)
-        self._advance = _compiled(equations) or _in_python(equations)
+        self._implicit = implicit
+        self._advance = self._loop()
         self._outcome, self._which = Outcome.COMPLETED, -1
         self.steps, self.done = steps, 0
         self._recorded = False
@@ -207,8 +211,13 @@ class Integration:
             equations: What holds from now on; it records what the former recorded.
         """
         self._equations = equations
-        self._advance = _compiled(equations) or _in_python(equations)
+        self._advance = self._loop()
         self._recorded = False
+
+    def _loop(self) -> Advance:
+        if self._implicit:
+            return _in_python(self._equations, LobattoStep())
+        return _compiled(self._equations) or _in_python(self._equations, _classic_step)
 
     @property
     def run(self) -> IntegrationResult:
@@ -382,7 +391,18 @@ def _pointer(array: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _in_python(equations: Equations) -> Advance:
+def _classic_step(rate: Rate, state: Array, place: int, time_step: float) -> Array:
+    """State a step later by classic Runge-Kutta, (size,) [SI]."""
+    k1 = rate(state, place)
+    k2 = rate(state + 0.5 * time_step * k1, place + 1)
+    k3 = rate(state + 0.5 * time_step * k2, place + 1)
+    k4 = rate(state + time_step * k3, place + 2)
+    return np.asarray(state + time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3)))
+
+
+def _in_python(
+    equations: Equations, one_step: Callable[[Rate, Array, int, float], Array]
+) -> Advance:
     """The loop of `kernels/march.c` in Python, statement by statement."""
     constants = equations.constants
 
@@ -406,11 +426,7 @@ def _in_python(equations: Equations) -> Advance:
             states[step] = state
             if step == count:
                 break
-            k1 = rate(state, 2 * step)
-            k2 = rate(state + 0.5 * time_step * k1, 2 * step + 1)
-            k3 = rate(state + 0.5 * time_step * k2, 2 * step + 1)
-            k4 = rate(state + time_step * k3, 2 * step + 2)
-            state += time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3))
+            state[:] = one_step(rate, state, 2 * step, time_step)
             outcome, which = _judged(equations, state)
             if outcome is not Outcome.COMPLETED:
                 return outcome, step, which

@@ -58,6 +58,7 @@ from patagium.simulation.state_limits import (
     outcome_message,
     singular_places,
     tidy_step,
+    tightest_limit,
 )
 from patagium.simulation.steered_gait import SteeredGait
 
@@ -312,20 +313,18 @@ class Simulator:
             time_step = chosen_step(self._equations, state, rows, gait.period, duration)
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
-        self._integration = Integration(self._equations, state, rows, self.steps, time_step)
+        start = self._equations, [state], rows, np.zeros(1), time_step
+        implicit = bool(robot.stiffness) and tightest_limit(*start) is not None
+        self._integration = Integration(
+            self._equations, state, rows, self.steps, time_step, implicit=implicit
+        )
         self._cause: StepTooLong | None = None
         self._own_commands, self._changes, self._held = {}, [], held
+        stepping = "partitioned Lobatto IIIC" if implicit else "partitioned RK4"
         self._origin = FlightOrigin(
-            robot,
-            aero,
-            gait.describe(),
-            held.kind,
-            time_step,
-            "partitioned RK4",
-            added_mass,
-            mount_path=held.describe(),
-            load_cells=cells,
-        )
+            robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass,
+            mount_path=held.describe(), load_cells=cells,
+        )  # fmt: skip
 
     @property
     def time(self) -> float:
@@ -693,7 +692,8 @@ def simulate(
 ) -> xr.Dataset:
     """Flight of a robot whose actuated joints follow a gait.
 
-    Classic Runge-Kutta at a fixed step, compiled. A run stops, and what was flown is kept, where
+    Classic Runge-Kutta at a fixed step, compiled; implicit steps where a joint's spring is too
+    stiff for the step that is given. A run stops, and what was flown is kept, where
     a quantity is not finite, an Euler angle of pitch nears 90 degrees (a quaternion goes
     through), a coordinate leaves the robot's limits, or the speed is absurd.
 

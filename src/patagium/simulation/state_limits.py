@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
+from patagium.simulation.implicit_steps import rate_jacobian
 from patagium.simulation.runge_kutta import Array, Equations, IntegrationResult, integrate
 
 REACH = 200
@@ -76,7 +77,7 @@ def diagnose_step(
     places = _sample_numbers(first, broken)
     states = [state_of(samples, k) for k in places]
     times = np.asarray(time_step * places)
-    found = _tightest_limit(equations, states, rows, times, time_step)
+    found = tightest_limit(equations, states, rows, times, time_step)
     if found is None:
         return None
     began, parts = first * time_step, ceil(time_step / found.longest)
@@ -90,7 +91,7 @@ def diagnose_step(
     states = [state_of(again.samples, k) for k in places]
     # a run about to break is nowhere near its motion: the second one knows better
     times = np.asarray(began + time_step / parts * places)
-    return _tightest_limit(equations, states, rows, times, time_step) or found
+    return tightest_limit(equations, states, rows, times, time_step) or found
 
 
 STEPS_A_BEAT = 400
@@ -120,7 +121,7 @@ def chosen_step(
     """
     wanted = min(LONGEST_CHOSEN, (beat or np.inf) / STEPS_A_BEAT)
     times = np.linspace(0.0, min(beat or duration, duration), SAMPLES)
-    found = _tightest_limit(equations, [state] * SAMPLES, rows, times, 2 * wanted)
+    found = tightest_limit(equations, [state] * SAMPLES, rows, times, 2 * wanted)
     return tidy_step(duration, wanted if found is None else 0.5 * found.longest)
 
 
@@ -163,14 +164,22 @@ def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -
     return float(trials[max(last - 1, 0)])
 
 
-def _tightest_limit(
+def tightest_limit(
     equations: Equations,
     states: Sequence[Array],
     rows: Callable[[Array], Array],
     times: Array,
     time_step: float,
 ) -> StepTooLong | None:
-    """The tightest limit on the step at some states, or None where it is within all."""
+    """Tightest limit of stability on an explicit step, or None where it is within all.
+
+    Args:
+        equations: Equations to integrate.
+        states: States at some times, (size,) each [SI].
+        rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
+        times: Those times, (N,) [s].
+        time_step: Step [s].
+    """
     found: StepTooLong | None = None
     table, field = rows(times), equations.field
     if field is not None:
@@ -178,7 +187,8 @@ def _tightest_limit(
         pieces = field.gust_pieces(flown, table, times[0], times[-1])
         table = field.with_gust(flown, table, times, pieces)
     for state, row in zip(states, table, strict=True):
-        slope = _rate_jacobian(equations, state, row)
+        after = row, *equations.constants
+        slope = rate_jacobian(lambda x, after=after: equations.rate(x, *after), state)  # type: ignore[misc]
         if not np.isfinite(slope).all():
             continue
         eigenvalues, modes = np.linalg.eig(slope)
@@ -194,19 +204,6 @@ def _tightest_limit(
         return None
     digits = 10.0 ** (floor(log10(found.longest)) - 1)
     return replace(found, longest=floor(found.longest / digits) * digits)
-
-
-def _rate_jacobian(equations: Equations, state: Array, row: Array) -> Array:
-    """Derivative of the rate by the state, (size, size) [1/s], by central differences."""
-    constants = equations.constants
-    columns = []
-    with np.errstate(all="ignore"):
-        for k, value in enumerate(state):
-            step = np.zeros(len(state))
-            step[k] = 1e-6 * max(1.0, abs(value))
-            ahead, behind = (equations.rate(state + s * step, row, *constants) for s in (1, -1))
-            columns.append((np.asarray(ahead) - np.asarray(behind)) / (2 * step[k]))
-    return np.stack(columns, axis=1)
 
 
 SPEED_LIMIT = 340.0

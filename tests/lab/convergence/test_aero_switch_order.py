@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patagium.aerodynamics import Aerodynamics, QuasiSteady, SmoothPolar
-from patagium.aerodynamics.local_flow import strip_flow
+from patagium.aerodynamics.local_flow import strip_motions
 from patagium.dynamics.equations import forward
 from patagium.robot import Body, Robot, Strip
 from patagium_lab.published.aerodynamics import Published
@@ -72,5 +72,5 @@ def tumble(aero: Aerodynamics) -> Callable[[int], np.ndarray]:
 
 def _forward_speed(robot: Robot, path: np.ndarray) -> np.ndarray:
     x = ca.SX.sym("x", 12)
-    flow = ca.Function("flow", [x], [strip_flow(robot, x[:6], x[6:], ca.SX.zeros(3))])
-    return np.asarray(flow.map(path.shape[1])(path))[0]
+    flow = ca.Function("flow", [x], [strip_motions(robot, x[:6], x[6:], ca.SX.zeros(3))[0].forward])
+    return np.asarray(flow.map(path.shape[1])(path)).ravel()

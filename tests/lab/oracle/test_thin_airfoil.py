@@ -15,11 +15,8 @@ from patagium.aerodynamics import (
     Indicial,
     fitted_indicial,
 )
-from patagium.aerodynamics.indicial import (
-    circulation_function,
-    indicial_from_description,
-    theodorsen_function,
-)
+from patagium.aerodynamics.indicial import circulation_function, theodorsen_function
+from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.errors import ParameterError, ShapeError
 from patagium_lab.validation.exact_functions import (
     kussner_function,
@@ -91,9 +88,9 @@ def test_air_without_memory_answers_at_once() -> None:
 
 
 def test_lags_travel_as_a_description_and_refuse_what_cannot_be() -> None:
-    assert indicial_from_description(TWO_STATE.describe()) == TWO_STATE
+    assert from_field_values("lags", Indicial, TWO_STATE.describe()) == TWO_STATE
     with pytest.raises(ParameterError, match="keys"):
-        indicial_from_description({"rate": [1.0]})
+        from_field_values("lags", Indicial, {"rate": [1.0]})
     with pytest.raises(ShapeError, match="lift"):
         Indicial((0.1, 0.2), (0.5,), (0.5, 0.1))
     with pytest.raises(ParameterError, match="rate"):

@@ -16,8 +16,8 @@ from patagium.aerodynamics import (
     QuasiSteady,
     SmoothPolar,
     aero_from_description,
-    strip_flow,
 )
+from patagium.aerodynamics.local_flow import strip_motions
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot import Body, Joint, Robot, Strip, load_robot
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
@@ -111,7 +111,13 @@ def test_a_robot_of_one_coordinate_and_one_strip_keeps_its_axes() -> None:
 def test_local_flow_is_the_velocity_of_the_strips_through_the_air(aerobat: Robot) -> None:
     def flow(q, v, wind=(0.0, 0.0, 0.0), chord_fraction=0.25):
         arguments = (ca.SX(ca.DM(k)) for k in (q, v, wind))
-        return np.array(ca.DM(strip_flow(aerobat, *arguments, chord_fraction))).T
+        ahead = 0.25 - chord_fraction
+        return np.array(
+            [
+                [float(x) for x in (m.forward, m.spanwise, m.normal_ahead(ahead * m.strip.chord))]
+                for m in strip_motions(aerobat, *arguments)
+            ]
+        )
 
     v = aerobat.coordinates(x=2.0, z=-1.0, left_feather=4.0)
     still = flow(np.zeros(14), v)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import log, pi, radians, sin
 from typing import Any, NamedTuple, TypedDict, Unpack
 
@@ -20,14 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import (
-    Indicial,
-    Lags,
-    Relaxation,
-    fitted_indicial,
-    indicial_from_description,
-)
+from patagium.aerodynamics.indicial import Indicial, Lags, Relaxation, fitted_indicial
 from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
+from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.aerodynamics.polars import SectionFlow, section_flow
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.trailing_vortices import (
@@ -139,7 +135,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     kind = "hidden_strip"
     options = ("lags", *_NUMBERS)
-    readers = {**RobotNetwork.readers, "lags": indicial_from_description}
+    readers = {**RobotNetwork.readers, "lags": partial(from_field_values, "lags", Indicial)}
 
     def __init__(
         self,
