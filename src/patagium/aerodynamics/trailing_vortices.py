@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
 from patagium.aerodynamics.local_flow import StripMotion, strip_airflows, velocity_at
-from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
@@ -100,6 +100,10 @@ INSET = 0.125
 The circulation near a tip grows as the square root of the distance; with this inset the
 error of strips of equal circulation falls with the power 3/2 of their width, not the first.
 """
+
+MOST_INDUCED = 4.0
+"""Largest velocity that trailing vortices induce over that which drives them, norms over strips.
+Where neighbors meet the wind from opposite sides, their equations pass through a singularity."""
 
 NEAR = 1e-12
 """Added to squared distances, in squared core radii: no division by zero."""
@@ -391,7 +395,7 @@ class Normalwash:
 def solve_normalwash(
     vortices: VortexSystem, geometric: ca.SX, state: ca.SX, lags: Lags, lift_slope: Any
 ) -> Normalwash:
-    """Normalwashes of all strips; linear in the geometric ones and the state.
+    """Normalwashes of all strips; linear in the geometric ones and the state up to `MOST_INDUCED`.
 
     Args:
         vortices: Strips and their trailing vortices.
@@ -407,6 +411,10 @@ def solve_normalwash(
     ]
     feedthrough = lags.first_circulation
     signed, induced = _induced(vortices, bound, 1.0, feedthrough, lift_slope)
+    driving = ca.sumsqr(geometric) + ca.sumsqr(state[: len(bound) * len(lags.rate)])
+    most = MOST_INDUCED**2 * (driving + SWITCH_SPEED**2)
+    share = 1.0 / ca.sqrt(ca.fmax(1.0, ca.sumsqr(induced) / most))
+    signed, induced = share * signed, share * induced
     effective = geometric + ca.sum1(vortices.lattice.normals * induced).T
     lagged = [lags.first_lift * effective[i] + lags.lagged(lags.lift, state, i) for i in strips]
     return Normalwash(effective, ca.vertcat(*lagged), signed, induced)
