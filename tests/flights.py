@@ -3,9 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from patagium.simulation.flight import OPTIONAL, QUANTITIES
-
-SINGLE = [name for name, kind in (QUANTITIES | OPTIONAL).items() if kind.single]
+from patagium.simulation.flight import SINGLE
 
 
 def stored(flight: xr.Dataset) -> xr.Dataset:

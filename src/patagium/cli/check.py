@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.words import MappingOption
+
 if TYPE_CHECKING:
     from patagium.robot import Robot
 
@@ -22,9 +24,7 @@ def check(
         Path,
         typer.Argument(help="Robot (.yaml, .urdf), flight (.nc) or table (.csv, .parquet)."),
     ],
-    mapping: Annotated[
-        Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
-    ] = None,
+    mapping: MappingOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Say whether a file can be used, what it holds, and what is wrong with it.

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import MappingOption
 
 EXAMPLES = (
     "patagium evaluate model.json another-flight.nc --report report.html",
@@ -18,9 +19,7 @@ EXAMPLES = (
 def evaluate(
     model: Annotated[Path, typer.Argument(help="Model that patagium identify wrote (.json).")],
     file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
-    mapping: Annotated[
-        Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
-    ] = None,
+    mapping: MappingOption = None,
     every: Annotated[
         int,
         typer.Option(min=1, help="Samples over which the compared prediction holds a measurement."),

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.words import OUTPUT, PredictedOption
+
 EXAMPLES = (
     "patagium export flight.nc -o flight.mcap",
     "patagium export flight.nc -o flight.mcap --model model.json",
@@ -18,10 +20,8 @@ def export(
     file: Annotated[
         Path, typer.Argument(help="Flight, recorded stream, motion or predictions (.nc).")
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write (.mcap or .rrd).")],
-    model: Annotated[
-        Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
-    ] = None,
+    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap or .rrd).")],
+    model: PredictedOption = None,
 ) -> None:
     """Write a flight, its forces and predictions for Foxglove and PlotJuggler, or for Rerun.
 

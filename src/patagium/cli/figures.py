@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import OUTPUT, PredictedOption
 
 EXAMPLES = (
     "patagium figures flight.nc --for paper",
@@ -39,15 +40,10 @@ def figures(
         Look, typer.Option("--for", help="Medium, which decides the sizes of letters and lines.")
     ] = Look.PAPER,
     form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = Format.PDF,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="Model that patagium identify wrote: its forces are drawn, too."),
-    ] = None,
+    model: PredictedOption = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="Folder for the figures; named as the flight by default."
-        ),
+        typer.Option(*OUTPUT, help="Folder for the figures; named as the flight by default."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

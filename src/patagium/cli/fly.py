@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.words import quantity
+from patagium.cli.words import OUTPUT, DrawingOption, DurationOption
 
 EXAMPLES = (
     "patagium fly ornithopter",
@@ -21,19 +21,14 @@ def fly(
         str,
         typer.Argument(help="Plan (.yaml); or a preset or robot file, and the rest is chosen."),
     ],
-    duration: Annotated[
-        float | None,
-        typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
-    ] = None,
+    duration: DurationOption = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of noise and of what is off in the truth.")
     ] = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="File for the flight (netCDF).")
-    ] = Path("flown.nc"),
-    figure: Annotated[
-        Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
-    ] = None,
+    output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
+        "flown.nc"
+    ),
+    figure: DrawingOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Fly a robot in a closed loop, in a truth that its controller does not know.

@@ -27,6 +27,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import MappingOption
 from patagium.deprecation import refuse_removed
 
 if TYPE_CHECKING:
@@ -62,9 +63,7 @@ _START = 1 << 18  # samples of a long log that a network is made from
 def identify(
     file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
     choice: LearnerChoice,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Meaning of the columns or fields of another log (YAML).")
-    ] = None,
+    mapping: MappingOption = None,
     every: Annotated[
         int | None,
         typer.Option(

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.words import OUTPUT
+
 if TYPE_CHECKING:
     from patagium.sensing.logs.importing.import_log import Imported
 
@@ -30,7 +32,7 @@ def import_log(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="The log to write: .nc, or .csv for `stream`."),
+        typer.Option(*OUTPUT, help="The log to write: .nc, or .csv for `stream`."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import OUTPUT, MappingOption
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,17 +31,14 @@ def motion(
     robot: Annotated[
         str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
     ] = None,
-    mapping: Annotated[
-        Path | None,
-        typer.Option("--mapping", "--map", help="Meaning of the columns or fields (YAML)."),
-    ] = None,
+    mapping: MappingOption = None,
     body: Annotated[
         list[str] | None,
         typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="File for motion and forces (.nc)."),
+        typer.Option(*OUTPUT, help="File for motion and forces (.nc)."),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Figure of attitude and forces (.png, .svg or .pdf).")

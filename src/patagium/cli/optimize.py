@@ -10,7 +10,7 @@ import typer
 
 from patagium.cli.estimates import GreyModel, air_class
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Numbers, numbers, quantity
+from patagium.cli.words import OUTPUT, DensityOption, Numbers, numbers, quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,12 +64,9 @@ def optimize(
         typer.Option(parser=numbers, help="Speeds of a front of speed and power, in m/s."),
     ] = None,
     aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
-    density: Annotated[
-        float,
-        typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-    ] = 1.225,
+    density: DensityOption = 1.225,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File for a flight with the gait (.nc).")
+        Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
     ] = None,
     beats: Annotated[float, typer.Option(min=1e-3, help="Wingbeats of that flight.")] = 10.0,
     gait: Annotated[

@@ -13,7 +13,15 @@ from patagium.cli.estimates import air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Vector, quantity, vector
+from patagium.cli.words import (
+    OUTPUT,
+    DensityOption,
+    DrawingOption,
+    DurationOption,
+    Vector,
+    quantity,
+    vector,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -77,10 +85,7 @@ PANELS = {
 @with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")
 def simulate(
     robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
-    duration: Annotated[
-        float | None,
-        typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
-    ] = None,
+    duration: DurationOption = None,
     time_step: Annotated[
         float | None,
         typer.Option(
@@ -126,10 +131,7 @@ def simulate(
         float | None,
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
     ] = None,
-    density: Annotated[
-        float,
-        typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-    ] = 1.225,
+    density: DensityOption = 1.225,
     wind: Annotated[
         Vector | None,
         typer.Option(
@@ -212,12 +214,10 @@ def simulate(
         Stepping,
         typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
     ] = Stepping.PRESCRIBED,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="File for the flight (netCDF).")
-    ] = Path("flight.nc"),
-    figure: Annotated[
-        Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
-    ] = None,
+    output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
+        "flight.nc"
+    ),
+    figure: DrawingOption = None,
     live: live_options.LiveOption = False,
     live_address: live_options.LiveAddressOption = None,
     *,
@@ -316,7 +316,10 @@ def _tell_choice(
     machine: Robot, flight: Any, cruise: bool, duration: float | None, time_step: float | None
 ) -> None:
     """Print the settings of a flight that were chosen because no option gave them."""
-    parts = ["gait and speed of its cruise where none is given"] if cruise else []
+    parts, own = [], machine.cruise
+    if cruise and own:
+        beats = f"{own.frequency:g} Hz" if own.frequency else "joints held"
+        parts.append(f"its cruise, {beats} at {own.speed:g} m/s, where no option differs")
     if duration is None:
         parts.append(f"duration {float(flight['time'][-1]):g} s")
     if time_step is None:
@@ -353,13 +356,14 @@ def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
     return rows
 
 
+_TITLE = "Flight (means are over its second half)"
 _TOLD = ("robot_name", "mount", "stepping", "time_step", "outcome", "message")
 _AUDITS = ("energy_audit", "fluid_energy_audit", "momentum_audit", "aero_power_largest")
 _LABELS = {
     "time_step": "time step [s]",
-    "speed": "speed along the nose [m/s]",
-    "climb_rate": "climb rate [m/s]",
-    "height_change": "height change [m]",
+    "speed": "mean speed along the nose [m/s]",
+    "climb_rate": "mean climb rate [m/s]",
+    "height_change": "height change, start to end [m]",
     "roll": "roll [deg]",
     "pitch": "pitch, positive nose down [deg]",
     "yaw": "yaw [deg]",
@@ -420,12 +424,14 @@ def _gait(
             raise ParameterError("--gait", expected, kind, known)
         return gaits.from_csv(machine, existing(Path(kind)))
     if frequency is None:
-        raise ParameterError(
-            "--frequency",
-            f"the beats a second of a {kind} gait, such as '5 Hz', with --plunge '30 deg'; or in "
-            "the robot's file `cruise: {frequency: 5 Hz, amplitude: {plunge: 30 deg}}`",
-            None,
+        joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
+        moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
+        expected = (
+            f"the beats a second of a {kind} gait, such as '5 Hz', with --amplitude "
+            f"{moved}='30 deg'; or in the robot's file `cruise: {{frequency: 5 Hz, amplitude: "
+            f"{{{moved}: 30 deg}}}}`; or --gait still"
         )
+        raise ParameterError("--frequency", expected, None)
     if kind == "linkage":
         return gaits.linkage(
             machine,
@@ -544,7 +550,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     shown = facts if as_json else flight_table(facts)
-    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
+    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title=_TITLE))
     for warning in () if broken else facts["warnings"]:
         typer.echo(f"patagium: {warning}", err=True)
     outputs.check()

@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.estimates import GreyModel, air_class
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import quantity
+from patagium.cli.words import OUTPUT, DensityOption, quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,10 +51,7 @@ def trim(
         ),
     ] = None,
     aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
-    density: Annotated[
-        float,
-        typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-    ] = 1.225,
+    density: DensityOption = 1.225,
     beats: Annotated[
         float, typer.Option(min=1e-3, help="Wingbeats of the flight that -o writes.")
     ] = 10.0,
@@ -69,7 +66,7 @@ def trim(
         Path | None, typer.Option(help="File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File for a flight on the orbit (.nc).")
+        Path | None, typer.Option(*OUTPUT, help="File for a flight on the orbit (.nc).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

@@ -11,6 +11,7 @@ import typer
 
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import OUTPUT, MappingOption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,9 +43,7 @@ def tune(
             help="Flight or table that no trial learns and all are judged on; may be repeated."
         ),
     ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Meaning of the columns of a table (YAML).")
-    ] = None,
+    mapping: MappingOption = None,
     every: Annotated[int, typer.Option(min=1, help="Use one sample in so many.")] = 100,
     horizon: Annotated[
         str | None,
@@ -60,7 +59,7 @@ def tune(
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler whose workers do the work.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="File for the settings (.yaml).")] = (
+    out: Annotated[Path, typer.Option(*OUTPUT, help="File for the settings (.yaml).")] = (
         Path("settings.yaml")
     ),
     as_json: Annotated[bool, typer.Option("--json", help="The settings as JSON on stdout.")] = (

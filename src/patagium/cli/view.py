@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import quantity
+from patagium.cli.words import OUTPUT, PredictedOption, quantity
 
 if TYPE_CHECKING:
     from patagium.viewer.predicted_forces import Predicted
@@ -30,13 +30,9 @@ def view(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", help="File for the page; in the folder of the flight by default."
-        ),
+        typer.Option(*OUTPUT, help="File for the page; in the folder of the flight by default."),
     ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
-    ] = None,
+    model: PredictedOption = None,
     predictions: Annotated[
         Path | None,
         typer.Option(help="Predicted forces too, as identify --predictions wrote them."),

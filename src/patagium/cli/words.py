@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from patagium.errors import LogError, ParameterError
+from patagium.reading import regular_file
 
 if TYPE_CHECKING:
     from patagium.report import Table
@@ -68,6 +69,26 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 
 
 _TURN = 2 * 3.14159265358979
+OUTPUT = ("--output", "--out", "-o")
+"""Words of the option for the file that a verb writes."""
+MappingOption = Annotated[
+    Path | None,
+    typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
+]
+DensityOption = Annotated[
+    float,
+    typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
+]
+PredictedOption = Annotated[
+    Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
+]
+DrawingOption = Annotated[
+    Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
+]
 
 
 def vector(unit: str, noun: str) -> Callable[[str], Vector]:
@@ -227,15 +248,7 @@ def show_table(table: Table, *, err: bool = False) -> None:
     Console(file=place, width=wide, highlight=False, markup=False).print(shown)
 
 
-def existing(path: Path) -> Path:
-    """Path of a file that exists.
-
-    Raises:
-        LogError: If it is not.
-    """
-    from patagium.reading import regular_file
-
-    return regular_file(path)
+existing = regular_file
 
 
 def flight_file(path: Path) -> Path:

@@ -254,7 +254,7 @@ def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[s
     found = [_largest(part, rate, orbit.period) for part, rate in zip(shares, rates, strict=True)]
     if orbit.speed < _SLOWEST:
         return found
-    order = np.argsort(np.abs(rates))
+    order = [k for k in np.argsort(np.abs(rates)) if abs(rates[k]) * orbit.period >= _STILL]
     along = [k for k in order if _part(shares[k], _LONGITUDINAL) and rates[k].imag]
     across = [k for k in order if _part(shares[k], _LATERAL)]
     straight = [k for k in across if not rates[k].imag]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -55,14 +56,11 @@ class Quantity:
         dims: Dimensions after time.
         units: SI units; of coordinates that turn after those of coordinates that slide.
         meaning: What it is.
-        single: Whether files hold it in single precision (relative error 6e-8): it follows from
-            the rest, and neither learning nor an audit reads it.
     """
 
     dims: tuple[str, ...]
     units: str
     meaning: str
-    single: bool = False
 
 
 _FORCE = "N or N m"
@@ -81,24 +79,14 @@ QUANTITIES: dict[str, Quantity] = {
         ("component",), _FORCE, "force of the mount on the robot, moment about the world's origin"
     ),
     "strip_force": Quantity(("strip", "axis"), "N", "force on each strip, world axes"),
-    "strip_point": Quantity(("strip", "axis"), "m", "where it acts, world axes", single=True),
+    "strip_point": Quantity(("strip", "axis"), "m", "where it acts, world axes"),
     "angle_of_attack": Quantity(
-        ("strip",),
-        "rad",
-        "geometric incidence of each strip: of its motion through the wind",
-        single=True,
+        ("strip",), "rad", "geometric incidence of each strip: of its motion through the wind"
     ),
-    "strip_airspeed": Quantity(
-        ("strip",), "m/s", "speed of each strip relative to the air", single=True
-    ),
-    "circulation": Quantity(
-        ("strip",), "m^2/s", "bound circulation of each strip, if modeled", single=True
-    ),
+    "strip_airspeed": Quantity(("strip",), "m/s", "speed of each strip relative to the air"),
+    "circulation": Quantity(("strip",), "m^2/s", "bound circulation of each strip, if modeled"),
     "downwash": Quantity(
-        ("strip",),
-        "m/s",
-        "velocity the wings induce at each strip, against its normal, if modeled",
-        single=True,
+        ("strip",), "m/s", "velocity the wings induce at each strip, against its normal, if modeled"
     ),
     "wind": Quantity(("axis",), "m/s", "velocity of the air, world axes"),
     "kinetic_energy": Quantity((), "J", "kinetic energy"),
@@ -129,10 +117,7 @@ GIVEN = "given"
 """Samples of the energy and momentum that changes of the machine gave, (N, 4) [J, kg m/s]."""
 OPTIONAL: dict[str, Quantity] = {
     "effective_angle_of_attack": Quantity(
-        ("strip",),
-        "rad",
-        "incidence that the load answers to, with lag and downwash if modeled",
-        single=True,
+        ("strip",), "rad", "incidence that the load answers to, with lag and downwash if modeled"
     ),
     COMMAND: Quantity(
         ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
@@ -147,6 +132,10 @@ OPTIONAL: dict[str, Quantity] = {
     ),
 }
 """What a flight has where it was asked for, and what flights of older versions lack."""
+SINGLE = ("strip_point", "angle_of_attack", "effective_angle_of_attack", "strip_airspeed",
+          "circulation", "downwash")  # fmt: skip
+"""What files hold in single precision (relative error 6e-8): it follows from the rest, and neither
+learning nor an audit reads it."""
 
 _Q_WITH_QUATERNION = Quantity(("coordinate",), "m, rad or 1", "generalized coordinates")
 
@@ -298,7 +287,10 @@ def robot_of(flight: xr.Dataset) -> Robot:
     """
     _require(flight, ("robot", "robot_name"))
     with made_again("the flight's robot", FlightError):
-        return load_robot_text(flight.attrs["robot"], str(flight.attrs["robot_name"]))
+        return _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
+
+
+_robot_of_text = lru_cache(maxsize=8)(load_robot_text)  # a verb asks several times
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:
@@ -479,8 +471,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
     """
     _require(flight, ())
     check_flight(flight, "flight")
-    every = QUANTITIES | OPTIONAL
-    single = tuple(name for name, kind in every.items() if kind.single and name in flight)
+    single = [name for name in SINGLE if name in flight]
     return write_netcdf(path, flight, single=single, compressed=True)
 
 
@@ -503,9 +494,9 @@ def load_flight(path: str | Path) -> xr.Dataset:
         raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
                           "`pt.load_log` reads")  # fmt: skip
     with netcdf_content(path, FlightError, "a whole flight"):
-        for name, kind in (QUANTITIES | OPTIONAL).items():
-            if kind.single and name in flight and flight[name].dtype == np.float32:
-                flight[name] = flight[name].astype(np.float64)
+        for name in SINGLE:
+            if name in flight and flight[name].dtype == np.float32:
+                flight[name].variable.data = flight[name].values.astype(np.float64)
         check_flight(flight, str(path))
     return flight
 

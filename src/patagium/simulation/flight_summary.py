@@ -30,6 +30,8 @@ HOVER = 0.1
 """Speed over that of the fastest strip below which wings hover [1] (Ellington 1984)."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
+STEADY = (0.7, 1.4)
+"""Force of the air over the weight within which a free flight is near a steady one [1]."""
 
 
 class FlightSummary(dict[str, Any]):
@@ -75,7 +77,10 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
     facts |= _of_body(robot, flight, chosen)
-    warnings = _warnings(facts) + _hover(flight, facts, chosen) if "speed" in facts else []
+    warnings = []
+    if "speed" in facts:
+        free = flight.attrs.get("mount") == "free"
+        warnings = _warnings(facts, free) + _hover(flight, facts, chosen)
     whole = chosen if beat and beat <= 1.01 * span else None  # to a sample
     facts["warnings"] = warnings + _overloads(robot, flight) + air_findings(robot, flight, whole)
     return FlightSummary(facts, flight)
@@ -113,8 +118,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     }
 
 
-def _warnings(facts: dict[str, Any]) -> list[str]:
-    """Sentences about what is wrong."""
+def _warnings(facts: dict[str, Any], free: bool) -> list[str]:
+    """Sentences about what is wrong; `free` if nothing holds the robot."""
     warnings = []
     for name in ("roll", "pitch"):
         most = max(abs(one) for one in facts[name])
@@ -123,11 +128,13 @@ def _warnings(facts: dict[str, Any]) -> list[str]:
     speed, sinking = facts["speed"], -facts["climb_rate"]
     if speed < 0:
         warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
+    share = facts["force_over_weight"]
     if sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
-        share = facts["force_over_weight"]
         warnings.append(
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
         )
+    elif free and not STEADY[0] <= share <= STEADY[1]:
+        warnings.append(f"Its flight is not steady: the air carries {share:.0%} of the weight.")
     return warnings
 
 

@@ -35,7 +35,7 @@ def test_a_preset_flies_by_itself(name, tmp_path, capsys):
     assert flight.attrs["energy_audit"] < 1e-7  # fourth order at 400 steps a beat: below 1e-8
     moved = np.ptp(flight.q.sel(dof=[robot.dof_names[i] for i in robot.actuated]).values, axis=0)
     assert (moved.max() > 0.2) == (robot.cruise.frequency is not None)  # rad: it flaps
-    sinking = ["It sinks"] if name == "aerobat-beta" else []  # and tumbles later
+    sinking = ["It sinks"] if name in ("aerobat-beta", "hawk") else []  # the first tumbles later
     assert [w[:8] for w in flight_summary(flight)["warnings"]] == sinking
     assert ("It sinks" in err) == bool(sinking)
 
@@ -52,6 +52,11 @@ def test_the_summary_sees_what_is_wrong():
     thrown = robot.velocities(x=-9.0)
     back = pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, v=thrown)
     assert "backwards" in flight_summary(back)["warnings"][0]
+    fast = dict(q=robot.coordinates(pitch=0.19), v=robot.velocities(x=9.2))
+    raised = pt.gaits.still(robot, elevation=0.242)
+    pulled = pt.simulate(robot, aero, raised, duration=1.0, time_step=1e-3, **fast)
+    (slowing,) = flight_summary(pulled)["warnings"]  # it pulls up and stalls; sinks by 9 cm
+    assert slowing.startswith("Its flight is not steady: the air carries 5")
     assert found["height_change"] == flight.q.values[-1, 2]
     np.testing.assert_allclose(found["roll"][1], 2.0, atol=0.5)
     half = flight.strip_force.sel(axis="z").sum("strip").values[250:].mean()
