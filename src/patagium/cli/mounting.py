@@ -180,9 +180,13 @@ def _circle(words: PathWords) -> Any:
 
     (radius,) = _sized(words, 1, "a circle's radius, such as '20 cm'")
     return paths.circle(
-        words.center or _ZERO, radius, speed=words.speed, frequency=words.frequency,
-        normal=words.along or (0.0, 0.0, 1.0), attitude=words.attitude or _ZERO,
-    )  # fmt: skip
+        words.center or _ZERO,
+        radius,
+        speed=words.speed,
+        frequency=words.frequency,
+        normal=words.along or (0.0, 0.0, 1.0),
+        attitude=words.attitude or _ZERO,
+    )
 
 
 def _eight(words: PathWords) -> Any:

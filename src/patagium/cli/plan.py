@@ -68,7 +68,7 @@ class TrimPart(_Part):
     """Conditions of the orbit, and the air that the controller's model has."""
 
     speed: Speed | None = None
-    climb: Speed = 0.0
+    climb: Speed | None = None
     turn_rate: TurnRate = 0.0
     free: tuple[str, ...] = ()
     air: GreyModel = GreyModel.QUASI_STEADY
@@ -309,10 +309,10 @@ def prepared(plan: Plan) -> Prepared:
     aero = air_class(given.air)(robot, Air(density=given.density))
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait)
+    climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     orbit = trim(
-        robot, aero, gait, free=free,
-        speed=given.speed, climb=given.climb, turn_rate=given.turn_rate,
-    )  # fmt: skip
+        robot, aero, gait, free=free, speed=given.speed, climb=climb, turn_rate=given.turn_rate
+    )
     if not isinstance(orbit, Orbit):
         raise PatagiumError(repr(orbit))
     named = plan.controller.commands or tuple(robot.actuators)

@@ -319,7 +319,7 @@ def _tell_choice(
     parts, own = [], machine.cruise
     if cruise and own:
         beats = f"{own.frequency:g} Hz" if own.frequency else "joints held"
-        parts.append(f"its cruise, {beats} at {own.speed:g} m/s, where no option differs")
+        parts.append(f"its cruise, {beats} at {own.speed:g} m/s")
     if duration is None:
         parts.append(f"duration {float(flight['time'][-1]):g} s")
     if time_step is None:
@@ -428,8 +428,7 @@ def _gait(
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
         expected = (
             f"the beats a second of a {kind} gait, such as '5 Hz', with --amplitude "
-            f"{moved}='30 deg'; or in the robot's file `cruise: {{frequency: 5 Hz, amplitude: "
-            f"{{{moved}: 30 deg}}}}`; or --gait still"
+            f"{moved}='30 deg'; or a section `cruise` in the robot's file; or --gait still"
         )
         raise ParameterError("--frequency", expected, None)
     if kind == "linkage":

@@ -132,8 +132,14 @@ OPTIONAL: dict[str, Quantity] = {
     ),
 }
 """What a flight has where it was asked for, and what flights of older versions lack."""
-SINGLE = ("strip_point", "angle_of_attack", "effective_angle_of_attack", "strip_airspeed",
-          "circulation", "downwash")  # fmt: skip
+SINGLE = (
+    "strip_point",
+    "angle_of_attack",
+    "effective_angle_of_attack",
+    "strip_airspeed",
+    "circulation",
+    "downwash",
+)
 """What files hold in single precision (relative error 6e-8): it follows from the rest, and neither
 learning nor an audit reads it."""
 
@@ -290,7 +296,7 @@ def robot_of(flight: xr.Dataset) -> Robot:
         return _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
 
 
-_robot_of_text = lru_cache(maxsize=8)(load_robot_text)  # a verb asks several times
+_robot_of_text = lru_cache(maxsize=8)(load_robot_text)
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:

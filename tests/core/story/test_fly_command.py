@@ -74,6 +74,14 @@ def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
     assert np.abs(heave).max() < 0.1
 
 
+def test_a_glider_holds_its_glide(tmp_path, capsys):
+    words = ("--duration", "0.4 s", "-o", tmp_path / "flown.nc")
+    code, _, err = said(capsys, "fly", "hawk", *words)
+    assert code == 0 and "climb -2." in err and "elevation_offset" in err
+    pitch = pt.load_flight(tmp_path / "flown.nc").q.sel(dof="pitch").values
+    assert float(np.ptp(pitch)) < 0.1  # rad; a gust of a tenth of its speed turns it
+
+
 @pytest.mark.parametrize(
     ("old", "new", "where"),
     [
