@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from patagium.cli.words import Vector, quantity
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.simulation.mounts import Mount
@@ -93,7 +94,6 @@ def mount_from(
         ParameterError: If the words contradict each other.
         PathError: If the arm cannot follow.
     """
-    from patagium.errors import ParameterError
     from patagium.robot import load_robot
     from patagium.simulation import mounts
 
@@ -110,7 +110,6 @@ def mount_from(
 
 def _path(words: PathWords) -> Any:
     from patagium.cli.words import existing
-    from patagium.errors import ParameterError
     from patagium.simulation import paths
 
     if words.kind is None:
@@ -129,28 +128,22 @@ def _path(words: PathWords) -> Any:
 
 
 def _refuse_what_is_unused(words: PathWords) -> None:
-    from patagium.errors import ParameterError
-
     used = _USED.get(words.kind or "", set())
-    for name in ("center", "size", "speed", "frequency", "along", "across", "attitude"):
-        if getattr(words, name) is not None and name not in used:
+    for name, value in vars(words).items():
+        if name != "kind" and value not in (None, ()) and name not in used:
             raise ParameterError(f"--path-{name}", f"nothing of the kind with {words.kind}", "one")
-    if words.amplitude and words.kind != "sinusoid":
-        raise ParameterError("--path-amplitude", f"nothing of the kind with {words.kind}", "one")
 
 
 _USED = {
     "line": {"center", "size", "speed", "attitude"},
     "circle": {"center", "size", "speed", "frequency", "along", "attitude"},
     "figure-of-eight": {*("center", "size", "speed", "frequency"), "along", "across", "attitude"},
-    "sinusoid": {"center", "frequency", "attitude"},
+    "sinusoid": {"center", "frequency", "attitude", "amplitude"},
 }
 _ZERO = (0.0, 0.0, 0.0)
 
 
 def _sized(words: PathWords, count: int, what: str) -> Sizes:
-    from patagium.errors import ParameterError
-
     if words.size is None or len(words.size) != count:
         raise ParameterError("--path-size", what, words.size)
     return words.size
@@ -160,7 +153,6 @@ def _line(words: PathWords) -> Any:
     """Line from its start; the greatest speed of a motion of least jerk is 15/8 of the mean."""
     import math
 
-    from patagium.errors import ParameterError
     from patagium.simulation import paths
 
     way = _sized(words, 3, "how far a line goes, such as '0.3,0,0.1 m'")
@@ -194,15 +186,19 @@ def _eight(words: PathWords) -> Any:
 
     length, width = _sized(words, 2, "length and width, such as '0.9,0.3 m'")
     return paths.figure_of_eight(
-        words.center or _ZERO, length, width, speed=words.speed, frequency=words.frequency,
-        along=words.along or (1.0, 0.0, 0.0), across=words.across or (0.0, 1.0, 0.0),
+        words.center or _ZERO,
+        length,
+        width,
+        speed=words.speed,
+        frequency=words.frequency,
+        along=words.along or (1.0, 0.0, 0.0),
+        across=words.across or (0.0, 1.0, 0.0),
         attitude=words.attitude or _ZERO,
-    )  # fmt: skip
+    )
 
 
 def _sinusoid(words: PathWords) -> Any:
     from patagium.cli.words import named_quantities
-    from patagium.errors import ParameterError
     from patagium.simulation import paths
 
     if words.frequency is None:
