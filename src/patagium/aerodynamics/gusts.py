@@ -237,10 +237,8 @@ class DrydenGust:
         What was before time zero is the same process run backward from there.
         """
         latest, earliest = (time.max(), time.min()) if time.size else (0.0, 0.0)
-        count, before = (
-            ceil(max(latest, 0.0) / self.step) + 2,
-            ceil(max(-earliest, 0.0) / self.step),
-        )
+        count = ceil(max(latest, 0.0) / self.step) + 2
+        before = ceil(max(-earliest, 0.0) / self.step)
         noise = np.random.default_rng(self.seed).standard_normal((count, 3, 2))
         past = np.random.default_rng([self.seed, 1]).standard_normal((before, 3, 2))
         grid = self.step * np.arange(-before, count)

@@ -195,8 +195,11 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     described, network = learner.describe(), learner.network
     by = "set by you" if given else "the default"
     layers = ",".join(map(str, network.hidden)) or "linear in its weights"
-    kind = described["network"]["kind"]
+    kind, air = described["network"]["kind"], getattr(network, "air", None)
+    unknown = air and (air.gust or air.ground is not None)
+    wind = {"wind": "steady; gusts and ground are errors of the network"}
     return {
+        **(wind if unknown else {}),
         "network": f"{kind}, {layers}, {network.size} weights; {by}",
         "learner": f"{described['kind']}; {by}",
         **_found_words(described, own=bool(np.isfinite(own_prior(network)).all())),

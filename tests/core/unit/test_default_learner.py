@@ -9,7 +9,12 @@ import pytest
 import xarray as xr
 
 import patagium as pt
-from patagium.learning.default_learner import chosen_every, default_learner, update_time
+from patagium.learning.default_learner import (
+    chosen_every,
+    default_learner,
+    learner_choices,
+    update_time,
+)
 from patagium.learning.learners.registry import learner_from_description
 from patagium.live.pipeline import Pipeline
 from patagium.native import compiler_name
@@ -41,6 +46,14 @@ def test_a_flight_is_learned_without_any_choice(flight: xr.Dataset) -> None:
     json.dumps(chosen)
     again = pt.identify(flight)
     assert np.array_equal(again.learner.weights, result.learner.weights)
+
+
+def test_air_that_no_network_knows_is_said() -> None:
+    robot = pt.load_robot("aerobat")
+    gust = pt.air.OneMinusCosineGust((-1.0, 0.0, 0.0), 0.0, 0.1)
+    for air, told in ((pt.Air(gust=gust), True), (pt.Air(ground=-1.0), True), (pt.Air(), False)):
+        words = learner_choices(default_learner(robot, air), given=False)
+        assert ("wind" in words) is told
 
 
 def test_what_is_set_by_hand_is_said(flight: xr.Dataset) -> None:
