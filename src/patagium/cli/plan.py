@@ -1,8 +1,6 @@
 """Plan of a closed loop: a YAML file that says what flies, what is known, and what happens.
 
-Only `robot` is needed. What is left out is chosen: level flight near the file's cruise, the
-predictive controller with all actuators of the robot's file, a truth that is not its model, and a
-gust of a tenth of the speed after a third of the flight.
+Only `robot` is needed; the rest is chosen, and `Prepared.words` says how.
 """
 
 from __future__ import annotations
@@ -261,7 +259,7 @@ class Prepared:
         controller: What flies along it.
         duration: Duration of the flight [s].
         events: What happens.
-        words: What was chosen, in sentences.
+        sensors: What is known of the state.
     """
 
     plan: Plan
@@ -269,7 +267,35 @@ class Prepared:
     controller: OrbitController | AdaptiveController
     duration: float
     events: tuple[Event, ...]
-    words: tuple[str, ...]
+    sensors: NoisyState | TrackedState
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Sentences that say what was chosen."""
+        plan, truth, orbit = self.plan, self.plan.truth, self.orbit
+        known = self.sensors
+        told = repr(known)
+        if known == NoisyState():
+            told = "the true state"
+        if isinstance(known, TrackedState):
+            names = [one.name for one in known.sensors]
+            told = f"what a tracker makes of {', '.join(names)}"
+        climb = round(orbit.climb, 9) + 0.0
+        commands = ", ".join(self.controller.model.commands)
+        learns = "; its model relearns in flight"
+        happen = [f"at {one.time:.3g} s {one.words}" for one in self.events]
+        events = "; ".join(happen) or "none"
+        return (
+            f"Orbit of {orbit.robot.name}: {orbit.speed:.3g} m/s, "
+            f"climb {climb:.3g} m/s, {1 / orbit.period:.3g} Hz",
+            f"Controller: {plan.controller.type}, commands {commands}"
+            + learns * plan.controller.learn,
+            f"Truth: masses {100 * truth.masses:g} % off "
+            f"(seed {plan.seed}), {truth.air} air of {truth.density:g} kg/m^3, "
+            f"the model's {plan.trim.air} of {plan.trim.density:g}",
+            f"Known: {told}",
+            f"Flight of {self.duration:.3g} s; events: {events}",
+        )
 
     def fly(self, progress: Callable[[int, int], None] | None = None) -> xr.Dataset:
         """Flight of the plan, up to where it breaks.
@@ -289,7 +315,7 @@ class Prepared:
         added = truth.added_mass
         return fly(
             robot, aero, self.controller, orbit=self.orbit, duration=self.duration,
-            sensors=plan.sensors.known(self.orbit.robot), events=self.events,
+            sensors=self.sensors, events=self.events,
             added_mass=None if added is None else AddedMass(robot, air, factor=added),
             seed=plan.seed, time_step=plan.time_step, throw=False, progress=progress,
         )  # fmt: skip
@@ -322,10 +348,11 @@ def prepared(plan: Plan) -> Prepared:
     controller = _controller(plan.controller, orbit, named)
     duration = BEATS * orbit.period if plan.duration is None else plan.duration
     positive("duration", duration)
-    chosen = _default_events(orbit, duration)
-    events = chosen if plan.events is None else tuple(one.event() for one in plan.events)
-    words = _words(plan, orbit, robot, named, duration, events)
-    return Prepared(plan, orbit, controller, duration, events, words)
+    events: tuple[Event, ...] = (_default_gust(orbit, duration),)
+    if plan.events is not None:
+        events = tuple(one.event() for one in plan.events)
+    known = plan.sensors.known(robot)
+    return Prepared(plan, orbit, controller, duration, events, known)
 
 
 def _controller(
@@ -340,34 +367,8 @@ def _controller(
     return AdaptiveController(law, orbit) if part.learn else law
 
 
-def _default_events(orbit: Orbit, duration: float) -> tuple[Event, ...]:
-    upward = max(GUST_SHARE * abs(orbit.speed), GUST_SHARE)
+def _default_gust(orbit: Orbit, duration: float) -> GustEvent:
+    upward = GUST_SHARE * max(abs(orbit.speed), 1.0)
     gust = (0.0, 0.0, upward)
-    return (GustEvent(time=duration / 3, velocity=gust, length_time=2 * orbit.period),)
-
-
-def _words(
-    plan: Plan,
-    orbit: Orbit,
-    robot: Robot,
-    named: tuple[str, ...],
-    duration: float,
-    events: tuple[Event, ...],
-) -> tuple[str, ...]:
-    truth, known = plan.truth, plan.sensors.known(robot)
-    told = "the true state, without noise" if known == NoisyState() else repr(known)
-    if isinstance(known, TrackedState):
-        told = f"what a tracker makes of {', '.join(one.name for one in known.sensors)}"
-    climb = round(orbit.climb, 9) + 0.0
-    happen = [f"at {event.time:.3g} s {event.words}" for event in events]
-    return (
-        f"Orbit of {robot.name}: {orbit.speed:.3g} m/s, climb {climb:.3g} m/s, "
-        f"{1 / orbit.period:.3g} Hz",
-        f"Controller: {plan.controller.type}, commands {', '.join(named)}"
-        f"{'; its model of the air relearns in flight' if plan.controller.learn else ''}",
-        f"Truth: masses and inertias {100 * truth.masses:g} % off the file's (seed {plan.seed}), "
-        f"{truth.air} air of {truth.density:g} kg/m^3, the controller's {plan.trim.air} of "
-        f"{plan.trim.density:g}",
-        f"Known: {told}",
-        f"Flight of {duration:.3g} s; events: {'; '.join(happen) or 'none'}",
-    )
+    time, length = duration / 3, 2 * orbit.period
+    return GustEvent(time=time, velocity=gust, length_time=length)

@@ -25,7 +25,7 @@ from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
-from patagium.control.predictive import OrbitController
+from patagium.control.predictive import OrbitController, OrbitModel
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
@@ -195,6 +195,11 @@ class AdaptiveController:
     def held(self) -> Counter[str]:
         """Number of samples at which the last command was held, by cause."""
         return self.controller.held
+
+    @property
+    def model(self) -> OrbitModel:
+        """Model of the orbit that is followed."""
+        return self.controller.model
 
     @property
     def period(self) -> float:

@@ -28,6 +28,7 @@ from patagium.control.estimators import (
 )
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
+from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, of_kind, positive
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_keywords
@@ -143,6 +144,7 @@ class _Loop:
         due: Events that have not happened, by their step.
         stuck: Commands that are no longer taken.
         estimates: Estimate at each period, (n_q + n,); nan where there was none.
+        followed: State of the orbit that the controller followed then, by name [SI].
     """
 
     robot: Robot
@@ -157,6 +159,7 @@ class _Loop:
     due: list[tuple[int, Event, Robot, Aerodynamics]] = field(init=False)
     stuck: set[str] = field(default_factory=set)
     estimates: list[Array] = field(default_factory=list)
+    followed: list[dict[str, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         period = positive("period of the controller", self.controller.period)
@@ -242,6 +245,9 @@ class _Loop:
         self.estimates.append(known)
         time = self.simulator.time
         commands = self.controller(time, None if estimate is None else estimate.state) or {}
+        if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
+            along = model.along(round(time / self.controller.period))
+            self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
         taken = {name: value for name, value in commands.items() if name not in self.stuck}
         if taken:
             self.simulator.command(taken)
@@ -259,6 +265,8 @@ class _Loop:
         grid = np.linspace(0.0, 1.0, len(known))
         wanted = np.column_stack([np.interp(phases, grid, column) for column in known.T])
         wanted += beats[:, None] * travel
+        for row, followed in zip(wanted, self.followed, strict=False):
+            row[:] = [followed.get(name, own) for name, own in zip(states, row, strict=True)]
         dims, units = ("control_time", "state"), {"units": "m, rad, 1 or per s"}
         estimates = np.array(self.estimates).reshape(len(time), len(states))
         flight = flight.assign_coords(

@@ -52,12 +52,7 @@ class LinearRegulator(OrbitController):
         return np.asarray(np.linalg.eigvals(beat), complex)
 
     def answer(self, first: int, start: Array) -> Array | None:
-        """Departures of the commands, u = -K x, within their ranges, (n_u,) [response's unit].
-
-        Args:
-            first: Number of the interval.
-            start: Departure of the flight from the orbit, (n_x,) [SI].
-        """
+        """Departures of the commands, u = -K x, within their ranges; see `OrbitController`."""
         neutral = self.model.neutral
         low, high, _ = np.array(self.ends).T
         wanted = -self.gains[first % self.model.parts] @ start

@@ -698,15 +698,7 @@ class PredictiveController(OrbitController):
         self.iteration.program["upper"][...] = high - self.model.neutral
 
     def answer(self, first: int, start: Array) -> Array | None:
-        """Departures of the commands by one iteration, (n_u,) [response's unit].
-
-        Args:
-            first: Number of the interval.
-            start: Departure of the flight from the orbit, (n_x,) [SI].
-
-        Returns:
-            The departures; None where the program is not solved.
-        """
+        """Departures of the commands by one iteration; None where the program is not solved."""
         if self._last is not None and first > self._last:
             for _ in range(min(first - self._last, len(self.iteration.inputs))):
                 self.iteration.shift()

@@ -383,23 +383,6 @@ class Scorer:
         return scores
 
 
-def silent_outputs(measurement: ArrayLike) -> Chosen:
-    """Outputs that never move: their variance is zero up to rounding.
-
-    std_i <= 1e-9 max_j rms_j. Dividing by such a variance would score rounding errors.
-
-    Args:
-        measurement: What was measured, (N, n_y) [unit of y]; NaN where it was not.
-
-    Returns:
-        True for each silent output, (n_y,).
-
-    Raises:
-        ShapeError: If the measurement is not (N, n_y).
-    """
-    return _errors(measurement, measurement).silent
-
-
 def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     """Mean square error of each output over its variance.
 

@@ -7,6 +7,7 @@ drawn from points, a flight from its Dataset, without perspective and hidden sur
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, cast
@@ -441,6 +442,8 @@ def flight_overview(flight: Any) -> Figure:
     for panel, (name, unit, signals) in zip(axes, groups, strict=True):
         for i, (label, values) in enumerate(signals.items()):
             _curve(panel, time, np.asarray(values), label, color=color(i), linestyle=dash(i))
+        for when, words in events_of(flight):
+            panel.axvline(when, color=TRUTH, ls=":", label=words)
         _name(panel, name, unit)
         panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
     _time_axis(axes, 1)
@@ -497,7 +500,35 @@ def _overview_groups(flight: Any) -> list[_Group]:
         ("Moment of the air", "N m", {n: force.sel(dof=n).values for n in attitude}),
         ("Energy", "J", {n.replace("_", " "): flight[n].values for n in energy}),
     ]
+    if "reference" in flight:
+        off = dict(zip(coordinates, off_reference(flight).T, strict=True))
+        turned = {n: np.degrees(off[n]) for n in angles}
+        groups += [
+            ("Off reference", "m", {n: off[n] for n in position}),
+            ("Off reference", "deg", turned),
+        ]
+    if "command" in flight:
+        names = [str(name) for name in flight["command_name"].values]
+        given = dict(zip(names, flight["command"].values.T, strict=True))
+        groups.append(("Commands", "Hz, 1, rad or m", given))
     return [group for group in groups if group[2]]
+
+
+def off_reference(flight: Any) -> Array:
+    """Coordinates less their reference, straight between samples of a controller, (N, n_q)."""
+    t, known = flight["time"].values, flight["control_time"].values
+    q, wanted = flight["q"].values.T, flight["reference"].values.T
+    off = []
+    for own, aim in zip(q, wanted, strict=False):
+        gap = np.interp(known, t, own) - aim
+        off.append(np.interp(t, known, gap))
+    return np.array(off).T
+
+
+def events_of(flight: Any) -> list[tuple[float, str]]:
+    """Time [s] and words of each event of a closed loop; none of another flight."""
+    events = json.loads(flight.attrs.get("events", "[]"))
+    return [(one["time"], one["words"]) for one in events]
 
 
 def unwound(angle: Array) -> Array:

@@ -132,6 +132,7 @@ class Replay:
         names: How truth and prediction are called.
         notes: What a reader has to know: sampling, frames, units.
         ground: Height of the ground [m]; None: somewhere below the robot.
+        events: Time [s] and words of what happened.
         other: Another flight in the same space, drawn as a ghost; its series and arrows are not.
     """
 
@@ -152,6 +153,7 @@ class Replay:
     names: tuple[str, str] = ("true", "predicted")
     notes: Sequence[str] = field(default_factory=tuple)
     ground: float | None = None
+    events: Sequence[tuple[float, str]] = ()
     other: Replay | None = None
 
 
@@ -207,6 +209,7 @@ def _content(replay: Replay) -> dict[str, Any]:
         "surfaces": [vars(surface) for surface in replay.surfaces],
         "marks": [vars(mark) for mark in replay.marks],
         "arrows": None if replay.arrows is None else _encoded(replay.arrows),
+        "events": list(replay.events),
         "series": [_encoded(series) for series in replay.series],
         "other": None if replay.other is None else _content(replay.other),
     }

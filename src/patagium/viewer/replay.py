@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
+from patagium.report.figures import events_of, off_reference
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
@@ -56,11 +57,6 @@ def carrying_arm(
     """Arm under the robot of a flight; None if there is no arm.
 
     Of a robot composed with its arm only the foot: its links are bodies of the robot.
-
-    Args:
-        robot: The robot of the flight.
-        carrier: The arm that carried it, or None.
-        frames: Samples to be shown, (F,).
     """
     count = len(frames)
     ground = np.zeros((count, 1, 3)), np.broadcast_to(np.eye(3), (count, 1, 3, 3))
@@ -182,9 +178,8 @@ def replay(
 ) -> Path:
     """A flight as one HTML page in three dimensions that opens from disk, offline.
 
-    Bodies and wings stand where the kinematics puts them at each sample shown (`Dynamics.point`
-    gives the same points); forces on strips are arrows, true and predicted; generalized forces
-    are plotted with a cursor at the time shown.
+    Bodies and wings stand where `Dynamics.point` puts them; forces on strips are arrows, true and
+    predicted; generalized forces are plotted with a cursor.
 
     Args:
         flight: The flight.
@@ -195,7 +190,7 @@ def replay(
         start: First time to show [s]; None: the flight's first.
         end: Last time to show [s]; None: the flight's last.
         beside: Another flight by its name, drawn as a ghost in the same space and dashed in the
-            plots: a predicted one beside the true one, before beside after.
+            plots: a predicted one, or before and after; of a closed loop else the reference.
 
     Returns:
         The path written.
@@ -210,6 +205,9 @@ def replay(
     if beside and predicted is not None:
         raise ParameterError("beside", "nothing with predicted forces", ", ".join(beside))
     shown = replay_content(flight, predicted, title, start, end)
+    if "reference" in flight and not beside and predicted is None:
+        wanted = flight["q"] - off_reference(flight)
+        beside = {"reference": flight.assign(q=wanted)}
     for name, other in (beside or {}).items():
         shown = _beside(shown, replay_content(other, None, None, start, end), name)
     return write_replay(path, shown)
@@ -217,13 +215,15 @@ def replay(
 
 def _beside(shown: Replay, other: Replay, name: str) -> Replay:
     """Replay with a ghost of another, whose series are dashed where both have them."""
-    found = {(one.group, one.name): one for one in other.series}
-    series = [
-        replace(one, predicted=np.interp(shown.time, other.time, found[key].values))
-        if (key := (one.group, one.name)) in found
-        else one
-        for one in shown.series
-    ]
+    found = {(one.group, one.name): one.values for one in other.series}
+    series = []
+    for one in shown.series:
+        values = found.get((one.group, one.name))
+        if values is not None:
+            values = np.interp(shown.time, other.time, values)
+            alike = np.array_equal(values, one.values)
+            one = one if alike else replace(one, predicted=values)
+        series.append(one)
     ghost = replace(other, series=(), arrows=None)
     return replace(shown, series=series, names=("this flight", name), other=ghost)
 
@@ -250,11 +250,8 @@ def replay_content(
     inside = frames - span[0]
     origin = position[:, main]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
-    bodies, placed, turned = (
-        [body.name for body in robot.bodies],
-        position[inside],
-        rotation[inside],
-    )
+    bodies = [body.name for body in robot.bodies]
+    placed, turned = position[inside], rotation[inside]
     drawn = [k._asdict() | ({"carrier": True} if k.body < main else {}) for k in solids(robot)]
     arrows = _arrows(shown, robot, (placed, turned), origin[inside], prediction)
     if arm is not None:
@@ -279,6 +276,7 @@ def replay_content(
         marks=[Mark(name, body, tip) for name, (body, tip) in wing_tips(robot).items()],
         arrows=arrows,
         series=_series(shown, robot, prediction),
+        events=events_of(flight),
         notes=[
             _sampling(robot, time[span], inside, position, rotation),
             *_NOTES,
@@ -291,11 +289,7 @@ def replay_content(
 
 
 def quaternions(rotation: Array) -> Array:
-    """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis.
-
-    Args:
-        rotation: Proper rotations, (N, n_bodies, 3, 3) [-].
-    """
+    """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis."""
     from scipy.spatial.transform import Rotation
 
     found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat()
@@ -380,13 +374,7 @@ def _of_the_force(robot: Robot, prediction: Prediction) -> Array | None:
 
 
 def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
-    """Center of mass of the robot at many states, without an arm under it, (N, 3) [m].
-
-    Args:
-        robot: The machine, with numbers for parameters.
-        position: Origins of its bodies, (N, n_bodies, 3) [m].
-        rotation: Axes of its bodies, (N, n_bodies, 3, 3) [-].
-    """
+    """Center of mass of the robot at many states, without an arm under it, (N, 3) [m]."""
     mass = np.array([float(body.mass) for body in robot.bodies])
     mass[: carried_body(robot)] = 0.0
     offsets = np.array([body.center_of_mass for body in robot.bodies], float)
@@ -433,12 +421,15 @@ def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | Non
 
 
 def _wind(shown: xr.Dataset) -> list[str]:
-    """Note about the wind; none in still air."""
+    """Notes about wind and events; none where there are none."""
+    notes = []
+    for when, words in events_of(shown):
+        notes.append(f"At {when:.4g} s: {words}.")
     wind = np.asarray(shown["wind"].values, float)
-    if not wind.any():
-        return []
-    words = ", ".join(f"{k:.3g}" for k in wind[0])
-    return [f"Wind at the first frame: ({words}) m/s, world axes."]
+    if wind.any():
+        words = ", ".join(f"{k:.3g}" for k in wind[0])
+        notes.append(f"Wind at first: ({words}) m/s, world axes.")
+    return notes
 
 
 def _sampling(
@@ -486,22 +477,15 @@ def _turned(quaternion: Array, vector: Array) -> Array:
 
 _FORCES = "Generalized force of the air"
 _SIDEWAYS = ("y", "roll", "yaw")
-_ARM = (
-    "The arm that carries the robot stands on the world's origin: tubes between its joints, "
-    "whose angles follow from where the robot was."
-)
+_ARM = "The arm that carries the robot stands on the world's origin."
 _SURE = (
-    "Bands around predictions, and the ellipsoid around the end of the predicted total (unless "
-    "it is larger than the robot), are their 95 % intervals, noise of the measurement included."
+    "Bands, and the ellipsoid at the end of the predicted total (unless larger than the robot), "
+    "are 95 % intervals."
 )
 _NOTES: Sequence[str] = (
-    "World axes: x forward, y left, z up; lengths in m, times in s. Arrows are forces of the air "
-    "on strips, in world axes, one scale for the whole flight; the total acts at the center of "
-    "mass, its moment is the arrow with two heads, about the thumb of the right hand.",
-    "Bodies have the shapes of the robot file; a body without one is drawn as bones between its "
-    "joints. Strips are the rectangles the aerodynamics sees; pale and dark are the upper and "
-    "lower surface.",
-    "A following camera follows the path averaged over a wingbeat.",
+    "World axes: x forward, y left, z up. Arrows are forces of the air on strips; "
+    "the total acts at the center of mass.",
+    "Bodies without a shape are bones.",
 )
 
 
@@ -514,8 +498,7 @@ def still(
 ) -> Figure:
     """A moment of a flight in perspective: what the replay page shows, as a drawing.
 
-    Bodies and wings, the force of the air on each strip (a predicted one as a halo around it),
-    the path and what the wing tips traced in the last wingbeat.
+    Bodies, wings, forces on strips (predicted ones as halos), and paths of the last wingbeat.
 
     Args:
         flight: The flight.

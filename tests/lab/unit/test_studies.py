@@ -47,6 +47,7 @@ def test_the_studies_are_those_that_verbs_run() -> None:
         "attack",
         "bench",
         "damage",
+        "feedback",
         "foreign",
         "learners",
         "reproduction",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from patagium.learning import load_learner
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import coverage, normalized_error, silent_outputs
+from patagium.learning.scores import coverage, normalized_error
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
 from patagium_lab.rig.learning import LogResult, SourceResult
@@ -59,7 +59,9 @@ def measured_error(flight: xr.Dataset, samples: Any) -> float:
     """Worst error of a measured force over the second half, of the coordinates measured."""
     late = slice(len(samples.time) // 2, None)
     truth = true_force(flight, samples.time)[late]
-    heard = ~silent_outputs(truth) & np.isfinite(samples.force[late]).all(axis=0)
+    heard = np.isfinite(normalized_error(truth, truth)) & np.isfinite(samples.force[late]).all(
+        axis=0
+    )
     return float(normalized_error(truth[:, heard], samples.force[late][:, heard]).max())
 
 
@@ -137,7 +139,7 @@ def _source_scores(
     count = len(run.samples.time)
     late = slice(count // 2, None)
     truth = true_force(flight, run.samples.time)
-    heard = ~silent_outputs(truth[late])
+    heard = np.isfinite(normalized_error(truth[late], truth[late]))
     names = np.asarray(run.samples.robot.dof_names)[heard]
     error = normalized_error(truth[late], run.prediction[late])[heard]
     checked = run.checked >= count // 2
@@ -180,7 +182,7 @@ def unseen_scores(
         guess = learner.network.evaluate(x, learner.weights)
         truth = flight["aero_force"].values[thin]
         later = time[thin] >= plan.beat
-        heard = ~silent_outputs(truth[later])
+        heard = np.isfinite(normalized_error(truth[later], truth[later]))
         error = normalized_error(truth[later], guess[later])[heard]
         whole = normalized_error(truth, guess)[heard]
         scores[name] = {

@@ -107,6 +107,9 @@ class Plot {
     if (std) this.band(pen, predicted, std, guess);
     this.curve(pen, values, truth, 1.5);
     if (predicted) this.curve(pen, predicted, guess, 1.5, [4, 2.5]);
+    pen.fillStyle = "#b3261e";
+    const [begin, end] = this.span;
+    for (const [t] of this.flight.events) pen.fillRect(left + (width * (t - begin)) / (end - begin || 1), top, 1, height);
     pen.restore();
   }
 

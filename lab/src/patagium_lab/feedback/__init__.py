@@ -1,0 +1,1 @@
+"""Study of feedback along an orbit: largest delay, slowest rate, region of attraction."""

@@ -1,0 +1,49 @@
+"""`patagium study feedback`: delays and rates that robots bear, and starts that they recover."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXAMPLES = (
+    "patagium study feedback --out feedback --quick",
+    "patagium study feedback --out feedback --starts 300 --page docs/feedback.md",
+)
+
+
+def feedback(
+    out: Annotated[Path, typer.Option(help="Folder of the report and its figures.")],
+    starts: Annotated[int, typer.Option(min=1, help="Starts of each controller.")] = 200,
+    flights: Annotated[int, typer.Option(min=1, help="Flights of each delay and each rate.")] = 6,
+    beats: Annotated[int, typer.Option(min=2, help="Beats of each flight.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 1000,
+    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One robot, few starts and flights, in some minutes.")
+    ] = False,
+    page: Annotated[
+        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
+    ] = None,
+) -> None:
+    """Find the largest delay, the slowest rate and the region of attraction of feedback.
+
+    Writes report.html, metrics.json and figures.
+    """
+    from patagium_lab.feedback import page as pages
+    from patagium_lab.feedback.plan import ORNITHOPTER, FeedbackPlan
+    from patagium_lab.feedback.run import run
+    from patagium_lab.stage_bar import stage_bar
+    from patagium_lab.study import write_study
+
+    plan = FeedbackPlan(seed, flights, starts, beats, workers=jobs)
+    if quick:
+        bird = (ORNITHOPTER,)
+        plan = replace(plan, flights=1, starts=20, beats=20, margins=bird, regions=bird)
+    with stage_bar("Feedback") as progress:
+        report, results = write_study(out, plan, run, pages.page, progress)
+        if page is not None:
+            results.write(page)
+    typer.echo(f"The report is in {report}")
