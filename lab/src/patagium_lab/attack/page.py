@@ -165,6 +165,8 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
             sum(row["beyond"].values()),
             sum(row["below"].values()),
             max(row["ratio"].values()),
+            row["clean"][1],
+            row["clean"][-1],
         ]
         for row in rows
     ]
@@ -180,6 +182,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
     ]
     tail = ["bursts with a ratio above 1.5", "below 1/1.5", "largest ratio [1]"]
     heads = ["learner", "samples", "bursts", "crash", "samples that were not counted", *tail]
+    heads += ["error of the twin in the second tenth of the flight [N]", "in the last [N]"]
     return [
         f"Bursts of up to {LONGEST} samples that no sensor should give, to 1e300, in a flight of a "
         "robot of three joints; a second learner learns the same samples without them. The ratio "
@@ -188,7 +191,9 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
         "an event. Learners that had other samples differ, and a hundred samples are 0.3 to 0.5 "
         "of a wingbeat of a joint: states where they differ return later. How often the twin is "
         "the worse one tells how often this alone is more than 1.5. An encoder that jumps within "
-        "its range is believed after 20 samples at most; the samples from then on are learned.",
+        "its range is believed after 20 samples at most; the samples from then on are learned. "
+        "`spread 1.0` has cubature points one standard deviation off; other cubature "
+        "learners have them sqrt(n) off.",
         Table(heads, cells, "Screened learners, with noise by EM or Misfit, and their twins."),
         Table(["kind", "bursts", *tail], kinds, "The same by kind of poison."),
     ]

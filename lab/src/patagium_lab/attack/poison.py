@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 
 from patagium.errors import PatagiumError
 from patagium.learning.learners.cubature import CubatureLearner
+from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.settings import Misfit, NoiseEstimation, Screening, Structure
+from patagium.learning.settings import Misfit, NoiseEstimation, Screening
+from patagium_lab.attack.campaign import STRUCTURES
 
 Array = NDArray[np.float64]
 
@@ -46,6 +49,7 @@ class Poisoned(NamedTuple):
         below: By kind, bursts after which it is below 1 / 1.5: by so much learners that had other
             samples differ, poisoned or not.
         events: Events that it counted.
+        clean: Error of the twin in each tenth of the flight, root of the median square [N].
     """
 
     samples: int
@@ -56,6 +60,7 @@ class Poisoned(NamedTuple):
     beyond: dict[str, int]
     below: dict[str, int]
     events: dict[str, int]
+    clean: list[float]
 
 
 def network() -> DenseNetwork:
@@ -177,6 +182,7 @@ def poisoned(learner: FilterLearner, seed: int, count: int) -> Poisoned:
         {kind: sum(not ratio <= 1.5 for ratio in each) for kind, each in found.items()},
         {kind: sum(ratio < 1 / 1.5 for ratio in each) for kind, each in found.items()},
         learner.events,
+        [float(np.sqrt(np.nanmedian(tenth))) for tenth in np.array_split(errors[1], 10)],
     )
 
 
@@ -186,29 +192,37 @@ NOISE_MODELS: dict[str, dict[str, Any]] = {
 }
 """Ways in which a learner finds its noise, by name."""
 
+LEARNER_KINDS = {"cubature": CubatureLearner, "extended": ExtendedLearner}
+LEARNERS: tuple[dict[str, Any], ...] = (
+    *(
+        {"learner": "cubature", "covariance": structure, "dtype": dtype}
+        for structure, dtype in product(STRUCTURES, ("float64", "float32"))
+    ),
+    *(
+        {"learner": "cubature", "covariance": "full", "dtype": dtype, "spread": 1.0}
+        for dtype in ("float64", "float32")
+    ),
+    {"learner": "extended", "covariance": "full"},
+)
+"""Settings of the learners that are poisoned; `spread` brings the cubature points near."""
 
-def poison_row(
-    structure: Structure, dtype: str, noise: str, seed: int, count: int
-) -> dict[str, Any]:
+
+def poison_row(options: dict[str, Any], noise: str, seed: int, count: int) -> dict[str, Any]:
     """JSON-able result of a screened learner that is poisoned.
 
     Args:
-        structure: Structure of its covariance.
-        dtype: Its precision.
+        options: Its settings, one of `LEARNERS`.
         noise: How it finds its noise, one of `NOISE_MODELS`.
         seed: Seed of the flight and of the poison.
         count: Number of samples.
     """
-    learner = CubatureLearner(
-        network(),
-        prior_share=1e-4,
-        covariance=structure,
-        dtype=dtype,
-        screening=Screening(stuck_samples=10),
-        **NOISE_MODELS[noise],
-    )
+    own, chosen = NOISE_MODELS[noise], {**options}
+    kind = LEARNER_KINDS[chosen.pop("learner", "cubature")]
+    screening = Screening(stuck_samples=10)
+    learner = kind(network(), prior_share=1e-4, screening=screening, **chosen, **own)
     found = poisoned(learner, seed, count)
-    return {"learner": f"{structure}, {dtype}, {noise}", **found._asdict()}
+    words = [f"{name} {value}" if name == "spread" else value for name, value in options.items()]
+    return {"learner": ", ".join([*words, noise]), **found._asdict()}
 
 
 def _error(innovation: Array) -> float:

@@ -13,7 +13,7 @@ from itertools import product
 from typing import Any
 
 from patagium_lab.attack.calibration import NOISES, flight_calibration, log_calibration
-from patagium_lab.attack.campaign import FAULT_NAMES, STRUCTURES, campaign
+from patagium_lab.attack.campaign import FAULT_NAMES, campaign
 from patagium_lab.attack.damage import damage_row, learner_names
 from patagium_lab.attack.endurance import single_precision, steady_glide
 from patagium_lab.attack.files import file_targets
@@ -21,7 +21,7 @@ from patagium_lab.attack.motion_capture import capture_rows, summary
 from patagium_lab.attack.oracle import Target
 from patagium_lab.attack.packets import packet_targets
 from patagium_lab.attack.plan import HOSTILE, AttackPlan
-from patagium_lab.attack.poison import NOISE_MODELS, poison_row
+from patagium_lab.attack.poison import LEARNERS, NOISE_MODELS, poison_row
 from patagium_lab.attack.programs import program_targets
 from patagium_lab.attack.worker import attacked
 from patagium_lab.jobs import Job, run_jobs
@@ -112,7 +112,7 @@ def _tallied(
 def _learned(plan: AttackPlan, tell: Callable[[float], None]) -> dict[str, Any]:
     """Results of the areas of learners that are in the plan."""
     starts = range(0, plan.runs, CHUNK)
-    kinds = [*product(STRUCTURES, ("float64", "float32"), NOISE_MODELS)]
+    kinds = [*product(LEARNERS, NOISE_MODELS)]
     each = max(3000, plan.poisoned // len(kinds))
     parts = {
         "poison": [Job(poison_row, (*kind, plan.seed, each), 1e-4 * each) for kind in kinds],
