@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
 from patagium.aerodynamics.named_descriptions import from_field_values
-from patagium.errors import ParameterError, ShapeError, positive
+from patagium.errors import ParameterError, ShapeError, finite, positive
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,7 @@ class Air:
     def __post_init__(self) -> None:
         positive("density", self.density, "a positive number [kg/m^3]")
         if self.ground is not None:
-            if not np.isfinite(self.ground):
-                raise ParameterError("ground", "a finite height [m], or None", self.ground)
-            object.__setattr__(self, "ground", float(self.ground))
+            object.__setattr__(self, "ground", finite("ground", self.ground))
         object.__setattr__(self, "density", float(self.density))
         object.__setattr__(self, "wind", triple("wind", self.wind))
 

@@ -35,9 +35,9 @@ class OnModel(Aerodynamics):
     model: Aerodynamics
 
     def __post_init__(self) -> None:
-        if isinstance(self.model, type(self)):
-            expected = f"a model of another kind than {self.name}"
-            raise ParameterError("model", expected, self.model.name)
+        if not hasattr(self.model, "air") or isinstance(self.model, type(self)):
+            expected = f"a model of another kind than {self.name}, such as pt.QuasiSteady(robot)"
+            raise ParameterError("model", expected, self.model)
 
     @property
     def robot(self) -> Robot:  # type: ignore[override]

@@ -21,7 +21,7 @@ from patagium.control.gait_family import gait_family
 from patagium.control.orbit import Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
-from patagium.errors import ParameterError, finite, similar
+from patagium.errors import ParameterError, finite
 
 Array = NDArray[np.float64]
 
@@ -191,10 +191,9 @@ class _Curve:
             self.place = names.index(along)
         try:
             family = gait_family(orbit.robot, orbit.gait, names)
-        except ParameterError as error:
+        except ParameterError:
             known = ["speed", "climb", *orbit.family.names]
-            hint = along + similar(along, known)
-            raise ParameterError("along", f"speed, climb or a {error}", hint) from None
+            raise ParameterError("along", f"one of {', '.join(known)}", along, known) from None
         given: dict[str, Any] = held if self.place is not None else held | {along: 0.0}
         self.conditions = Conditions(orbit.turn_rate, given.get("climb"), given.get("speed"))
         self.row = -1 if along == "speed" or "speed" not in given else -2

@@ -268,9 +268,9 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
         flapping = ", ".join(one for k, one in enumerate(joints) if moving[k]) or "none"
         expected = (
-            f"<joint>_offset of {', '.join(joints)}; frequency, amplitude, <joint>_amplitude or "
-            f"_phase of what flaps: {flapping}; <joint>_cosine_1, _sine_1, _cosine_2 ... of any; "
-            f"<pair>_<kind>{DIFFERENCE} of a left and right one"
+            "frequency, amplitude, or <joint>_offset, _cosine_1, _sine_1 ... of "
+            f"{', '.join(joints)}; <joint>_amplitude or _phase of {flapping}; "
+            f"<pair>_<kind>{DIFFERENCE}"
         )
-        raise ParameterError("gait parameter", expected, name)
+        raise ParameterError("gait parameter", expected, name, ("frequency", *joints))
     return way

@@ -29,7 +29,7 @@ from patagium.robot import Robot
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.simulator import check_keywords
+from patagium.simulation.simulator import check_keywords, check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -427,7 +427,7 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
         told = f"at least {count} of them, one for each of speed, climb and turn rate asked for"
         raise ParameterError("free", told, ", ".join(names) or "none")
     if gait.period is None and wanted.climb == 0:
-        expected = "None or below 0, as a gait that stands still glides"
+        expected = "a speed below 0, or none, as a gait that stands still glides"
         raise ParameterError("climb", expected, wanted.climb)
     SteeredGait(robot, gait)  # refuses a gait that ranges of actuators exclude
     return gait_family(robot, gait, names)
@@ -447,6 +447,7 @@ def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
 
 def _check(robot: Robot, aero: Aerodynamics) -> None:
     """Refuse a robot or air whose orbits are not those of this module."""
+    check_robots(robot, aero)
     if not {"x", "y", "z"} <= {robot.dof_names[i] for i in robot.passive}:
         expected = "a robot with a floating body, or passive slides x, y and z"
         raise ParameterError("robot", expected, robot.name)

@@ -404,7 +404,7 @@ def address_of(words: str) -> tuple[str, int]:
         ParameterError: If there is no port.
     """
     host, _, port = words.removeprefix("udp://").rpartition(":")
-    if not port.isdecimal() or int(port) > 65535:
+    if not port.isdecimal() or int(port) > 65535 or "://" in host:
         raise ParameterError("address", "udp://ADDRESS:PORT such as udp://127.0.0.1:9000", words)
     return host.strip("[]") or LOOPBACK, int(port)
 

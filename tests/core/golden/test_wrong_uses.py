@@ -33,6 +33,12 @@ FILES = {
         "- name: tailplane\n", "- name: tailplane\n    joins: [fn]\n"
     ),
     "still.yaml": ORNITHOPTER[: ORNITHOPTER.index("# nearly level")],
+    "command.yaml": ORNITHOPTER.replace("elevation_offset: {range", "elevation_ofset: {range"),
+    "rate.yaml": ORNITHOPTER.replace("rate_limit: 10 Hz/s", "rate_limt: 10 Hz/s"),
+    "range.yaml": ORNITHOPTER.replace("range: [2 Hz, 5.5 Hz]", "range: [5.5 Hz, 2 Hz]"),
+    "dimension.yaml": ORNITHOPTER.replace("range: [2 Hz, 5.5 Hz]", "range: [2 m, 5.5 m]"),
+    "key.yaml": "robot: ornithopter\ncontroler: {type: regulator}\n",
+    "slow.yaml": "robot: ornithopter\nduration: 1 m\n",
     "broken.yaml": "name: [a\nb: {",
     "empty.yaml": "",
     "text.nc": "hello",
@@ -109,6 +115,29 @@ fly ornithoptr
 fly plan.yaml
 fly dragonfly
 fly ornithopter --seed -1
+fly key.yaml
+fly slow.yaml
+fly ur5e
+fly aerobat --duration 0
+trim aerobat --along sped=2:6
+trim aerobat --along speed=2:a
+trim aerobat --free frequncy
+trim aerobat --aero published
+trim aerobat --figure branch.png
+trim yeo-wing
+optimize aerobat --goal powr
+optimize aerobat --harmonics 0
+optimize hawk
+simulate aerobat --ground low
+simulate command.yaml
+simulate rate.yaml
+simulate range.yaml
+simulate dimension.yaml
+simulate ur5e
+export flight.nc -o flight.csv
+inspect flight.nc
+send flight.nc tcp://127.0.0.1:9000
+stream udp://127.0.0.1 --robot aerobat
 cycles flight.nc --skip 100
 figures flight.nc --for poster
 robots aerobt
@@ -130,6 +159,12 @@ pt.load_model("flight.nc")
 pt.Air(density=-1)
 pt.Air(density="1.2 kg/m^3")
 pt.Air(wind=3)
+pt.Air(ground="1 m")
+pt.air.WindShear("aerobat")
+pt.air.WindShear(aero, exponent=-1)
+pt.air.Inflow(robot)
+pt.trim(robot, gait)
+pt.trim(robot, speed="3 m/s")
 pt.Dynamics("aerobat")
 pt.gaits.sinusoidal("aerobat", frequency=5)
 pt.gaits.sinusoidal(robot, frequency=5, pluge=0.5)

@@ -211,7 +211,9 @@ def test_actuators_of_the_presets_hold_their_cruise():
             for command in robot.actuators:
                 gait.command(0.0, {command: gait.commanded(command)})
             assert gait.limited == 0
-            assert gait.describe()["response_time"][0] == robot.actuators["frequency"].response_time
+            beat = robot.actuators.get("frequency")  # a glider has none
+            if beat is not None:
+                assert gait.describe()["response_time"][0] == beat.response_time
 
 
 AERO, START = pt.QuasiSteady(ROBOT, pt.Air()), ROBOT.velocities(x=3.0)

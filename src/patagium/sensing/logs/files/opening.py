@@ -135,7 +135,7 @@ def _reader(kind: str, parts: list[Path]) -> LogFile:
         return _PARTED[kind](parts)
     if kind not in _SINGLE:
         raise LogError(
-            f"{parts[0]}: expected {_SUMMED_UP}, found HDF5; a log import wrote needs none"
+            f"{parts[0]}: expected {_SUMMED_UP}, found HDF5, which patagium check describes"
         )
     if len(parts) > 1:
         raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
