@@ -7,15 +7,17 @@ separated flow, drag of bodies without wings), each of which any wing has to som
 corrections: polynomials of the flow at a strip times the coefficients of its section. All weights
 are dimensionless; the prior says what is expected of each, and how far it may be from that. Flow
 that was never seen is predicted by the physics as far as it was confirmed, flow that was seen by
-what was measured. The priors were chosen on flights in foreign air (docs/foreign.md). Neglected:
-history of the flow, neighboring strips, Reynolds number, gusts.
+what was measured. A robot with wings of several kinds, fore and hind or wing and tail, has the
+terms of strips once for all of them and once more for each kind: a tail of another section departs
+a little from what is common. The priors were chosen on flights in foreign air (docs/foreign.md).
+Neglected: history of the flow, neighboring strips, Reynolds number, gusts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import pi
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -78,6 +80,8 @@ STRIP_TERMS = (
     Term("drag beyond a small incidence", 0.0, 1.0),
 )
 """Terms of every strip, the same weight for all strips."""
+SURFACE_SHARE = 0.3
+"""Prior of how far one kind of wing departs from `STRIP_TERMS`, over the prior of the term [1]."""
 BODY_TERMS = (
     Term("drag along x", 0.0, 5.0),
     Term("drag along y", 0.0, 5.0),
@@ -114,10 +118,14 @@ class LinearStripNetwork(WingNetwork):
         robot: The machine; its numbers are taken as they are.
         air: Density and steady wind; gusts are not known to the network.
         measured: Coordinates whose force y is; None: all.
+        by_surface: Whether each kind of wing may depart from what all wings have in common.
+            Models of patagium 0.2.0 and before are read with False.
 
     Attributes:
         terms: Physical terms, whose weights follow the corrections.
         measured: Names of the coordinates whose force y is.
+        by_surface: Whether each kind of wing may depart from what all wings have in common.
+        surfaces: Kinds of wings that may; none where all are of one kind.
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -131,25 +139,39 @@ class LinearStripNetwork(WingNetwork):
 
     kind = "linear_strip"
     shared = ("air",)
-    options = ("measured",)
+    options = ("measured", "by_surface")
     scaled_prior = True
 
     def __init__(
-        self, robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None
+        self,
+        robot: Robot,
+        air: Air | None = None,
+        measured: Sequence[str] | None = None,
+        by_surface: bool = True,
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         self.robot, self.air = robot, Air() if air is None else air
         self._names = self.measured = robot.dof_names if measured is None else tuple(measured)
         rows = [robot.index(name) for name in self._names]
-        self.terms = _terms(robot)
+        self.by_surface = by_surface
+        self.surfaces = _surfaces(robot) if by_surface else ()
+        self.terms = _terms(robot, self.surfaces)
         slots = _slots(len(self.terms))
         self.items = len(robot.strips) + slots
         self.perceptron = Perceptron((_POLYNOMIALS + slots, _OUTPUTS))
         self.offset = np.zeros(len(self._names))
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
-        key, label = f"linear strip network {self._names} {robot.structure}", f"air of {robot.name}"
-        self._encode = load_functions(key, lambda: [_function(robot, rows)], label=label)["encode"]
+        key = f"linear strip network {self._names} {self.surfaces} {robot.structure}"
+        made = load_functions(
+            key, lambda: [_function(robot, rows, self.surfaces)], label=f"air of {robot.name}"
+        )
+        self._encode = made["encode"]
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
+        """Inverse of `describe`, of 0.2.0 and before too, where all wings had the same weights."""
+        return super().from_description({"by_surface": False} | dict(description))
 
     @property
     def inputs(self) -> int:
@@ -236,13 +258,13 @@ def strip_forces(network: LinearStripNetwork, x: Array, weights: Array) -> Array
         x: Inputs, (N, n_x) [units of x].
         weights: Weights, (n,) [1].
     """
-    robot, terms = network.robot, list(network.term_weights(weights).values())
+    robot, terms = network.robot, network.term_weights(weights)
     features = network.encode(x).features[:, : len(robot.strips)]
     corrections = network.section_forces(features, weights)
-    forces = _strip_forces(robot)
+    forces = _strip_forces(robot, network.surfaces)
     wind, density = network.air.wind, network.air.density
     found = [
-        forces(sample, wind, density, robot.parameters, section.T, terms).full().T
+        forces(sample, wind, density, robot.parameters, section.T, [*terms.values()]).full().T
         for sample, section in zip(x, corrections, strict=True)
     ]
     return np.array(found)
@@ -367,13 +389,40 @@ def _bare(robot: Robot) -> list[int]:
     return [k for k in range(len(robot.bodies)) if k not in winged]
 
 
-def _terms(robot: Robot) -> tuple[Term, ...]:
+def _kind(strip: Strip) -> str:
+    """Name of the wing of a strip, the same on the left and on the right."""
+    return strip.wing.removeprefix("left_").removeprefix("right_")
+
+
+def _surfaces(robot: Robot) -> tuple[str, ...]:
+    """Kinds of wings of a robot that has several: "fore" and "hind", "wing" and "tail"."""
+    kinds = tuple(dict.fromkeys(_kind(strip) for strip in robot.strips))
+    return kinds if len(kinds) > 1 else ()
+
+
+def _terms(robot: Robot, surfaces: Sequence[str]) -> tuple[Term, ...]:
+    """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind."""
     bodies = [
         Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
         for k in _bare(robot)
         for term in BODY_TERMS
     ]
-    return (*WHOLE_TERMS, *STRIP_TERMS, *bodies)
+    departures = [
+        Term(f"{term.name} of {name}", 0.0, SURFACE_SHARE * term.std)
+        for name in surfaces
+        for term in STRIP_TERMS
+    ]
+    return (*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures)
+
+
+def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: Strip) -> ca.SX:
+    """Weights of `STRIP_TERMS` at a strip: what is common, and the departure of its wing, (m,)."""
+    first, count = len(WHOLE_TERMS), len(STRIP_TERMS)
+    common = weights[first : first + count]
+    if not surfaces:
+        return common
+    first += count + len(BODY_TERMS) * len(_bare(machine))
+    return common + weights[first + count * surfaces.index(_kind(strip)) :][:count]
 
 
 def _slots(terms: int) -> int:
@@ -449,34 +498,35 @@ def _force(flow: _Flow, load: ca.SX) -> ca.SX:
     return forward * load[0] + normal * load[1] + span * load[2]
 
 
-def _strip_forces(machine: Robot) -> ca.Function:
+def _strip_forces(machine: Robot, surfaces: Sequence[str]) -> ca.Function:
     """Force of each strip, world axes, (3, m) [N], by corrections (4, m) and weights of terms."""
     robot, robot_parameters = machine.symbolic()
     x, wind, density, (q, v, _), _, flows = _sample(robot)
-    coefficients, terms = ca.SX.sym("c", _OUTPUTS, len(flows)), ca.SX.sym("w", len(_terms(machine)))
+    coefficients = ca.SX.sym("c", _OUTPUTS, len(flows))
+    terms = ca.SX.sym("w", len(_terms(machine, surfaces)))
     blades, poses = QuasiSteady(machine), body_poses(robot, q)
     numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
     elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).strip_force
-    own = terms[len(WHOLE_TERMS) : len(WHOLE_TERMS) + len(STRIP_TERMS)]
-    forces = [
-        poses[flow.strip.body].rotation
-        @ _force(flow, _section_load(flow, density, coefficients[:, k], own))
-        for k, flow in enumerate(flows)
-    ]
+    forces = []
+    for k, flow in enumerate(flows):
+        own = _of_strip(terms, machine, surfaces, flow.strip)
+        force = _force(flow, _section_load(flow, density, coefficients[:, k], own))
+        forces.append(poses[flow.strip.body].rotation @ force)
     inputs = [x, wind, density, robot_parameters, coefficients, terms]
     return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
 
 
-def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
+def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> ca.Function:
     """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs.
 
     Args:
         machine: The robot.
         rows: Places of the outputs among the coordinates.
+        surfaces: Kinds of wings with weights of their own.
     """
     robot, robot_parameters = machine.symbolic()
     x, wind, density, (q, v, a), airflows, flows = _sample(robot)
-    strips, slots = len(flows), _slots(len(_terms(machine)))
+    strips, slots = len(flows), _slots(len(_terms(machine, surfaces)))
     coefficients = ca.SX.sym("c", _OUTPUTS, strips)
     weights = ca.SX.sym("w", _OUTPUTS * slots)
     whole, first = weights[: len(WHOLE_TERMS)], len(WHOLE_TERMS) + len(STRIP_TERMS)
@@ -485,7 +535,8 @@ def _function(machine: Robot, rows: Sequence[int]) -> ca.Function:
         own = weights[first + len(BODY_TERMS) * place :][: len(BODY_TERMS)]
         wrenches[k] = _body_wrench(robot.bodies[k], airflows[k], density, own)
     for number, flow in enumerate(flows):
-        strip, own = flow.strip, weights[len(WHOLE_TERMS) : first]
+        strip = flow.strip
+        own = _of_strip(weights, machine, surfaces, flow.strip)
         load = _section_load(flow, density, coefficients[:, number], own)
         force = _force(flow, load)
         moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
