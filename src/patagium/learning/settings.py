@@ -261,7 +261,7 @@ class Misfit:
     leaves what was seen. The noise of the measurement itself is `measurement_std`.
 
     Args:
-        floor: Least error that is assumed, over the root mean square of each output.
+        floor: Least error that is assumed, over the standard deviation of each output.
 
     Raises:
         ParameterError: If it is not above 0.
@@ -269,7 +269,7 @@ class Misfit:
 
     floor: float = setting(
         0.06,
-        "Least error of the model that the filter assumes, over the rms of each output",
+        "Least error of the model that the filter assumes, over the deviation of each output",
         low=0.0,
         above=True,
         high=10.0,

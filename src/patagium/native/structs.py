@@ -162,7 +162,7 @@ SCREENING = struct(
     double *scale: m: mean square distance of the measurements from it so far
     double *largest: m: largest scale that the noise grew with
     int64_t *seen: m: samples of the channel so far
-    double floor: error of the model at least, over the rms of each output; 0: there is none
+    double floor: error of the model at least, over the deviation of each output; 0: there is none
     double span: samples in a span of correlation
     double least: variance, at least
     double *clock: stamp of the sample before, NaN: unknown; mean time between two, 0: unknown
@@ -170,7 +170,8 @@ SCREENING = struct(
     double *carried: m: what of it is expected at this sample
     double *lagged: m: mean product of an innovation and of what the sample before left
     double *power: m: mean square of what the sample before left
-    double *level: m: mean square of the measurements
+    double *center: m: mean of the measurements
+    double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample
     double *before: m: measured before, with or without screening
     double *residual: m: mean square of what a sample leaves

@@ -5,11 +5,14 @@ its error is correlated, so that many samples of one wingbeat tell no more of th
 few. A filter that takes the error for white noise becomes sure of weights that fit one gait and
 no other. Here the variance that the filter assumes of a sample is
 
-    R_k = c max((floor rms(y_k))^2, 3 <r_k^2>),
+    R_k = c max((floor s_k)^2, min(3 <r_k^2>, s_k^2)),
 
-r = y - y(W) what a sample leaves after it was learned, averaged over 100 spans of correlation;
-a span has c = rms(y) / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s
-whatever the rate of the samples. The measurement's own noise, where it is known, is added.
+s the standard deviation of y_k so far, its network's offset counted as one sample, and r = y - y(W)
+what a sample leaves after it was learned, averaged over 100 spans of correlation; a span has
+c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
+of the samples. A force that hardly changes, such as the drag of a wing that beats little, tells no
+less than another: its mean is no part of s. No model errs by more than s for long, for a constant
+would do better. The measurement's own noise, where it is known, is added.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
 top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since
@@ -45,14 +48,14 @@ Array = NDArray[np.float64]
 
 _FIRST, _WILD = 10, 100.0  # all as in misfit.h
 _UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
-_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.01, 3.0, 100.0, 5.0, 15.0
+_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.02, 3.0, 100.0, 5.0, 15.0
 _MIDDLE, _STEP, _STAYS = 20.0, 10.0, 0.99
 _QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.3
 _FAR = 10.0  # times its usual variance: flow that was not seen
 _LAST, _MEAN_STEP = range(2)  # of `clock`
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
-    *("left", "carried", "lagged", "power", "alone", "width"),
+    *("left", "carried", "lagged", "power", "alone", "width", "center"),
 )
 
 
@@ -60,9 +63,9 @@ class Misfit:
     """Memory of a model's error, arrays that the kernels share.
 
     Args:
-        floor: Error that is assumed at least, over the rms of each output; 0: no error.
+        floor: Error that is assumed at least, over the deviation of each output; 0: no error.
         known: Variances of the measurement itself, (n_y,) [y^2].
-        offset: Value of y that its scale is about, (n_y,) or () [y].
+        offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
 
     Attributes:
         floor: As given.
@@ -75,8 +78,8 @@ class Misfit:
 
     def __init__(self, floor: float, known: Array, offset: ArrayLike = 0.0) -> None:
         self.floor, self._known = floor, known
-        self._offset = np.broadcast_to(np.asarray(offset, float), known.shape)
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
+        self.parts["center"][:] = offset
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span, self._least = _UNSEEN, 0.0
@@ -116,7 +119,7 @@ class Misfit:
         return mean + self.at(time), scale[:, None] * covariance * scale
 
     def follow(self, measured: Array, time: float) -> None:
-        """Mean squares of the measurements and of their changes, and what the last error left.
+        """Variances of the measurements, squares of their changes, and what the last error left.
 
         Args:
             time: Of the sample [s]; NaN: unknown.
@@ -131,12 +134,16 @@ class Misfit:
         self.parts["carried"][:] = self.at(time)
         self.clock[_LAST] = time
         level, change, before, residual = (self.parts[name] for name in PARTS[:4])
+        center = self.parts["center"]
         for k, y in enumerate(measured.tolist()):
             if not isfinite(y):
                 continue
             self.heard[k] += 1
             n = int(self.heard[k])
-            level[k] += (_capped((y - self._offset[k]) ** 2, level[k], n) - level[k]) / n
+            own = y - float(center[k])
+            square = _capped(own * own, level[k], n)
+            center[k] += copysign(sqrt(square), own) / (n + 1)
+            level[k] += (square * n / (n + 1) - level[k]) / n
             if n == 1:
                 residual[k] = _START * level[k]
             else:
@@ -159,7 +166,8 @@ class Misfit:
         self._least = _LEAST * largest
         own = _LEAST * np.where(load > 0, load, 1.0)
         least = np.full_like(level, self._least) if largest > 0 else own
-        misfit = np.maximum(self.floor**2 * level, _LEFT * self.parts["residual"])
+        left = np.minimum(_LEFT * self.parts["residual"], level)
+        misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))
 
     def stated(self, variances: Array, noise: Array, carried: bool) -> Array:

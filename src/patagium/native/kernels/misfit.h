@@ -14,9 +14,9 @@
 #define WILD 100        /* times its mean that a square counts at most */
 #define UNSEEN 3.0      /* samples in a span of correlation, before they are known */
 #define MOST 1e3        /* samples in a span of correlation, at most */
-#define STILL 1e-6      /* mean square of a channel that does not move, over the largest */
-#define LEAST 1e-12     /* variance, at least, over the largest mean square */
-#define START 0.01      /* of the mean square of a channel: what is left, to begin with */
+#define STILL 1e-6      /* variance of a channel that does not move, over the largest */
+#define LEAST 1e-12     /* variance, at least, over the largest of a channel */
+#define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
 #define SHORT 5.0       /* and innovations */
@@ -49,23 +49,25 @@ static void advance(screening *s) {
   }
 }
 
-/* Mean squares of the measurements about their offset, and of their changes. */
+/* Variances of the measurements, to which their offset counts as one of them, and mean squares of
+ * their changes. */
 static void follow(screening *s, const double *measured) {
   if (s->floor == 0) return;
   advance(s);
   for (int k = 0; k < s->channels; k++) {
     const double y = measured[k], apart = y - s->before[k];
     if (!isfinite(y)) continue;
-    const double own = y - s->offset[k];
     const int64_t n = ++s->heard[k];
-    s->level[k] += (capped(own * own, s->level[k], n) - s->level[k]) / (double)n;
+    const double own = y - s->center[k], square = capped(own * own, s->level[k], n);
+    s->center[k] += rooted(own, square) / (double)(n + 1);
+    s->level[k] += (square * (double)n / (double)(n + 1) - s->level[k]) / (double)n;
     if (n == 1) s->residual[k] = START * s->level[k];
     else s->change[k] += (capped(apart * apart, s->change[k], n) - s->change[k]) / (double)(n - 1);
     s->before[k] = y;
   }
 }
 
-/* Samples in a span of correlation: rms of the measurements over that of their changes. */
+/* Samples in a span of correlation: deviation of the measurements over the rms of their changes. */
 static double span_of(const screening *s, double largest) {
   double sum = 0;
   int count = 0;
@@ -85,7 +87,8 @@ static void assume(screening *s) {
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
     const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
-    const double misfit = fmax(s->floor * s->floor * s->level[k], LEFT * s->residual[k]);
+    const double left = fmin(LEFT * s->residual[k], s->level[k]);
+    const double misfit = fmax(s->floor * s->floor * s->level[k], left);
     s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
   }
 }
