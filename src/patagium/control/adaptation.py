@@ -7,8 +7,9 @@ reference and gains follow the orbit: what integral action would do, for any cau
 the motion (a wing that was cut, another polar, a weight that was never weighed, wind). A wing cut
 in flight takes its mass along, which no weight of the air explains: what repeats within the beat
 jumps. Such beats teach nothing, and the cut is sought that explains them, by its wing, share and
-time in the beat. Neglected: what neither explains, which is noise to the weights; errors of the
-measured state.
+time in the beat. Gusts that last for many beats are no change of the robot's air: beats count the
+less the more they vary, and are remembered the longer the more they are alike (`Disturbance`).
+Neglected: what neither explains, which is noise to the weights; errors of the measured state.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ cannot explain."""
 FORGOTTEN = 0.8
 """Share of what was learned that is forgotten where a cut is found: what made up for the errors of
 the model on one orbit does less so on another."""
+DISTURBANCE_BEATS, SETTLED, LASTING = 50, 10, 0.95
+"""Beats over which a disturbance is averaged, and before it is known; its correlation from one beat
+to the next, at most and before it is known."""
 RIPPLE_BEATS = 5.0
 """Beats over which the size of what differs within a beat is averaged."""
 LARGEST_CUT, LEAST_CUT = 0.6, 4
@@ -86,14 +90,15 @@ class AirWeights:
         """Whether the weights predicted the beats that came better than the prior did."""
         return bool(self._errors[0] < self._errors[1])
 
-    def learn(self, slopes: Array, measured: Array) -> None:
+    def learn(self, slopes: Array, measured: Array, alike: float = 1.0) -> None:
         """Take the samples of a beat.
 
         Args:
             slopes: H, (N, n_w) [1].
             measured: y, (N,) [1].
+            alike: Beats in a row that are alike: the memory is so many times as long.
         """
-        kept = self._kept
+        kept = 1.0 - (1.0 - self._kept) / alike
         errors = [np.sum((measured - slopes @ w) ** 2) for w in (self.weights, self.prior)]
         self._errors = kept * self._errors + np.array(errors)
         self._count = kept * self._count + len(measured)
@@ -122,6 +127,49 @@ class AirWeights:
         gap = self.weights - others
         variance = min(1.0, self._errors[0] / max(self._count, 1.0))
         return bool(gap @ self._information @ gap > len(gap) * variance)
+
+
+class Disturbance:
+    """What comes and goes over several beats, and is no change of the robot's own air: gusts.
+
+    What the design model misses of the mean of a beat has a constant part, the model's error, and
+    one that varies. A beat is learned from with the variance of the second part times the number
+    of beats that are alike, (1 + rho) / (1 - rho), with rho the correlation of a beat with the
+    next; that many beats tell no more than one. Before `SETTLED` beats have told of it, rho is
+    taken to be high, and the design model to be right. Neglected: gusts that last longer than
+    `DISTURBANCE_BEATS`.
+
+    Args:
+        count: Beats that are taken as known to begin with: one without error, or less than zero
+            where a change of the robot is learned at once, the disturbance not yet.
+
+    Attributes:
+        alike: Beats that are alike, by velocity, (velocities,) [1]; one at first.
+        variance: Of the mean of a beat, (velocities,) [(m/s)^2, (rad/s)^2]; zero at first.
+    """
+
+    def __init__(self, count: int = 1) -> None:
+        self._count = count
+        self.alike, self.variance, zero = np.ones(1), np.zeros(1), np.zeros(1)
+        self._mean, self._before, self._square, self._lagged = zero, zero, zero, zero
+
+    def take(self, missed: Array) -> None:
+        """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
+        self._count += 1
+        if self._count <= 0:
+            return
+        share = 1.0 / min(self._count, DISTURBANCE_BEATS)
+        apart = missed - self._mean
+        self._mean = self._mean + share * apart
+        self._square = self._square + share * (apart * (missed - self._mean) - self._square)
+        self._lagged = self._lagged + share * (apart * self._before - self._lagged)
+        self._before = apart
+        known = self._square > 0
+        told = np.where(known, self._lagged / np.where(known, self._square, 1.0), 0.0)
+        rho = told + (LASTING - told) * SETTLED / (self._count + SETTLED)
+        rho = np.clip(rho, 0.0, LASTING)
+        self.alike = (1 + rho) / (1 - rho)
+        self.variance = self._square * self.alike
 
 
 class _Beat(NamedTuple):
@@ -189,6 +237,7 @@ class AdaptiveController:
         self.learner, self.learning = AirWeights(self.weights, stds, memory), True
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
+        self._disturbance = Disturbance()
         self.counts: Counter[str] = Counter()
 
     @property
@@ -238,7 +287,7 @@ class AdaptiveController:
         Args:
             air: Model of the air around the robot as it is now, without weights.
         """
-        self._air, self._surprised = air, False
+        self._air, self._surprised, self._disturbance = air, False, Disturbance(-SETTLED)
         self._samples.clear()
         self.learner.forget(FORGOTTEN)
 
@@ -290,7 +339,7 @@ class AdaptiveController:
                 self.use(self.learner.prior, first)
             return
         self._surprised = False
-        self.learner.learn(*self._whitened(beat))
+        self.learner.learn(*self._whitened(beat), float(np.mean(self._disturbance.alike)))
         wanted = self._wanted()
         if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
@@ -335,7 +384,7 @@ class AdaptiveController:
         least, air = min(found, key=lambda one: one[0])
         if not least <= max(SURPRISE, surprise / 4):
             return False
-        self._air = air
+        self._air, self._disturbance = air, Disturbance(-SETTLED)
         self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
@@ -399,14 +448,17 @@ class AdaptiveController:
         """H and y of a beat over their noise: its mean, and what differs from that.
 
         What models of the air differ in within a beat repeats and is no white noise: its size is
-        taken from the beats, while the mean, which moves the flight, keeps the noise of a sample.
+        taken from the beats. The mean, which moves the flight, has the noise of its samples and
+        that of the disturbance.
         """
         noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
         slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
         within, apart = beat.slopes - slopes, beat.measured - measured
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
-        std, many = np.sqrt(noise**2 + self._ripple), np.sqrt(len(apart))
-        whole = np.vstack([slopes[None] * many / noise[:, None], within / std[:, None]])
-        told = np.vstack([measured * many / noise, apart / std])
+        self._disturbance.take(measured - slopes @ self.learner.prior)
+        std = np.sqrt(noise**2 + self._ripple)
+        of_mean = np.sqrt(noise**2 / len(apart) + self._disturbance.variance)
+        whole = np.vstack([slopes[None] / of_mean[:, None], within / std[:, None]])
+        told = np.vstack([measured / of_mean, apart / std])
         return whole.reshape(-1, len(self.weights)), told.ravel()

@@ -13,6 +13,7 @@ from patagium.control import (
     PredictiveController,
     WingLossEvent,
 )
+from patagium.control.adaptation import Disturbance
 from patagium.errors import ParameterError, ShapeError
 from patagium.simulation.simulator import FlightState
 
@@ -219,3 +220,35 @@ def test_what_no_cut_explains_is_not_learned(orbit):
     assert controller.counts["beyond the model"] == 4
     assert controller.counts["cut of a wing found"] == 0
     np.testing.assert_array_equal(controller.learner.weights, before)
+
+
+def test_gusts_that_last_make_beats_tell_little(rng: np.random.Generator) -> None:
+    """First-order noise of correlation .9: a mean over n of it has (1 + .9) / (1 - .9) / n."""
+    disturbance, value, stated = Disturbance(), np.zeros(3), []
+    for _ in range(2000):
+        value = 0.9 * value + np.sqrt(1 - 0.9**2) * rng.standard_normal(3)
+        disturbance.take(0.5 + value)
+        stated.append(disturbance.variance)
+    expected = (1 + 0.9) / (1 - 0.9)
+    # a running mean of 50 beats takes a part of what is so slow with it
+    assert 0.4 * expected < np.median(stated[200:]) < 1.5 * expected
+
+
+def test_an_error_that_stays_is_no_disturbance() -> None:
+    disturbance, stated = Disturbance(), []
+    for _ in range(200):
+        disturbance.take(np.array([0.5, -2.0]))
+        stated.append(disturbance.variance)
+    first, last = stated[0], stated[-1]
+    assert np.all(first > 0.05 * np.array([0.5, 2.0]) ** 2)  # the first beat may be a gust
+    assert np.all(last < 0.1 * first)
+
+
+def test_after_a_change_of_the_robot_beats_count_at_once() -> None:
+    disturbance = Disturbance(-10)
+    for beat in range(10):
+        disturbance.take(np.array([float(beat)]))
+        assert disturbance.variance == 0.0 and disturbance.alike == 1.0
+    for beat in (3.0, -3.0):
+        disturbance.take(np.array([beat]))
+    assert disturbance.variance > 0.0
