@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
@@ -51,6 +52,8 @@ cannot explain."""
 FORGOTTEN = 0.8
 """Share of what was learned that is forgotten where a cut is found: what made up for the errors of
 the model on one orbit does less so on another."""
+UNLIKELY = 0.001
+"""Probability that a disturbance without constant part is taken for a model that is wrong."""
 DISTURBANCE_BEATS, SETTLED, LASTING = 50, 10, 0.95
 """Beats over which a disturbance is averaged, and before it is known; its correlation from one beat
 to the next, at most and before it is known."""
@@ -152,6 +155,16 @@ class Disturbance:
         self._count = count
         self.alike, self.variance, zero = np.ones(1), np.zeros(1), np.zeros(1)
         self._mean, self._before, self._square, self._lagged = zero, zero, zero, zero
+
+    @property
+    def stays(self) -> bool:
+        """Whether the constant part is more than the mean of what varies."""
+        if self._count <= 0:
+            return True
+        error = self.variance / min(self._count, DISTURBANCE_BEATS)
+        large = self._mean**2 > 0
+        squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
+        return bool(squares.sum() > chdtri(len(self._mean), UNLIKELY))
 
     def take(self, missed: Array) -> None:
         """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
@@ -349,7 +362,7 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        if not learner.better:
+        if not (learner.better and self._disturbance.stays):
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
