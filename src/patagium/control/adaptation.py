@@ -152,9 +152,14 @@ class Disturbance:
     """
 
     def __init__(self, count: int = 1) -> None:
+        none = np.zeros(1)
         self._count = count
-        self.alike, self.variance, zero = np.ones(1), np.zeros(1), np.zeros(1)
-        self._mean, self._before, self._square, self._lagged = zero, zero, zero, zero
+        self.alike = np.ones(1)
+        self.variance = none
+        self._mean = none
+        self._before = none
+        self._square = none
+        self._lagged = none
 
     @property
     def stays(self) -> bool:

@@ -421,8 +421,10 @@ def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: St
     common = weights[first : first + count]
     if not surfaces:
         return common
+    place = surfaces.index(_kind(strip))
     first += count + len(BODY_TERMS) * len(_bare(machine))
-    return common + weights[first + count * surfaces.index(_kind(strip)) :][:count]
+    first += count * place
+    return common + weights[first : first + count]
 
 
 def _slots(terms: int) -> int:
