@@ -133,7 +133,7 @@ class AirWeights:
 
 
 class Disturbance:
-    """What comes and goes over several beats, and is no change of the robot's own air: gusts.
+    """Gusts: what comes and goes over several beats, no change of the robot's own air.
 
     What the design model misses of the mean of a beat has a constant part, the model's error, and
     one that varies. A beat is learned from with the variance of the second part times the number
