@@ -71,7 +71,7 @@ def test_the_page_shows_the_arm(flight: xr.Dataset, tmp_path: Path) -> None:
     assert words["ground"] == 0.0
     carriers = {k["body"] for k in words["solids"] if k.get("carrier")}
     assert carriers == set(range(own, len(words["bodies"])))
-    assert "tubes between its joints" in text
+    assert "The arm that carries the robot stands on" in text
 
 
 def test_without_an_arm_there_is_none(flight: xr.Dataset) -> None:
