@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from patagium.errors import ParameterError
-from patagium.whole_file import write_whole
+from patagium.whole_file import whole_file
 
 fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
 """Locks of files; not on Windows."""
@@ -252,8 +252,12 @@ def _tidy_once(folder: Path) -> None:  # thousands of files take a second
 
 def _keep(file: Path, content: bytes) -> None:
     with suppress(OSError):
-        file.unlink()  # a link would be followed, and another owner be kept
-    write_whole(file, content).chmod(0o600)
+        status = file.lstat()
+        if not stat.S_ISREG(status.st_mode) or _fault(status):
+            file.unlink()  # a link would be followed, and another owner be kept
+    with whole_file(file) as draft:  # others may read and keep the same at the same time
+        draft.write_bytes(content)
+        draft.chmod(0o600)
 
 
 def _trusted_bytes(file: Path) -> bytes | None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -259,6 +260,22 @@ def test_a_full_disk_leaves_nothing_half_written(folder):
     assert set(folder.iterdir()) == before
     assert "compiling" in build_apart("cubic")[1]
     assert build_apart("cubic", "full disk") == ("21.0", "")  # nothing need be written
+
+
+def test_what_several_keep_at_once_is_always_there(folder):
+    library, missing = b"a library" * 1000, list[int]()
+    digest = cache.keep_library(library)
+
+    def keep(turn: int) -> None:
+        cache.keep_library(library)
+        cache.record_library("known", digest, turn)
+        if cache._trusted_bytes(folder / f"{digest}.so") != library:
+            missing.append(turn)
+
+    with ThreadPoolExecutor(4) as pool:
+        for kept in [pool.submit(keep, turn) for turn in range(60)]:
+            kept.result()
+    assert not missing
 
 
 @needs_compiler

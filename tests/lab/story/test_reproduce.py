@@ -218,8 +218,10 @@ def test_every_error_is_put_in_and_taken_away() -> None:
 
 def test_the_usual_run_leaves_to_the_full_one_only_what_no_target_reads() -> None:
     usual, full = ReproductionPlan.of(), ReproductionPlan.of(full=True)
-    left = {t.learner for t in set(full.trials()) - set(usual.trials()) if t.kind != "start"}
-    assert left == {"gradient"}
+    left = [t for t in set(full.trials()) - set(usual.trials()) if t.kind != "start"]
+    filtered = {(t.flight, t.network, t.every) for t in left if t.learner == "cubature"}
+    assert {t.learner for t in left} == {"cubature", "gradient", "linear", "features"}
+    assert filtered == {("corrected", network, 1) for network in ("dense", "dense_velocity")}
     rates, ways = usual.unsteady_every, usual.unsteady_candidates
     kept = unsteady_trials(rates, 1, ways, usual.slow_every)
     assert {t.candidate for t in set(unsteady_trials(rates, 1, ways)) - set(kept)} == {"grey"}

@@ -51,8 +51,8 @@ class ReproductionPlan:
         every: Rates of samples: one in this many is learned.
         starts: Number of starts of the strip networks.
         dense_every: Large networks learn from one sample in this many at most.
-        slow_every: Gradient steps and the grey box, which no target asks for, learn from one
-            sample in this many at most.
+        slow_every: What no target asks for learns from one sample in this many at most: gradient
+            steps, least squares, the grey box, and dense networks on the corrected flight.
         rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.
         air_models: Models of the air that are timed, by name.
         air_networks: Networks beside those of the bench that are timed, by name.
@@ -95,7 +95,7 @@ class ReproductionPlan:
         Args:
             quick: Whether flights are short and runs are few.
             full: Whether formulations that compile for long are timed too, networks start twice
-                as often, and gradient steps and the grey box learn every sample.
+                as often, and what no target asks for learns every sample.
             crazyflie: Log of a quadrotor, or None.
         """
         compiled = compiler_command() is not None
@@ -168,8 +168,10 @@ class ReproductionPlan:
             "compile for half a minute each, are not timed (`--full` times them)": (
                 "published" not in self.rivals
             ),
-            "Single gradient steps and the grey box learn from one sample in 10 at most (`--full`: "
-            "from every sample)": self.slow_every > 1,
+            "Single gradient steps, least squares, the grey box, and dense networks on the "
+            "corrected flight learn from one sample in 10 at most (`--full`: from every sample)": (
+                self.slow_every > 1
+            ),
             "Only some models of the air are timed": self.air_models != AIR_MODELS,
             "Only some learners learn the air with memory": (
                 self.unsteady_candidates != tuple(CANDIDATES)
@@ -208,14 +210,15 @@ class ReproductionPlan:
     def _methods(self, flight: str) -> list[tuple[str, str, int]]:
         """Network, learner, and the highest rate of samples: one in this many."""
         slow, best = self.dense_every, STRIPS[flight][0]
+        dense = slow if flight == "published" else max(slow, self.slow_every)
         return [
             *((network, "cubature", 1) for network in STRIPS[flight]),
-            *((network, "cubature", slow) for network in ("dense", "dense_velocity")),
+            *((network, "cubature", dense) for network in ("dense", "dense_velocity")),
             ("dense_published", "cubature", max(10, slow)),
             (best, "extended", 10),
             ("dense_published", "extended", 100),
             *((network, "gradient", self.slow_every) for network in (best, "dense_published")),
             *((network, "replay", 10) for network in (best, "dense_published")),
-            ("", "linear", 1),
-            ("", "features", 1),
+            ("", "linear", self.slow_every),
+            ("", "features", self.slow_every),
         ]
