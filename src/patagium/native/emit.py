@@ -25,8 +25,10 @@ KERNELS = {"horseshoes": "horseshoes", "fwd1_horseshoes": "horseshoes", "table":
 """Inner calls and the header of `kernels/` that holds them: functions named
 `<kernel>_<size>_<size>...`, a first derivative `fwd1_<kernel>_<size>...` as CasADi names it."""
 
-LONG_BODY = 1500
+LONG_BODY = 600
 """Statements in one C function of many states; a longer body is cut into parts."""
+UNITS = 4
+"""Texts, beside the first, that the parts of a long body are written to."""
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 
 _BINARY = {
@@ -219,8 +221,10 @@ def emit(function: ca.Function) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def emit_batch(function: ca.Function) -> str:
-    """C text of a function of many states, several side by side, that defines `name_batch`.
+def emit_batch(function: ca.Function) -> list[str]:
+    """C texts of a function of many states, several side by side, that define `name_batch`.
+
+    A long body is several texts, which compile at the same time.
 
     Args:
         function: An SX function. Inputs whose name ends in `parameters` are the
@@ -252,17 +256,17 @@ def emit_batch(function: ca.Function) -> str:
         return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
 
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
-    statements, parts = _Writer(graph, dialect).statements(), list[str]()
+    statements, heads, parts = _Writer(graph, dialect).statements(), list[str](), list[str]()
     if len(statements) > LONG_BODY and not graph.callees:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
-        parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
+        heads, parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
         held = ", ".join("0" if common else f"x{k}" for k, common in enumerate(shared))
         statements.insert(0, f"  const double *const tile[] = {{{held}}};")
     lines = [
         *_header(function),
         " /* arguments state by state, results entry by entry (rows of `stride` states) */",
         *_includes(graph),
-        *parts,
+        *(f"{head};" for head in heads),
         f"void {name}_batch(const double *const *arg, double *const *res, long count,"
         " long stride) {",
         *_pointers(function),
@@ -270,11 +274,15 @@ def emit_batch(function: ca.Function) -> str:
         *tiles,
         *statements,
     ]
-    return "\n".join([*lines, "  }", "}", ""])
+    groups = [parts[k::UNITS] for k in range(min(UNITS, len(parts)))]
+    units = [[*_header(function), *_includes(graph), *group, ""] for group in groups]
+    return ["\n".join(unit) for unit in ([*lines, "  }", "}", ""], *units)]
 
 
-def _in_parts(name: str, pointers: list[str], statements: list[str]) -> tuple[list[str], list[str]]:
-    """Long body as functions of some statements each, and the statements that call them.
+def _in_parts(
+    name: str, pointers: list[str], statements: list[str]
+) -> tuple[list[str], list[str], list[str]]:
+    """Long body as functions of some statements each: their heads, they, and calls of them.
 
     Compilers hand out registers in a time that grows with the square of a function's length.
     What a part computes for later ones goes through memory, in places used again when free.
@@ -285,7 +293,7 @@ def _in_parts(name: str, pointers: list[str], statements: list[str]) -> tuple[li
     takes = "const double *const *arg, double *const *res, const double *const *tile"
     places: dict[str, int] = {}
     free: list[int] = []
-    parts, most = [], 0
+    heads, parts, most = [], [], 0
     for k, piece in enumerate(pieces):
         kept = sorted(words[k] & places.keys())
         lines = [f"  const lanes {word} = held[{places[word]}];" for word in kept]
@@ -295,11 +303,12 @@ def _in_parts(name: str, pointers: list[str], statements: list[str]) -> tuple[li
             places[word] = free.pop() if free else most
             most = max(most, places[word] + 1)
             lines.append(f"  held[{places[word]}] = {word};")
-        head = f"static __attribute__((noinline)) void {name}_part{k}({takes},"
-        rest = "  lanes *held, long k, long stride) {"
-        parts += [head, rest, *pointers, "  (void)held; (void)k; (void)stride;", *lines, "}"]
+        shared = f'__attribute__((visibility("hidden"))) void {name}_part{k}'
+        heads.append(f"{shared}({takes},\n  lanes *held, long k, long stride)")
+        body = [*pointers, "  (void)held; (void)k; (void)stride;", *lines]
+        parts.append("\n".join([f"{heads[k]} {{", *body, "}"]))
     calls = [f"  {name}_part{k}(arg, res, tile, held, k, stride);" for k in range(len(pieces))]
-    return parts, [f"  lanes held[{max(most, 1)}];", *calls]
+    return heads, parts, [f"  lanes held[{max(most, 1)}];", *calls]
 
 
 def _header(function: ca.Function) -> list[str]:

@@ -36,10 +36,10 @@ from patagium.native.function import Compiled, NativeFunction, Signature
 
 LONG = 200_000
 """Length of a text from which on it is spared what gains nothing and takes long [B]."""
-SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fira-region=one")
-"""Partial redundancies, and code to be hoisted out of branches: there are none in straight lines,
-and GCC's search for either takes a time that grows with the square of the text (one pass does
-both: it takes both flags to be rid of it). Registers are handed out for the text as a whole."""
+SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse", "-fira-region=one")
+"""Partial redundancies, code to be hoisted out of branches and dead stores: there are none in
+straight lines, and GCC's search takes a time that grows with the square of the text (one pass does
+the first two: it takes both flags to be rid of it). Registers are handed out for all the text."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
     *("simulation", "sensing", "learning", "live", "control"),
@@ -159,10 +159,9 @@ def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> c
 
 
 def _code(functions: dict[str, ca.Function], many_only: Collection[str]) -> Code:
-    units = {
-        f"{name}_batch.c" if name in many_only else f"{name}.c": (
-            emit_batch(function) if name in many_only else emit(function)
-        )
-        for name, function in functions.items()
-    }
+    units = dict[str, str]()
+    for name, function in functions.items():
+        many = name in many_only
+        for k, text in enumerate(emit_batch(function) if many else [emit(function)]):
+            units[f"{name}{'_batch' if many else ''}{k or ''}.c"] = text
     return Code(units, [astuple(_signature(function)) for function in functions.values()])

@@ -70,7 +70,7 @@ def difference(kept: str, made: str, name: str) -> str:
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_c_text_is_the_golden_one(name: str, accepted: bool) -> None:
-    made = CASES[name](functions()[name.removesuffix("_batch")])
+    made = "".join(CASES[name](functions()[name.removesuffix("_batch")]))
     file = TEXTS / f"{name}.c"
     if accepted:
         file.write_text(made, "utf-8")
