@@ -25,6 +25,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
+from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import Misfit, NoiseEstimation, Screening
 from patagium_lab.attack import seeds
 from patagium_lab.attack.campaign import STRUCTURES
@@ -140,7 +141,7 @@ def winged_flight(seed: int, start: int, count: int) -> tuple[Array, Array]:
     q[:, :1] += 3.0 * time
     v[:, 0] += 3.0
     x = np.hstack([q, v, a])
-    weights = model.initial(0) + model.own_prior * draw.normal(size=model.size) / 3
+    weights = model.initial(0) + own_prior(model) * draw.normal(size=model.size) / 3
     inner = draw.normal(size=(x.shape[1], 8)) * 0.3 / np.repeat([1.0, 3.0, 100.0], 8)[:, None]
     inner[0] = 0.0  # the place is no cause of a force
     y = model.decode(model.encode(x), weights)

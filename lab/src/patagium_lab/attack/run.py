@@ -113,8 +113,8 @@ def _learned(plan: AttackPlan, tell: Callable[[float], None]) -> dict[str, Any]:
     """Results of the areas of learners that are in the plan."""
     starts = range(0, plan.runs, CHUNK)
     kinds = [
-        (*kind, plan.seed, sample_count(*kind, plan.poisoned))
-        for kind in product(LEARNERS, NOISE_MODELS)
+        (options, noise, plan.seed, sample_count(options, noise, plan.poisoned))
+        for options, noise in product(LEARNERS, NOISE_MODELS)
     ]
     parts = {
         "poison": [Job(poison_row, kind, 1e-4 * kind[-1]) for kind in kinds],
