@@ -1,4 +1,4 @@
-"""Structures that Python and the hand-written kernels share: one table for both.
+"""Structures and numbers that Python and the hand-written kernels share: one table for both.
 
 A structure is a text of one line a field, `C declaration: meaning`. From it come the class of
 ctypes and the text of a C header, `<name>_struct.h`, that is put beside a kernel when it is
@@ -9,6 +9,9 @@ arrays on cache lines. REAL is the precision of a filter's points, STORE that of
 from __future__ import annotations
 
 import ctypes
+import re
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from patagium.errors import CompilerError
@@ -26,6 +29,17 @@ _FUNCTIONS = {
     "settle_function": "void (*settle_function)(void *, int)",
 }
 """Types of functions: compiled ones of one point and of many; those of filters and memories."""
+
+
+def header_numbers(name: str) -> SimpleNamespace:
+    """Numbers that a header of `kernels/` defines, by name.
+
+    Args:
+        name: File of the header.
+    """
+    text = (Path(__file__).parent / "kernels" / name).read_text("utf-8")
+    found = re.findall(r"^#define (\w+) (\d\S*)", text, re.MULTILINE)
+    return SimpleNamespace(**{key: float(value) for key, value in found})
 
 
 class Field(NamedTuple):

@@ -40,6 +40,9 @@ def attack(
     log: Log = None,
     updates: Updates = 10_000_000,
     captures: Captures = 200,
+    poisoned: Annotated[
+        int, typer.Option(help="Samples with bursts of poison through each learner.")
+    ] = 100_000,
     output: Output = Path("robustness.html"),
     results: Annotated[
         Path | None,
@@ -65,7 +68,7 @@ def attack(
 
     plan = AttackPlan(
         cases, runs, seed, tuple(only or AREAS), None if log is None else existing(log),
-        max(1, updates // 10), updates, jobs, captures,
+        max(1, updates // 10), updates, jobs, captures, poisoned,
     )  # fmt: skip
     former = json.loads(results.read_text())["areas"] if results and results.exists() else {}
     with stage_bar("Attacking") as progress:

@@ -11,8 +11,8 @@ sample. The first 20 values of a channel that moves are bounded by 1e6 of the ne
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
 equal, are what the sensor says by now: the range opens up to them, which is an event.
-`kernels/bounds.h` does the same in C on the same arrays. Neglected: values that are wrong within
-their range.
+`kernels/bounds.h` does the same in C on the same arrays, and defines the numbers. Neglected:
+values that are wrong within their range.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ from numpy.typing import NDArray
 
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network, flight_terms
+from patagium.native.structs import header_numbers
 
 Array = NDArray[np.float64]
 
-_KNOWN, _MANY, _BOUNDLESS = 20, 100, 1e6  # all as in bounds.h
-_REACHES, _LEAST_SHARE = (3.0, 10.0), 0.01
-_JUMP, _JUMP_SHARE, _AHEAD, _GAP = 15.0, 0.25, 2.0, 20.0
-_GROWTH, _LEAK, _WILD, _RUN, _FAST, _SLOW = 0.25, 1e-4, 1e4, 100, 0.5, 0.02
+_C = header_numbers("bounds.h")
 _LAST, _USUAL, _MISSED = range(3)  # of `clock`
 _VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high")
 _COUNTS = ("taken", "odd_run")
@@ -62,7 +60,7 @@ class Bounds:
         self.scale = np.ones(self.inputs + outputs)
         self.scale[: self.inputs] = getattr(network, "input_scale", 1.0)
         self.scale[self.inputs :] = getattr(network, "output_scale", 1.0)
-        self._reach = np.repeat(_REACHES, (self.inputs, outputs))
+        self._reach = np.repeat((_C.INPUT_REACH, _C.OUTPUT_REACH), (self.inputs, outputs))
         self.arrays: dict[str, NDArray[Any]] = {
             **{f"bound_{name}": np.full(len(self.scale), np.nan) for name in _VALUES},
             **{f"bound_{name}": np.zeros(len(self.scale), np.int64) for name in _COUNTS},
@@ -86,12 +84,13 @@ class Bounds:
         value, width, ahead = np.concatenate([x[:n], y]), self._width(), self._ahead(time)
         with np.errstate(invalid="ignore", over="ignore"):
             beyond = np.maximum(memory["bound_low"] - value, value - memory["bound_high"])
-            known = memory["bound_taken"] >= _KNOWN
+            known = memory["bound_taken"] >= _C.KNOWN
             outside = known & ~(beyond <= self._reach * width)
-            outside |= ~(np.abs(value) <= np.where(known, inf, _BOUNDLESS * self.scale))
+            outside |= ~(np.abs(value) <= np.where(known, inf, _C.BOUNDLESS * self.scale))
             step = memory["bound_step"]
-            most = np.maximum(_JUMP_SHARE * width, _JUMP * step) + _AHEAD * step * (ahead - 1)
-            stepped = (memory["bound_taken"] >= _MANY) & (ahead <= _GAP)
+            most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
+            most += _C.AHEAD * step * (ahead - 1)
+            stepped = (memory["bound_taken"] >= _C.MANY) & (ahead <= _C.GAP)
             jumps = stepped & (np.abs(value - memory["bound_before"]) > most) & ~outside
         jumps[self.smooth :] = False
         finite, odd = np.isfinite(value), outside | jumps
@@ -111,7 +110,7 @@ class Bounds:
         n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
         width = np.nan_to_num(high - low)
         width[:n] = np.maximum(width[:n], self.scale[:n])
-        width[n:] = np.maximum(width[n:], _LEAST_SHARE * width[n:].max(initial=0.0))
+        width[n:] = np.maximum(width[n:], _C.LEAST_SHARE * width[n:].max(initial=0.0))
         return np.asarray(width)
 
     def _ahead(self, time: float) -> float:
@@ -126,21 +125,23 @@ class Bounds:
         clock = self.arrays["bound_clock"]
         step, usual = time - clock[_LAST], clock[_USUAL]
         if isfinite(step) and step > 0:
-            clock[_USUAL] = usual + (min(step, 10 * usual) - usual) / 10 if usual > 0 else step
+            counted = min(step, _C.STEPS * usual)
+            clock[_USUAL] += (counted - usual) / _C.STEPS if usual > 0 else step
         clock[_LAST], clock[_MISSED] = time, 0.0
 
     def _take(self, value: Array, kept: NDArray[np.bool_], known: Any, width: Array) -> None:
         """Range and median step from a sample; channels that are not kept stay as they are."""
         low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
         taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS)
-        span, most = _LEAK * (high - low), np.where(known, _GROWTH * width, inf)
+        span, most = _C.LEAK * (high - low), np.where(known, _C.GROWTH * width, inf)
         raised = np.where(value > high, np.minimum(value, high + most), high - span)
         lowered = np.where(value < low, np.maximum(value, low - most), low + span)
         first, moved = np.isnan(low), np.abs(value - before)
         np.copyto(high, np.where(first, value, raised), where=kept)
         np.copyto(low, np.where(first, value, lowered), where=kept)
         moving = kept & (moved > 0)
-        rate = np.where(known, np.maximum(2.0 / np.maximum(taken, 1), _SLOW), _FAST)
+        slow = _C.SLOW * np.maximum(_C.MANY / np.maximum(taken, 1), 1.0)
+        rate = np.where(known, slow, _C.FAST)
         after = step + step * np.where(moved > step, rate, -rate)
         np.copyto(step, np.where(step > 0, after, moved), where=moving)
         np.copyto(before, value, where=kept)
@@ -151,13 +152,13 @@ class Bounds:
         """Whether the range of a channel opens after one more value that was refused."""
         low, high, before, _, odd, least, most = (self.arrays[f"bound_{name}"] for name in _VALUES)
         run = self.arrays["bound_odd_run"]
-        if not (known and max(low[k] - value, value - high[k]) <= _WILD * width):
+        if not (known and max(low[k] - value, value - high[k]) <= _C.ODD * width):
             run[k] = 0
         elif value != odd[k]:
             least[k] = min(value, least[k]) if run[k] else value
             most[k] = max(value, most[k]) if run[k] else value
             odd[k], run[k] = value, run[k] + 1
-        if run[k] < _RUN:
+        if run[k] < _C.ODD_RUN:
             return False
         low[k], high[k] = min(low[k], least[k]), max(high[k], most[k])
         before[k], run[k] = value, 0

@@ -28,9 +28,9 @@ it is what the errors are, and it grows in flow that excites weights which the f
 In the flow that is being learned its width is turned up by each error outside of it and down by
 those inside, until it holds 95 %.
 
-`kernels/misfit.h` does the same in C on the same arrays. The numbers 3, 5, 15, 20 and 100 were
-chosen on flights in foreign air (docs/foreign.md). Neglected: noise that is larger in some flow
-than in other, but for the weights' part.
+`kernels/misfit.h` does the same in C on the same arrays, and defines the numbers; 3, 5, 15, 20 and
+100 were chosen on flights in foreign air (docs/foreign.md). Neglected: noise that is larger in some
+flow than in other, but for the weights' part.
 
 References:
     Kennedy & O'Hagan (2001), Bayesian calibration of computer models, J. R. Stat. Soc. B 63;
@@ -44,13 +44,11 @@ from math import copysign, exp, isfinite, log, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.native.structs import header_numbers
+
 Array = NDArray[np.float64]
 
-_FIRST, _WILD = 10, 100.0  # all as in misfit.h
-_UNSEEN, _MOST, _STILL, _LEAST = 3.0, 1e3, 1e-6, 1e-12
-_START, _LEFT, _LONG, _SHORT, _BEYOND = 0.02, 3.0, 100.0, 5.0, 15.0
-_MIDDLE, _STEP, _STAYS = 20.0, 10.0, 0.99
-_QUANTILE, _OUTSIDE, _TURN = 3.8415, 0.05, 0.3
+_C = header_numbers("misfit.h")
 _FAR = 10.0  # times its usual variance: flow that was not seen
 _LAST, _MEAN_STEP = range(2)  # of `clock`
 PARTS = (
@@ -82,13 +80,13 @@ class Misfit:
         self.parts["center"][:] = offset
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
-        self.span, self._least = _UNSEEN, 0.0
+        self.span, self._least = _C.UNSEEN, 0.0
         self.scale, self._weights = np.ones(len(known)), np.zeros(len(known))
 
     @property
     def alone(self) -> Array:
         """Variance of the errors of the weights alone, (n_y,) [y^2]."""
-        return np.asarray(np.maximum(self.parts["alone"], _LEAST * self.parts["level"].max()))
+        return np.asarray(np.maximum(self.parts["alone"], _C.LEAST * self.parts["level"].max()))
 
     def at(self, time: ArrayLike) -> Array:
         """Part of the last error that is expected at a time, (n_y,), or at several, (N, n_y) [y].
@@ -101,7 +99,7 @@ class Misfit:
         ahead = np.where(step >= 0, step / mean, 1.0) if mean > 0 else 1.0  # not a clock set back
         lagged, power = self.parts["lagged"], self.parts["power"]
         known = power > 0
-        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _STAYS), 0.0)
+        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _C.STAYS), 0.0)
         return np.asarray(self.parts["left"] * rho ** np.asarray(ahead)[..., None])
 
     def carry(self, mean: Array, covariance: Array, time: float) -> tuple[Array, Array]:
@@ -129,8 +127,8 @@ class Misfit:
             return
         step, mean = time - self.clock[_LAST], self.clock[_MEAN_STEP]
         if isfinite(step) and step > 0:
-            counted = min(step, _STEP * mean) if mean > 0 else step
-            self.clock[_MEAN_STEP] += (counted - mean) / (_STEP if mean > 0 else 1.0)
+            counted = min(step, _C.STEP * mean) if mean > 0 else step
+            self.clock[_MEAN_STEP] += (counted - mean) / (_C.STEP if mean > 0 else 1.0)
         self.parts["carried"][:] = self.at(time)
         self.clock[_LAST] = time
         level, change, before, residual = (self.parts[name] for name in PARTS[:4])
@@ -145,7 +143,7 @@ class Misfit:
             center[k] += copysign(sqrt(square), own) / (n + 1)
             level[k] += (square * n / (n + 1) - level[k]) / n
             if n == 1:
-                residual[k] = _START * level[k]
+                residual[k] = _C.START * level[k]
             else:
                 change[k] += (_capped((y - before[k]) ** 2, change[k], n) - change[k]) / (n - 1)
             before[k] = y
@@ -158,15 +156,15 @@ class Misfit:
         """
         level, change = self.parts["level"], self.parts["change"]
         largest = float(level.max())
-        moving = (level > _STILL * largest) & (change > 0)
-        self.span = _UNSEEN
+        moving = (level > _C.STILL * largest) & (change > 0)
+        self.span = _C.UNSEEN
         if moving.any():
             logs = [log(a / b) / 2 for a, b in zip(level[moving], change[moving], strict=True)]
-            self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _MOST)
-        self._least = _LEAST * largest
-        own = _LEAST * np.where(load > 0, load, 1.0)
+            self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _C.MOST)
+        self._least = _C.LEAST * largest
+        own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = np.full_like(level, self._least) if largest > 0 else own
-        left = np.minimum(_LEFT * self.parts["residual"], level)
+        left = np.minimum(_C.LEFT * self.parts["residual"], level)
         misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))
 
@@ -206,17 +204,17 @@ class Misfit:
             doubted: Those of them whose innovation is beyond the limit of the screening, (n_y,)
                 [1]: their error is not expected to last.
         """
-        slow = max(1.0 / (count + _FIRST), 1.0 / (_LONG * self.span))
-        fast = max(1.0 / count, 1.0 / (_SHORT * self.span))
-        middle = max(1.0 / (count + _FIRST), 1.0 / (_MIDDLE * self.span))
+        slow = max(1.0 / (count + _C.FIRST), 1.0 / (_C.LONG * self.span))
+        fast = max(1.0 / count, 1.0 / (_C.SHORT * self.span))
+        middle = max(1.0 / (count + _C.FIRST), 1.0 / (_C.MIDDLE * self.span))
         residual, recent, usual = (self.parts[name] for name in PARTS[3:6])
         last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])
         before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
         last[:] = carried
         error = innovation - carried
         for k in np.flatnonzero(kept).tolist():
-            missed = error[k] ** 2 > _QUANTILE * self.parts["interval"][k]
-            width[k] += _TURN * (float(missed) - _OUTSIDE)
+            missed = error[k] ** 2 > _C.QUANTILE * self.parts["interval"][k]
+            width[k] += _C.TURN * (float(missed) - _C.OUTSIDE)
             square = _capped(innovation[k] ** 2, alone[k], count)
             lagged[k] += middle * (copysign(sqrt(square), innovation[k]) * before[k] - lagged[k])
             power[k] += middle * (before[k] ** 2 - power[k])
@@ -239,7 +237,7 @@ def widened(error: Array, weights: Array, usual: Array) -> Array:
         weights: Variance that the weights give here, (n_y,) [y^2].
         usual: Variance that the weights gave of late, (n_y,) [y^2].
     """
-    return np.asarray(error + _BEYOND * np.maximum(weights - usual, 0.0))
+    return np.asarray(error + _C.BEYOND * np.maximum(weights - usual, 0.0))
 
 
 def unseen(error: Array, stated: Array, usual: Array) -> NDArray[np.bool_]:
@@ -250,8 +248,8 @@ def unseen(error: Array, stated: Array, usual: Array) -> NDArray[np.bool_]:
         stated: Variance stated here, as `widened` gives it, (..., n_y) [y^2].
         usual: Variance that the weights gave of late, (n_y,) [y^2].
     """
-    return np.asarray(stated - error > _BEYOND * (_FAR - 1.0) * usual)
+    return np.asarray(stated - error > _C.BEYOND * (_FAR - 1.0) * usual)
 
 
 def _capped(square: float, mean: float, count: int) -> float:
-    return min(square, _WILD * mean) if count > _FIRST and mean > 0 else square
+    return min(square, _C.WILD * mean) if count > _C.FIRST and mean > 0 else square

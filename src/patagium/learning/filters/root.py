@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.linalg import LinAlgError, cholesky
+from scipy.linalg.lapack import dtrtri
 
 from patagium.errors import Outcome
 
@@ -43,8 +44,7 @@ def inverse_root(matrix: Array) -> Array:
     Raises:
         MatrixLost: If the matrix is not finite or not positive definite.
     """
-    lower = lower_factor(matrix)
-    inverse = solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+    inverse, _ = dtrtri(lower_factor(matrix), lower=True)  # trtrs starts threads for two rows
     return np.asarray(inverse.T)
 
 
@@ -71,8 +71,7 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     """
     total = slopes.T @ slopes + remainder
     lower, noise, inverse = lower_factor(total), lower_factor(remainder), inverse_root(total)
-    identity, cross = np.eye(len(lower)), root @ slopes
-    both = solve_triangular(lower + noise, identity, lower=True, check_finite=False)
+    cross, (both, _) = root @ slopes, dtrtri(lower + noise, lower=True)
     return root - (cross @ (inverse @ both)) @ slopes.T, cross, inverse
 
 

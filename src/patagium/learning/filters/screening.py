@@ -28,6 +28,7 @@ from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
 from patagium.learning.models.network import Network
 from patagium.learning.settings import ChangeDetection, FilterSettings
+from patagium.native.structs import header_numbers
 
 Array = NDArray[np.float64]
 
@@ -47,14 +48,11 @@ REFUSALS = {
 }
 """Outcomes of samples that are not learned from, and no failure of the filter."""
 
-_CLOCK_RUN, _FAR, _FAR_RUN, _FIRST_MEMORY = 10, 1e6, 10, 9  # as in screening.h
-_LARGEST_NIS = 1e6  # of a channel: one wild sample is not remembered for ever
+_C = header_numbers("screening.h")
 RELATIVE_NOISE = 0.1
 """Standard deviation of the noise to start from, over the scale of the output [1]."""
-FIRST_SAMPLES = 20
+FIRST_SAMPLES = int(_C.FIRST_SAMPLES)
 """Samples of an output whose noise is a share of its scale; it is estimated from then on."""
-_LEAST_NOISE = 1e-6  # variance that is found, at least, over the square of the scale
-_LEAST_SCALE = 1e-2  # square of a scale, at least, over the network's own
 _STAMP, _LAST_STAMP, _LATE_STAMP, _RECENT, _BEFORE = range(5)  # of `numbers`
 _LATE_RUN, _FILLED, _PLACE, _ALARM, _LEARNED = range(5)  # of `whole`
 _PARTS = (
@@ -116,7 +114,7 @@ class ChangeMonitor:
         if not self.window:
             return False
         size, place = len(self.past), int(self.whole[_PLACE])
-        value, oldest = min(nis / channels, _LARGEST_NIS), self.past[place]
+        value, oldest = min(nis / channels, _C.LARGEST_NIS), self.past[place]
         self.past[place] = value
         self.numbers[_RECENT] += value
         if self.whole[_FILLED] >= self.window:
@@ -280,7 +278,7 @@ class Screen:
         run = int(self.whole[_LATE_RUN])
         self.whole[_LATE_RUN] = run + 1 if run and stamp > late else 1
         self.numbers[_LATE_STAMP] = stamp
-        if isfinite(stamp) and self.whole[_LATE_RUN] == _CLOCK_RUN:
+        if isfinite(stamp) and self.whole[_LATE_RUN] == _C.CLOCK_RUN:
             self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = stamp, 0
             self.note("clock_resets")
             return Outcome.COMPLETED
@@ -429,8 +427,8 @@ class Screen:
         if reach > self.limit:
             self.note("outliers")
             far = self.marks["far"]
-            far[k] += not reach < _FAR
-            if not reach < _FAR and far[k] < _FAR_RUN:
+            far[k] += not reach < _C.FAR
+            if not reach < _C.FAR and far[k] < _C.FAR_RUN:
                 return False
             extra[k] = (apart / self.limit) ** 2 - variance
         self.marks["far"][k] = 0
@@ -464,9 +462,9 @@ class Screen:
         seen[k] += 1
         apart = measured - parts["offset"][k]
         parts["scale"][k] += (apart * apart - parts["scale"][k]) / int(seen[k])
-        scale = float(max(parts["scale"][k], _LEAST_SCALE * parts["load"][k]))
+        scale = float(max(parts["scale"][k], _C.LEAST_SCALE * parts["load"][k]))
         growth = scale / parts["largest"][k]
-        parts["smallest"][k] = _LEAST_NOISE * (scale if scale > 0 else parts["largest"][k]) / 2
+        parts["smallest"][k] = _C.LEAST_NOISE * (scale if scale > 0 else parts["largest"][k]) / 2
         if seen[k] <= FIRST_SAMPLES:
             self._start_noise(k, scale)
         elif growth > 1:
@@ -487,7 +485,7 @@ class Screen:
                 kept[k] = self._follow_scale(k, float(measured[k]))
         raised = (parts["noise"] + parts["extra"]) / parts["noise"]
         larger = np.maximum(parts["steady"], parts["loaded"] * relative)
-        share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _FIRST_MEMORY))
+        share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _C.FIRST_MEMORY))
         rate = share * raised * (parts["noise"] - self.stated) / larger
         move = np.where(kept, rate * (gain**2 - inverse), 0.0)
         for name, factor in (("steady", move), ("loaded", relative * move)):

@@ -1,5 +1,6 @@
 /* What a sensor can say: bounds of inputs and outputs, ahead of a filter. Memory is the caller's;
- * Python's twin, equation by equation and array by array, is `bounds.py`.
+ * Python's twin, equation by equation and array by array, is `bounds.py`, which reads the numbers
+ * defined here.
  */
 #ifndef PATAGIUM_BOUNDS_H
 #define PATAGIUM_BOUNDS_H
@@ -24,6 +25,9 @@
 #define LEAK 1e-4         /* of a range that a sample forgets */
 #define ODD 1e4           /* widths beyond which a range never opens */
 #define ODD_RUN 100       /* values refused, less those taken, after which it does */
+#define FAST 0.5          /* share by which a value moves the median step before it is known, */
+#define SLOW 0.02         /* and at last */
+#define STEPS 10.0        /* samples over which the usual time step is found, steps it counts at most */
 
 enum { IN_RANGE, OUTSIDE, JUMPED };
 
@@ -49,7 +53,7 @@ static void take(const bounds *b, int k, double value, double width) {
   const int known = b->taken[k] >= KNOWN;
   const double low = b->low[k], high = b->high[k], moved = fabs(value - b->before[k]);
   const double most = known ? GROWTH * width : INFINITY;
-  const double rate = !known ? 0.5 : b->taken[k] >= MANY ? 0.02 : 2.0 / (double)b->taken[k];
+  const double rate = !known ? FAST : SLOW * larger(MANY / (double)b->taken[k], 1);
   b->high[k] = value > high ? smaller(value, high + most) : high - LEAK * (high - low);
   b->low[k] = value < low ? larger(value, low - most) : low + LEAK * (high - low);
   if (isnan(low)) b->low[k] = b->high[k] = value;
@@ -111,7 +115,7 @@ static int bound(screening *s, double *measured) {
     return 0;
   }
   if (isfinite(step) && step > 0)
-    b->clock[1] += b->clock[1] > 0 ? (fmin(step, 10 * b->clock[1]) - b->clock[1]) / 10 : step;
+    b->clock[1] += b->clock[1] > 0 ? (fmin(step, STEPS * b->clock[1]) - b->clock[1]) / STEPS : step;
   b->clock[0] = stamp;
   b->clock[2] = 0;
   for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);
