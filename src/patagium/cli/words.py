@@ -71,6 +71,8 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 _TURN = 2 * 3.14159265358979
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
+_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
+FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[
     Path | None,
     typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
@@ -148,7 +150,8 @@ def named_quantities(
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
         if not (name and equals and value):
-            raise ParameterError(option, f"NAME=VALUE with {noun}", word)
+            expected = f"NAME=VALUE with {noun}, such as {name or 'plunge'}=0.5"
+            raise ParameterError(option, expected, word)
         if name in values:
             raise ParameterError(option, f"{name} once", word)
         try:

@@ -6,6 +6,7 @@ import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from patagium.cli.main import run
@@ -52,6 +53,24 @@ def test_every_command_that_comes_next_is_one_of_those_that_work(
     assert "lifting lines" in _said("check own.yaml", capsys)
     assert "COMPLETED" in _said(fly, capsys)
     assert "Intervals about right" in _said("identify flight.nc", capsys)
+
+
+def test_a_log_is_brought_to_a_model_by_what_comes_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 4.0, 0.01)
+    columns = np.column_stack([time, np.sin(5 * time), 0.2 * np.sin(5 * time) ** 3])
+    np.savetxt("log.csv", columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
+    last = _said("inspect log.csv", capsys).splitlines()[-1]
+    assert last.startswith("Next: say in map.yaml what these fields mean")
+    Path("map.yaml").write_text(
+        "time: {column: t, unit: s}\ninputs: [{column: angle, unit: rad}]\n"
+        "outputs: [{column: lift, unit: N}]\n"
+    )
+    said = _said(last.partition("then patagium ")[2], capsys)
+    (learn, _) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])
+    assert learn == "identify log.nc" and "NMSE" in _said(learn, capsys)
 
 
 def test_the_file_of_a_new_robot_flies_and_is_never_written_over(
