@@ -41,8 +41,8 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
     parameter = getattr(error, "param", None)
     if parameter is None:
         beyond = error.message.rpartition("(")[2].removesuffix(")")
-        at = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
-        former, found = words[at - 1], f"found {words[at]!r}; see {verb} --help"
+        place = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
+        former, found = words[place - 1], f"found {words[place]!r}; see {verb} --help"
         flag = former.startswith("-")
         told = f"{former}: expected no value" if flag else f"expected nothing after {former!r}"
         return f"{told}, {found}"
